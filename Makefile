@@ -1,0 +1,79 @@
+# `make help` says what there is. A fresh clone needs Python 3.11 or newer (with venv and headers), make and a C++ compiler.
+
+ENV := .venv
+BIN := $(ENV)/bin
+KERNEL := CMakeLists.txt pyproject.toml $(wildcard src/kernel/*)
+COMPILE = uv pip compile pyproject.toml --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \
+	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --quiet $(UPGRADE)
+
+# uv where it is present; it does not read pip's settings, so pip has the last word.
+install = { command -v uv >/dev/null && uv pip install --python $(BIN)/python --require-hashes -r $(1); } \
+	|| $(BIN)/python -m pip install --disable-pip-version-check --quiet --require-hashes -r $(1)
+
+.PHONY: help setup setup-test demo test test-all lint format lengths lock clean
+
+help:  ## what can be made
+	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
+	@echo '  PYTHON=/path/to/python chooses the interpreter of the environment.'
+
+setup: $(ENV)/.kernel  ## the environment of the demo, with the compiled kernel
+setup-test: $(ENV)/.test $(ENV)/.kernel  ## the same, with the tools of the tests
+
+demo: setup  ## the demonstration; ends with the path of its page
+	@$(BIN)/python examples/demo.py
+
+test: lint  ## lint, then every test but the whole campaigns
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m "not campaign" --durations=10
+
+test-all: lint  ## lint, then every test
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --durations=10
+
+lint: setup-test  ## ruff and mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: setup-test  ## let ruff mend and lay out what it can
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+lengths: setup-test  ## how long modules and functions are
+	@$(BIN)/python -m pytest -q -rP tests/architecture/test_lengths.py
+
+lock:  ## pin every package again (needs uv; UPGRADE=--upgrade for newer versions)
+	@command -v uv >/dev/null || { echo 'make lock needs uv on the PATH.' >&2; exit 1; }
+	$(COMPILE) --extra report --group build -o requirements.lock
+	$(COMPILE) --all-extras --group build -c requirements.lock -o requirements-test.lock
+
+clean:  ## remove the environment and everything that was built
+	rm -rf $(ENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find src tests scripts examples -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Another PYTHON than the one that made the environment makes it anew.
+ifneq ($(PYTHON),)
+ifneq ($(PYTHON),$(shell cat $(ENV)/.python 2>/dev/null))
+.PHONY: $(ENV)/.python
+endif
+endif
+export PYTHON
+
+$(ENV)/.python:
+	@python=$$(scripts/find_python) && echo "environment: $(ENV), from $$python" && rm -rf build \
+		&& "$$python" -m venv --clear $(ENV) && echo "$(PYTHON)" > $@
+
+$(ENV)/.demo: requirements.lock $(ENV)/.python
+	@echo 'installing requirements.lock'
+	@$(call install,requirements.lock)
+	@touch $@
+
+$(ENV)/.test: requirements-test.lock $(ENV)/.demo
+	@echo 'installing requirements-test.lock'
+	@$(call install,requirements-test.lock)
+	@touch $@
+
+# Editable: Python sources are read where they lie; only a change of the kernel or of pyproject.toml builds again.
+$(ENV)/.kernel: $(KERNEL) $(ENV)/.demo
+	@echo 'building the kernel'
+	@PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m pip install --disable-pip-version-check --quiet \
+		--no-deps --no-build-isolation --editable .
+	@touch $@

@@ -1,0 +1,300 @@
+// Python bindings: arrays in, arrays out. Shapes and indices are checked here; messages of failed runs are made in Python.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+
+#include <memory>
+#include <stdexcept>
+
+#include "integrator.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using namespace thermid;
+
+namespace {
+
+template <class T, int D>
+using In = nb::ndarray<const T, nb::ndim<D>, nb::c_contig, nb::device::cpu>;
+using Reals = In<double, 1>;
+using Ints = In<int32_t, 1>;
+using Csr = std::tuple<Ints, Ints, Reals, int>;
+
+void need(bool ok, const char* message) {
+    if (!ok) throw std::invalid_argument(message);
+}
+
+template <class T, class A>
+std::vector<T> copy(const A& a) {
+    return std::vector<T>(a.data(), a.data() + a.size());
+}
+
+template <class T>
+nb::object array(std::unique_ptr<T[]> data, std::initializer_list<size_t> shape) {
+    T* raw = data.release();
+    nb::capsule owner(raw, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+    return nb::cast(nb::ndarray<nb::numpy, T>(raw, shape, owner));
+}
+
+template <class T, class V>
+nb::object array(const std::vector<V>& v, std::initializer_list<size_t> shape) {
+    std::unique_ptr<T[]> data(new T[v.size() + 1]);
+    std::copy(v.begin(), v.end(), data.get());
+    return array(std::move(data), shape);
+}
+
+template <class V>
+nb::object reals(const std::vector<V>& v) { return array<double>(v, {v.size()}); }
+template <class V>
+nb::object ints(const std::vector<V>& v) { return array<int32_t>(v, {v.size()}); }
+
+CoefJacobian jacobian_of(const Problem& p, const std::optional<Csr>& csr) {
+    CoefJacobian d;
+    if (!csr) return d;
+    const auto& [indptr, indices, data, np] = *csr;
+    need(np >= 0 && indptr.size() == static_cast<size_t>(p.nc) + 1, "dcoef: indptr needs one entry more than there are coefficients");
+    need(indices.size() == data.size() && indptr(0) == 0 && indptr(p.nc) == static_cast<int>(data.size()), "dcoef: indptr, indices and data do not fit");
+    d.np = np;
+    d.indptr = copy<int>(indptr);
+    d.indices = copy<int>(indices);
+    d.data = copy<double>(data);
+    for (int j = 0; j < p.nc; ++j) need(d.indptr[j] <= d.indptr[j + 1], "dcoef: indptr must not decrease");
+    for (int i : d.indices) need(i >= 0 && i < np, "dcoef: no such parameter");
+    return d;
+}
+
+struct PyResult {
+    int status, node;
+    double time;
+    long filled, steps, rejected, newton, factorisations;
+    nb::object traces, sensitivities, final_temperatures, final_sensitivities, on, event_times, event_loads, event_states;
+    nb::object load_energy, boundary_energy, conductor_energy;
+};
+
+void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints offset, Ints ckind, Ints ca, Ints cb,
+                  In<int32_t, 2> ccoef, Ints ctable, Ints lkind, Ints lnode, In<int32_t, 2> lcoef, Ints lsensor, Ints ltable,
+                  nb::list tables, nb::list inputs) {
+    auto p = std::make_unique<Problem>();
+    p->n = static_cast<int>(capacity.size());
+    p->nb = static_cast<int>(gain.size());
+    p->nc = static_cast<int>(coef_input.size());
+    need(offset.size() == gain.size(), "boundaries: gain and offset differ in length");
+    p->capacity = copy<int>(capacity);
+    p->coef_input = copy<int>(coef_input);
+    p->gain = copy<int>(gain);
+    p->offset = copy<int>(offset);
+    const size_t m = ckind.size(), l = lkind.size();
+    need(ca.size() == m && cb.size() == m && ctable.size() == m && ccoef.shape(0) == m && (m == 0 || ccoef.shape(1) == 4),
+         "conductors: arrays differ in length, or coef is not (rows, 4)");
+    need(lnode.size() == l && lsensor.size() == l && ltable.size() == l && lcoef.shape(0) == l && (l == 0 || lcoef.shape(1) == 4),
+         "loads: arrays differ in length, or coef is not (rows, 4)");
+    p->con.kind = copy<int>(ckind);
+    p->con.a = copy<int>(ca);
+    p->con.b = copy<int>(cb);
+    p->con.table = copy<int>(ctable);
+    for (size_t r = 0; r < m; ++r) {
+        p->con.c0.push_back(ccoef(r, 0));
+        p->con.c1.push_back(ccoef(r, 1));
+    }
+    p->load.kind = copy<int>(lkind);
+    p->load.node = copy<int>(lnode);
+    p->load.table = copy<int>(ltable);
+    for (size_t r = 0; r < l; ++r) {
+        p->load.sensor.push_back(lsensor(r) < 0 ? lnode(r) : lsensor(r));
+        for (int k = 0; k < 4; ++k) p->load.c[k].push_back(lcoef(r, k));
+    }
+    for (nb::handle h : tables) {
+        auto [x, y, d] = nb::cast<std::tuple<Reals, Reals, Reals>>(h);
+        need(x.size() > 0 && x.size() == y.size() && x.size() == d.size(), "tables: knots, values and slopes differ in length");
+        for (size_t i = 1; i < x.size(); ++i) need(x(i) > x(i - 1), "tables: knots must increase");
+        p->tables.push_back({copy<double>(x), copy<double>(y), copy<double>(d)});
+    }
+    for (nb::handle h : inputs) {
+        auto [kind, a, b] = nb::cast<std::tuple<int, Reals, Reals>>(h);
+        need(kind >= 0 && kind < INPUT_KINDS, "inputs: no such kind");
+        Input in;
+        in.kind = kind;
+        if (in.sampled()) {
+            need(a.size() > 0 && a.size() == b.size(), "inputs: times and values differ in length, or are empty");
+            for (size_t i = 0; i < a.size(); ++i) {
+                need(std::isfinite(a(i)) && std::isfinite(b(i)), "inputs: times and values must be finite");
+                need(i == 0 || a(i) > a(i - 1), "inputs: times must increase");
+            }
+            in.set_samples(a.data(), b.data(), static_cast<int>(a.size()));
+        } else {
+            need(a.size() == (kind == SINE ? 4u : 1u), "inputs: SINE takes mean, amplitude, period, phase; CONSTANT takes its value");
+            in.mean = a(0);
+            if (kind == SINE) {
+                in.amplitude = a(1);
+                in.period = a(2);
+                in.phase = a(3);
+                need(in.period > 0.0, "inputs: the period must be positive");
+            }
+        }
+        p->inputs.push_back(std::move(in));
+    }
+    p->prepare();
+    new (self) Problem(std::move(*p));
+}
+
+PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_end, Reals times, Ints nodes, std::optional<Csr> dcoef,
+                   std::optional<In<double, 2>> dT0, double rtol, double atol, double input_atol, double max_step, long max_steps,
+                   std::optional<Reals> breaks, bool energy, std::optional<Ints> on) {
+    need(coef.size() == static_cast<size_t>(p.nc), "coef: wrong length");
+    need(T0.size() == static_cast<size_t>(p.n), "T0: wrong length");
+    need(std::isfinite(t0) && std::isfinite(t_end) && t_end >= t0, "t_end must not lie before t0");
+    need(rtol >= 0.0 && atol > 0.0 && input_atol > 0.0 && max_step > 0.0, "tolerances and max_step must be positive");
+    for (size_t i = 0; i < times.size(); ++i)
+        need(times(i) >= (i ? times(i - 1) : t0) && times(i) <= t_end, "output_times must increase and lie in [t0, t_end]");
+    for (size_t i = 0; i < nodes.size(); ++i) need(nodes(i) >= 0 && nodes(i) < p.nodes(), "output_nodes: no such node");
+    CoefJacobian d = jacobian_of(p, dcoef);
+    if (dT0) {
+        if (!dcoef) {
+            d.np = static_cast<int>(dT0->shape(1));
+            d.indptr.assign(p.nc + 1, 0);
+        }
+        need(dT0->shape(0) == static_cast<size_t>(p.n) && dT0->shape(1) == static_cast<size_t>(d.np), "dT0: must be (nodes, parameters)");
+    }
+    Options o;
+    o.rtol = rtol;
+    o.atol = atol;
+    o.input_atol = input_atol;
+    o.max_step = max_step;
+    o.max_steps = max_steps;
+    o.energy = energy;
+    if (breaks) o.breaks = copy<double>(*breaks);
+    if (on) {
+        need(on->size() == static_cast<size_t>(p.load.size()), "on: one entry for each load");
+        o.on = copy<int>(*on);
+    }
+    o.poll = [] {
+        if (PyErr_CheckSignals() != 0) throw nb::python_error();
+    };
+    const size_t nt = times.size(), no = nodes.size(), np = d.np;
+    std::unique_ptr<double[]> traces(new double[nt * no + 1]), sens(new double[np ? nt * no * np + 1 : 1]);
+    Result r;
+    r.traces = traces.get();
+    r.sens = sens.get();
+    Integrator run(p, coef.data(), d, o);
+    run.run(T0.data(), dT0 ? dT0->data() : nullptr, t0, t_end, times.data(), static_cast<long>(nt), nodes.data(), static_cast<int>(no), r);
+    PyResult out{r.status, r.node, r.time, r.filled, r.steps, r.rejected, r.newton, r.factorisations, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
+    out.traces = array(std::move(traces), {nt, no});
+    out.sensitivities = np ? array(std::move(sens), {nt, no, np}) : nb::none();
+    out.final_temperatures = reals(r.final_t);
+    out.final_sensitivities = np ? array<double>(r.final_s, {static_cast<size_t>(p.n), np}) : nb::none();
+    out.on = ints(r.on);
+    std::vector<double> et;
+    std::vector<int> el, es;
+    for (const Event& e : r.events) {
+        et.push_back(e.time);
+        el.push_back(e.load);
+        es.push_back(e.on);
+    }
+    out.event_times = reals(et);
+    out.event_loads = ints(el);
+    out.event_states = ints(es);
+    out.load_energy = reals(r.load_energy);
+    out.boundary_energy = reals(r.boundary_energy);
+    out.conductor_energy = reals(r.conductor_energy);
+    return out;
+}
+
+void evaluate_at(Evaluation& e, double t) {
+    for (size_t k = 0; k < e.p->inputs.size(); ++k) e.u[k] = e.p->inputs[k].at(t);
+    e.set_inputs();
+}
+
+// Thermostats follow their hysteresis: first on at or below the lower threshold, later switched at either.
+void follow(Evaluation& e, bool first) {
+    const Loads& l = e.p->load;
+    for (int r : e.p->thermostats) {
+        const double t = e.t[l.sensor[r]];
+        if (t <= e.ceff[l.c[1][r]]) e.on[r] = 1;
+        else if (first || t >= e.ceff[l.c[2][r]]) e.on[r] = 0;
+    }
+}
+
+nb::tuple rhs(const Problem& p, Reals coef, Reals T, double t, std::optional<Csr> dcoef, std::optional<Ints> on) {
+    need(coef.size() == static_cast<size_t>(p.nc), "coef: wrong length");
+    need(T.size() == static_cast<size_t>(p.n), "T: wrong length");
+    const CoefJacobian d = jacobian_of(p, dcoef);
+    Evaluation e(p, coef.data());
+    evaluate_at(e, t);
+    std::copy(T.data(), T.data() + p.n, e.t.begin());
+    follow(e, true);
+    if (on) {
+        need(on->size() == static_cast<size_t>(p.load.size()), "on: one entry for each load");
+        for (int r : p.thermostats) if ((*on)(r) >= 0) e.on[r] = (*on)(r) != 0;
+    }
+    e.rows();
+    const size_t n = p.n;
+    std::vector<double> j(n * n), fp(n * d.np);
+    e.jacobian(j.data());
+    e.f.resize(n);
+    if (d.np) e.add_parameters(d, p.con_entry, p.load_entry, fp.data(), 1.0);
+    return nb::make_tuple(reals(e.f), array<double>(j, {n, n}), d.np ? array<double>(fp, {n, static_cast<size_t>(d.np)}) : nb::none());
+}
+
+nb::object rows_of(const Problem& p, Reals coef, In<double, 2> T, Reals t, bool loads, std::optional<In<int32_t, 2>> on) {
+    need(coef.size() == static_cast<size_t>(p.nc), "coef: wrong length");
+    need(T.shape(1) == static_cast<size_t>(p.nodes()) && T.shape(0) == t.size(), "T: must be (times, nodes and boundaries)");
+    Evaluation e(p, coef.data());
+    const size_t m = t.size(), k = loads ? p.load.size() : p.con.size();
+    need(!on || (on->shape(0) == m && on->shape(1) == k), "on: must be (times, loads)");
+    std::unique_ptr<double[]> out(new double[m * k + 1]);
+    for (size_t i = 0; i < m; ++i) {
+        evaluate_at(e, t(i));
+        std::copy(T.data() + i * p.nodes(), T.data() + (i + 1) * p.nodes(), e.t.begin());
+        follow(e, i == 0);
+        if (on)
+            for (int r : p.thermostats) e.on[r] = (*on)(i, r) != 0;
+        e.rows();
+        for (size_t r = 0; r < k; ++r) out[i * k + (loads ? r : p.con.original[r])] = loads ? e.power[r] : e.q[r];
+    }
+    return array(std::move(out), {m, k});
+}
+
+nb::tuple tableau() {
+    std::vector<double> a(&A[0][0], &A[0][0] + STAGES * STAGES), b(WEIGHT, WEIGHT + STAGES), e(EMBEDDED, EMBEDDED + STAGES), c(NODE, NODE + STAGES);
+    return nb::make_tuple(array<double>(a, {STAGES, STAGES}), reals(b), reals(e), reals(c));
+}
+
+}  // namespace
+
+NB_MODULE(_kernel, m) {
+    m.doc() = "Integrator of lumped thermal networks with forward sensitivities, sampled inputs and thermostats.";
+    nb::class_<PyResult>(m, "Result")
+        .def_ro("status", &PyResult::status).def_ro("node", &PyResult::node).def_ro("time", &PyResult::time)
+        .def_ro("filled", &PyResult::filled).def_ro("steps", &PyResult::steps).def_ro("rejected", &PyResult::rejected)
+        .def_ro("newton_iterations", &PyResult::newton).def_ro("factorisations", &PyResult::factorisations)
+        .def_ro("traces", &PyResult::traces).def_ro("sensitivities", &PyResult::sensitivities)
+        .def_ro("final_temperatures", &PyResult::final_temperatures).def_ro("final_sensitivities", &PyResult::final_sensitivities)
+        .def_ro("on", &PyResult::on).def_ro("event_times", &PyResult::event_times).def_ro("event_loads", &PyResult::event_loads)
+        .def_ro("event_states", &PyResult::event_states).def_ro("load_energy", &PyResult::load_energy)
+        .def_ro("boundary_energy", &PyResult::boundary_energy).def_ro("conductor_energy", &PyResult::conductor_energy);
+    nb::class_<Problem>(m, "Problem")
+        .def("__init__", &make_problem, "capacity"_a, "coef_input"_a, "boundary_gain"_a, "boundary_offset"_a, "conductor_kind"_a,
+             "conductor_a"_a, "conductor_b"_a, "conductor_coef"_a, "conductor_table"_a, "load_kind"_a, "load_node"_a, "load_coef"_a,
+             "load_sensor"_a, "load_table"_a, "tables"_a, "inputs"_a)
+        .def("integrate", &integrate, "coef"_a, "T0"_a, "t0"_a, "t_end"_a, "output_times"_a, "output_nodes"_a, nb::kw_only(),
+             "dcoef"_a = nb::none(), "dT0"_a = nb::none(), "rtol"_a = 1e-7, "atol"_a = 1e-6, "input_atol"_a = 1e-4,
+             "max_step"_a = std::numeric_limits<double>::infinity(), "max_steps"_a = 1000000L, "breaks"_a = nb::none(), "energy"_a = true,
+             "on"_a = nb::none())
+        .def("rhs", &rhs, "coef"_a, "T"_a, "t"_a, "dcoef"_a = nb::none(), "on"_a = nb::none())
+        .def("flows", [](const Problem& p, Reals c, In<double, 2> T, Reals t) { return rows_of(p, c, T, t, false, {}); }, "coef"_a, "T_all"_a, "t"_a)
+        .def("load_powers", [](const Problem& p, Reals c, In<double, 2> T, Reals t, std::optional<In<int32_t, 2>> on) {
+            return rows_of(p, c, T, t, true, on); }, "coef"_a, "T_all"_a, "t"_a, "on"_a = nb::none())
+        .def_prop_ro("nodes", [](const Problem& p) { return p.n; }).def_prop_ro("boundaries", [](const Problem& p) { return p.nb; })
+        .def_prop_ro("coefficients", [](const Problem& p) { return p.nc; });
+    m.def("tableau", &tableau);
+    const char* con[] = {"LINEAR", "POWER", "RADIATION", "FLOW", "TABLE_MEAN", "TABLE_DIFF"};
+    for (int k = 0; k < CONDUCTOR_KINDS; ++k) m.attr(con[k]) = k;
+    const char* ld[] = {"SIGNAL", "POLY", "EXP", "TABLE", "THERMOSTAT", "PROPORTIONAL"};
+    for (int k = 0; k < LOAD_KINDS; ++k) m.attr(ld[k]) = k;
+    const char* in[] = {"SAMPLED_LINEAR", "SAMPLED_HOLD", "SINE", "CONSTANT"};
+    for (int k = 0; k < INPUT_KINDS; ++k) m.attr(in[k]) = k;
+    const char* st[] = {"OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER"};
+    for (int k = 0; k <= CHATTER; ++k) m.attr(st[k]) = k;
+}

@@ -1,0 +1,248 @@
+// Dense output: quintic Hermite in time for the smooth part, plus the known response to what the projection left out.
+#include <algorithm>
+#include <cmath>
+
+#include "integrator.hpp"
+
+namespace thermid {
+
+// Prepares the corrections and returns the estimated error of what they neglect, in kelvin.
+// dT = (b + s db) w + (A b - db) ww + A A b www; the next term of the series is the estimate.
+double Integrator::input_error() {
+    double total = 0.0;
+    make_slaved(fast_, h_);
+    if (!leftover_) {
+        for (Noise& z : noise_) z.active = false;
+        return 0.0;
+    }
+    if (!fast_.nodes.empty()) factor_slaved(fast_, J0_.data());
+    for (int k = 0; k < nk_; ++k) {
+        Noise& z = noise_[k];
+        z.active = p_.inputs[k].sampled() && !in_[k].exact;
+        if (!z.active) continue;
+        std::fill(dir_.begin(), dir_.end(), 0.0);
+        rate(fast_, J0_.data(), fu_.data() + static_cast<size_t>(k) * n_, dir_.data(), z.b.data());
+        bb_ = z.b;
+        rate(fast_, J0_.data(), nullptr, bb_.data(), z.ab.data());
+        dir_ = z.ab;
+        rate(fast_, J0_.data(), nullptr, dir_.data(), z.aab.data());
+        dir_ = z.aab;
+        rate(fast_, J0_.data(), nullptr, dir_.data(), bb_.data());
+        double big = 0.0;
+        for (int i = 0; i < n_; ++i) big = std::max(big, std::fabs(bb_[i]));
+        total += big * 0.25 * h_ * worst_[k];
+    }
+    return total;
+}
+
+// Sensitivities of b and of A b, while the evaluation still stands at the step's start.
+void Integrator::input_sensitivity() {
+    for (int k = 0; k < nk_; ++k) {
+        Noise& z = noise_[k];
+        if (!z.active) continue;
+        std::fill(unit_.begin(), unit_.end(), 0.0);
+        unit_[k] = 1.0;
+        std::fill(dir_.begin(), dir_.end(), 0.0);
+        respond(fast_, J0_.data(), fu_.data() + static_cast<size_t>(k) * n_, dir_.data());
+        std::fill(dirS_.begin(), dirS_.end(), 0.0);
+        rate_sensitivity(fast_, e_, J0_.data(), dir_.data(), unit_.data(), S_.data(), dirS_.data(), z.b.data(), z.sb.data());
+        bb_ = z.b;
+        respond(fast_, J0_.data(), nullptr, bb_.data());
+        dirS_ = z.sb;
+        rate_sensitivity(fast_, e_, J0_.data(), bb_.data(), nullptr, S_.data(), dirS_.data(), z.ab.data(), z.sc.data());
+    }
+}
+
+// After an accepted step: derivatives at its end and the polynomials of every node.
+void Integrator::dense(bool inside) {
+    const size_t n = n_, np = np_, m = n * np;
+    if (!inside) return;
+    e_.jacobian(J1_.data());
+    for (int i = 0; i < n_; ++i) d1_[i] = cap_[i] > 0.0 ? F_[(STAGES - 1) * n + i] / cap_[i] : 0.0;
+    std::fill(g_.begin(), g_.end(), 0.0);
+    if (nk_ > 0) {
+        e_.input_slopes(con_u_, load_u_, fu_.data());
+        for (int k = 0; k < nk_; ++k) {
+            uder1_[k] = p_.inputs[k].sampled() ? in_[k].slope(h_) : p_.inputs[k].slope(t_ + h_);
+            if (uder1_[k] != 0.0) axpy(g_.data(), uder1_[k], fu_.data() + k * n, n_);
+        }
+    }
+    if (!massless_.nodes.empty()) factor_slaved(massless_, J1_.data());
+    rate(massless_, J1_.data(), g_.data(), d1_.data(), dd1_.data());
+    for (int i = 0; i < n_; ++i) {
+        const double y = T1_[i] - T_[i], a = h_ * d0_[i], b = h_ * d1_[i];
+        double* c = poly_.data() + i;
+        c[0] = T_[i];
+        c[n] = a;
+        if (cap_[i] > -0.1 * h_ * J0_[i * n + i]) {
+            const double p = h_ * h_ * dd0_[i], q = h_ * h_ * dd1_[i], z = y - a - 0.5 * p, z1 = b - a - p, z2 = q - p;
+            c[2 * n] = 0.5 * p;
+            c[3 * n] = 10.0 * z - 4.0 * z1 + 0.5 * z2;
+            c[4 * n] = -15.0 * z + 7.0 * z1 - z2;
+            c[5 * n] = 6.0 * z - 3.0 * z1 + 0.5 * z2;
+        } else {  // second derivatives of a stiff node would only amplify its error
+            c[2 * n] = 3.0 * y - 2.0 * a - b;
+            c[3 * n] = a + b - 2.0 * y;
+            c[4 * n] = c[5 * n] = 0.0;
+        }
+    }
+    if (leftover_ && !fast_.nodes.empty()) factor_slaved(fast_, J1_.data());
+    for (int k = 0; k < nk_; ++k) {
+        Noise& z = noise_[k];
+        if (!z.active) continue;
+        std::fill(dir_.begin(), dir_.end(), 0.0);
+        rate(fast_, J1_.data(), fu_.data() + k * n, dir_.data(), bb_.data());
+        for (int i = 0; i < n_; ++i) {
+            z.db[i] = (bb_[i] - z.b[i]) / h_;
+            z.c[i] = z.ab[i] - z.db[i];
+        }
+    }
+    for (int k = 0; k < nk_; ++k)
+        if (p_.inputs[k].sampled()) cursor_[k].begin(&p_.inputs[k], t_);
+    at_ = 0.0;
+    if (np == 0) return;
+    // dS/dt and d2S/dt2 at both ends.
+    const double* ends[2] = {FS_.data(), FS_.data() + (STAGES - 1) * m};
+    for (int end = 0; end < 2; ++end) {
+        std::vector<double>& sd = end ? sd1_ : sd0_;
+        std::copy(ends[end], ends[end] + m, sd.begin());
+        capacity_term(sd.data(), (end ? d1_ : d0_).data(), -1.0);
+        for (int i = 0; i < n_; ++i) {
+            const double c = cap_[i] > 0.0 ? 1.0 / cap_[i] : 0.0;
+            for (size_t q = i * np; q < (i + 1) * np; ++q) sd[q] *= c;
+        }
+    }
+}
+
+void Integrator::move_cursors(double s) {
+    if (s < at_)
+        for (int k = 0; k < nk_; ++k)
+            if (p_.inputs[k].sampled()) cursor_[k].begin(&p_.inputs[k], t_);
+    at_ = s;
+    const double time = s == h_ ? end_ : t_ + s;
+    for (int k = 0; k < nk_; ++k) {
+        const Input& in = p_.inputs[k];
+        if (!in.sampled()) {
+            if (need_u_) eo_.u[k] = in.at(time);
+            continue;
+        }
+        Noise& z = noise_[k];
+        if (!z.active && !need_u_) continue;
+        cursor_[k].move(time);
+        eo_.u[k] = cursor_[k].value();
+        z.w = z.active ? in_[k].w(s, cursor_[k].sum) : 0.0;
+        z.ww = z.active ? in_[k].ww(s, cursor_[k].sum) : 0.0;
+        z.www = z.active ? in_[k].www(s, cursor_[k].sum) : 0.0;
+    }
+}
+
+double Integrator::smooth(int i, double x) const {
+    const double* c = poly_.data() + i;
+    const size_t n = n_;
+    return c[0] + x * (c[n] + x * (c[2 * n] + x * (c[3 * n] + x * (c[4 * n] + x * c[5 * n]))));
+}
+
+// All temperatures at s into eo_.t, at the inputs' own values; those of slaved nodes only when asked for.
+void Integrator::nodes_at(double s, bool slaved) {
+    move_cursors(s);
+    const double x = s / h_;
+    eo_.set_inputs();
+    for (int i = 0; i < n_; ++i) eo_.t[i] = smooth(i, x);
+    for (const Noise& z : noise_)
+        if (z.active)
+            for (int i = 0; i < n_; ++i) eo_.t[i] += (z.b[i] + s * z.db[i]) * z.w + z.c[i] * z.ww + z.aab[i] * z.www;
+    if (slaved && !fast_.nodes.empty()) solve_slaved(fast_, eo_);
+}
+
+// One row of outputs through the network: slaved nodes and boundaries are observed too.
+void Integrator::write(double s, const int* obs, int nobs, long k) {
+    double* out = r_->traces + static_cast<size_t>(k) * nobs;
+    nodes_at(s, true);
+    for (int j = 0; j < nobs; ++j) out[j] = eo_.t[obs[j]];
+}
+
+// Many rows of outputs of nodes with a delay: weights (rows, terms) times terms (terms, observed).
+void Integrator::write_block(const double* times, long first, long last, const int* obs, int nobs) {
+    int terms = STAGES;
+    for (const Noise& z : noise_) terms += z.active ? 4 : 0;
+    auto fill = [&](int row, const double* v) {
+        for (int j = 0; j < nobs; ++j) block_[row * nobs + j] = v[obs[j]];
+    };
+    block_.resize((STAGES + 4 * static_cast<size_t>(nk_)) * nobs);
+    for (int m = 0; m < STAGES; ++m) fill(m, poly_.data() + m * static_cast<size_t>(n_));
+    int at = STAGES;
+    for (const Noise& z : noise_)
+        if (z.active)
+            for (const auto* v : {&z.b, &z.db, &z.c, &z.aab}) fill(at++, v->data());
+    constexpr long CHUNK = 64;
+    blend_.resize(CHUNK * (STAGES + 4 * static_cast<size_t>(nk_)));
+    for (long k = first; k < last; k += CHUNK) {
+        const long m = std::min(CHUNK, last - k);
+        for (long r = 0; r < m; ++r) {
+            const double s = times[k + r] == end_ ? h_ : times[k + r] - t_, x = s / h_;
+            double* w = blend_.data() + r * terms;
+            w[0] = 1.0;
+            for (int i = 1; i < STAGES; ++i) w[i] = w[i - 1] * x;
+            w += STAGES;
+            move_cursors(s);
+            for (const Noise& z : noise_) {
+                if (!z.active) continue;
+                w[0] = z.w;
+                w[1] = s * z.w;
+                w[2] = z.ww;
+                w[3] = z.www;
+                w += 4;
+            }
+        }
+        blend(r_->traces + static_cast<size_t>(k) * nobs, blend_.data(), static_cast<int>(m), block_.data(), terms, nobs);
+    }
+}
+
+void Integrator::write_sensitivity(double s, const int* obs, int nobs, bool plain, long k) {
+    const size_t np = np_;
+    const double x = s / h_, y = 1.0 - x;
+    std::vector<const double*>& from = rows_;
+    std::vector<double>& w = weights_;
+    auto node = [&](int i, double* out) {
+        int m = 0;
+        auto term = [&](const std::vector<double>& v, double weight) {
+            from[m] = v.data() + i * np;
+            w[m++] = weight;
+        };
+        term(S_, y * y * (1.0 + 2.0 * x));
+        term(sd0_, h_ * x * y * y);
+        term(S1_, x * x * (3.0 - 2.0 * x));
+        term(sd1_, -h_ * x * x * y);
+        for (const Noise& z : noise_)
+            if (z.active) {
+                term(z.sb, z.w);
+                term(z.sc, z.ww);
+            }
+        combine(out, from.data(), w.data(), m, np_);
+    };
+    double* out = r_->sens + static_cast<size_t>(k) * nobs * np;
+    if (plain) {
+        for (int j = 0; j < nobs; ++j) node(obs[j], out + j * np);
+        return;
+    }
+    for (int i = 0; i < n_; ++i) node(i, SO_.data() + i * np);
+    if (!fast_.nodes.empty()) {
+        slaved_rows(fast_, eo_);
+        slaved_sensitivity(fast_, eo_, SO_.data());
+    }
+    for (int j = 0; j < nobs; ++j) {
+        double* to = out + j * np;
+        if (obs[j] < n_) {
+            std::copy(SO_.begin() + obs[j] * np, SO_.begin() + (obs[j] + 1) * np, to);
+            continue;
+        }
+        std::fill(to, to + np, 0.0);
+        for (int c : {p_.gain[obs[j] - n_], p_.offset[obs[j] - n_]}) {
+            if (c >= p_.nc) continue;
+            const double u = p_.coef_input[c] < 0 ? 1.0 : eo_.u[p_.coef_input[c]];
+            for (int q = d_.indptr[c]; q < d_.indptr[c + 1]; ++q) to[d_.indices[q]] += u * d_.data[q];
+        }
+    }
+}
+
+}  // namespace thermid

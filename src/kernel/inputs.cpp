@@ -1,0 +1,134 @@
+#include "inputs.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace thermid {
+
+namespace {
+constexpr double TWO_PI = 6.283185307179586476925;
+}
+
+void Input::set_samples(const double* times, const double* values, int m) {
+    double sum = 0.0;
+    for (int i = 0; i < m; ++i) sum += values[i];
+    mean = sum / m;
+    seg.clear();
+    for (int i = 0; i < m; ++i) {
+        const double s = (kind == 0 && i + 1 < m) ? (values[i + 1] - values[i]) / (times[i + 1] - times[i]) : 0.0;
+        const double u = values[i] - mean;
+        // A knot at which nothing changes is no knot.
+        if (!seg.empty() && s == seg.back().s && (s == 0.0 ? u == seg.back().u : false)) continue;
+        seg.push_back({times[i], u, s});
+    }
+    block.clear();
+    for (size_t b = 0; (b + 1) * BLOCK < seg.size(); ++b) {
+        Integrals total;
+        for (size_t i = b * BLOCK; i < (b + 1) * BLOCK; ++i) total.append_line(seg[i + 1].t - seg[i].t, seg[i].u, seg[i].s);
+        block.push_back(total);
+    }
+}
+
+int Input::segment(double t, int hint) const {
+    const int m = static_cast<int>(seg.size());
+    if (hint >= 0 && hint < m && seg[hint].t <= t) {
+        for (int k = 0; k < 4; ++k, ++hint)
+            if (hint + 1 >= m || seg[hint + 1].t > t) return hint;
+    }
+    auto it = std::upper_bound(seg.begin(), seg.end(), t, [](double x, const Segment& s) { return x < s.t; });
+    return static_cast<int>(it - seg.begin()) - 1;
+}
+
+double Input::at(double t) const {
+    if (kind == 3) return mean;
+    if (kind == 2) return mean + amplitude * std::sin(TWO_PI * t / period + phase);
+    const int i = segment(t, -1);
+    return i < 0 ? mean + seg[0].u : mean + seg[i].u + seg[i].s * (t - seg[i].t);
+}
+
+double Input::slope(double t) const {
+    return kind == 2 ? amplitude * TWO_PI / period * std::cos(TWO_PI * t / period + phase) : 0.0;
+}
+
+void Input::breaks(double t0, double t1, int most, std::vector<double>& out) const {
+    if (!sampled()) return;
+    const int first = segment(t0, -1) + 1;
+    int last = first;
+    while (last < static_cast<int>(seg.size()) && seg[last].t < t1) {
+        if (++last - first > most) return;
+    }
+    for (int i = first; i < last; ++i)
+        if (seg[i].t > t0) out.push_back(seg[i].t);
+}
+
+double Input::next_knot(double t, int hint) const {
+    const int i = segment(t, hint) + 1;
+    return i < static_cast<int>(seg.size()) ? seg[i].t : std::numeric_limits<double>::infinity();
+}
+
+void Cursor::begin(const Input* input, double t) {
+    in_ = input;
+    seg_ = input->segment(t, seg_);
+    from_ = t;
+    base_ = Integrals();
+    level_ = seg_ < 0 ? input->seg[0].u : input->seg[seg_].u + input->seg[seg_].s * (t - input->seg[seg_].t);
+    sum = base_;
+}
+
+void Cursor::move(double t) {
+    const auto& seg = in_->seg;
+    const int m = static_cast<int>(seg.size());
+    while (seg_ + 1 < m && seg[seg_ + 1].t <= t) {
+        const bool whole = seg_ >= 0 && seg_ % Input::BLOCK == 0 && from_ == seg[seg_].t && seg_ + Input::BLOCK < m &&
+                           seg[seg_ + Input::BLOCK].t <= t;
+        if (whole) {
+            const Integrals& b = in_->block[seg_ / Input::BLOCK];
+            base_.append(seg[seg_ + Input::BLOCK].t - from_, b.i1, b.i2, b.i3);
+            seg_ += Input::BLOCK;
+        } else {
+            const double s = seg_ < 0 ? 0.0 : seg[seg_].s;
+            const double u = seg_ < 0 ? seg[0].u : seg[seg_].u + s * (from_ - seg[seg_].t);
+            base_.append_line(seg[seg_ + 1].t - from_, u, s);
+            ++seg_;
+        }
+        from_ = seg[seg_].t;
+    }
+    const double s = seg_ < 0 ? 0.0 : seg[seg_].s;
+    const double u = seg_ < 0 ? seg[0].u : seg[seg_].u + s * (from_ - seg[seg_].t);
+    sum = base_;
+    sum.append_line(t - from_, u, s);
+    level_ = u + s * (t - from_);
+}
+
+double StepInput::project(const Input& input, double t, double end, int& hint) {
+    const double h = end - t;
+    base = input.mean;
+    const int i = hint = input.segment(t, hint);
+    const int m = static_cast<int>(input.seg.size());
+    p2 = 0.0;
+    exact = i + 1 >= m || input.seg[i + 1].t >= end;
+    if (exact) {
+        p0 = i < 0 ? input.seg[0].u : input.seg[i].u + input.seg[i].s * (t - input.seg[i].t);
+        p1 = i < 0 ? 0.0 : input.seg[i].s;
+        return 0.0;
+    }
+    Cursor c;
+    Integrals at[4];
+    c.begin(&input, t);
+    for (int k = 0; k < 4; ++k) {
+        c.move(k == 3 ? end : t + 0.25 * (k + 1) * h);
+        at[k] = c.sum;
+    }
+    // Legendre coefficients on [0, 1] from the moments of u, u (1 - x), u (1 - x)^2.
+    const double e0 = at[3].i1 / h, e1 = at[3].i2 / (h * h), e2 = 2.0 * at[3].i3 / (h * h * h);
+    const double a0 = e0, a1 = 3.0 * (e0 - 2.0 * e1), a2 = 5.0 * (e0 - 6.0 * e1 + 6.0 * e2);
+    p0 = a0 - a1 + a2;
+    p1 = (2.0 * a1 - 6.0 * a2) / h;
+    p2 = 6.0 * a2 / (h * h);
+    double worst = 0.0;
+    for (int k = 0; k < 3; ++k) worst = std::max(worst, std::fabs(www(0.25 * (k + 1) * h, at[k])));
+    return worst;
+}
+
+}  // namespace thermid

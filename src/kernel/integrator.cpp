@@ -1,0 +1,328 @@
+#include "integrator.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace thermid {
+
+Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian& d, const Options& o)
+    : p_(p), coef_(coef), d_(d), o_(o), n_(p.n), np_(d.np), nk_(static_cast<int>(p.inputs.size())), e_(p, coef), eo_(p, coef), second_(p) {
+    const size_t n = n_, np = np_, m = n * np, rows = p.con.size(), loads = p.load.size();
+    for (const Entry& e : p.con_entry) {
+        if (d.any(e.coef)) con_p_.push_back(e);
+        if (p.coef_input[e.coef] >= 0) con_u_.push_back(e);
+    }
+    for (const Entry& e : p.load_entry) {
+        // Thresholds act through the switching instant only.
+        if (p.load.kind[e.row] == THERMOSTAT && e.what != 0) continue;
+        if (d.any(e.coef)) load_p_.push_back(e);
+        if (p.coef_input[e.coef] >= 0) load_u_.push_back(e);
+    }
+    cap_.assign(n, 0.0);
+    for (int i = 0; i < n_; ++i)
+        if (p.capacity[i] >= 0) cap_[i] = coef[p.capacity[i]];
+    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &delta_, &guess_, &err_, &g_, &dir_, &bb_, &xa_}) v->assign(n, 0.0);
+    for (auto* v : {&S_, &S1_, &CS_, &comb_, &sd0_, &sd1_, &G_, &dirS_, &fp_, &SO_}) v->assign(m, 0.0);
+    F_.assign(STAGES * n, 0.0);
+    FS_.assign(STAGES * m, 0.0);
+    poly_.assign(STAGES * n, 0.0);
+    for (auto* v : {&J0_, &J1_, &row_}) v->assign(n * n, 0.0);
+    for (auto* v : {&worst_, &uder0_, &uder1_, &unit_}) v->assign(nk_, 0.0);
+    fu_.assign(nk_ * n, 0.0);
+    in_.resize(nk_);
+    hint_.assign(nk_, -1);
+    cursor_.resize(nk_);
+    noise_.resize(nk_);
+    for (int k = 0; k < nk_; ++k) {
+        if (!p.inputs[k].sampled()) continue;
+        for (auto* v : {&noise_[k].b, &noise_[k].ab, &noise_[k].aab, &noise_[k].db, &noise_[k].c}) v->assign(n, 0.0);
+        for (auto* v : {&noise_[k].sb, &noise_[k].sc}) v->assign(m, 0.0);
+    }
+    lu_.resize(n_);
+    for (auto* v : {&acc_con_, &E_con_}) v->assign(rows, 0.0);
+    for (auto* v : {&acc_load_, &E_load_}) v->assign(loads, 0.0);
+    rows_.assign(6 + 2 * nk_, nullptr);
+    weights_.assign(6 + 2 * nk_, 0.0);
+    when_.assign(np, 0.0);
+    massless_.nodes = p.massless;
+    index_slaved(massless_);
+    for (int l : p.thermostats) {
+        sensor_boundary_ = sensor_boundary_ || p.load.sensor[l] >= n_;
+        sensor_slaved_ = sensor_slaved_ || p.load.sensor[l] < n_;
+    }
+}
+
+int Integrator::worst(const std::vector<double>& v) const {
+    int at = 0;
+    for (int i = 1; i < n_; ++i)
+        if (!(std::fabs(v[i]) <= std::fabs(v[at]))) at = i;
+    return at;
+}
+
+// The range of temperatures so far scales rtol: a relative error in kelvin would mean nothing.
+void Integrator::seen() {
+    for (int i = 0; i < p_.nodes(); ++i) {
+        const double t = i < n_ ? T_[i] : e_.t[i];
+        low_ = std::min(low_, t);
+        high_ = std::max(high_, t);
+    }
+}
+
+void Integrator::check_state() {
+    for (int i = 0; i < n_; ++i) {
+        if (!std::isfinite(T1_[i])) throw Failure{NON_FINITE, i};
+        if (T1_[i] > 0.0 && T1_[i] < 1e5) continue;
+        for (int k = 0; k < n_; ++k) err_[k] = T1_[k] - T_[k];
+        throw Failure{RUN_AWAY, worst(err_)};
+    }
+}
+
+void Integrator::underflow(int cause) const {
+    // Growth that feeds itself: a node that warms and whose heat rises with its own temperature.
+    int node = -1;
+    for (int i = 0; i < n_; ++i)
+        if (cap_[i] > 0.0 && J0_[i * n_ + i] > 0.0 && d0_[i] > 0.0 && (node < 0 || d0_[i] > d0_[node])) node = i;
+    if (node >= 0) throw Failure{RUN_AWAY, node};
+    throw Failure{cause, worst(cause == STEP_UNDERFLOW ? err_ : delta_)};
+}
+
+double Integrator::first_step(double span) const {
+    double a = 0.0, b = 0.0;
+    for (int i = 0; i < n_; ++i)
+        if (cap_[i] > -1e-3 * span * J0_[i * n_ + i]) {
+            a = std::max(a, std::fabs(d0_[i]));
+            b = std::max(b, std::fabs(dd0_[i]));
+        }
+    const double h = b > 0.0 ? 0.1 * a / b : 0.01 * span;
+    return std::min(std::max(h, 1e-6 * span), 0.05 * span);
+}
+
+// Initial temperatures of massless nodes, thermostats and the outputs at the start.
+void Integrator::initial(const double* s0, Outputs& out) {
+    for (int i = 0; i < n_; ++i) {
+        if (!std::isfinite(T_[i]) || !(T_[i] > 0.0)) throw Failure{BAD_INPUT, i};
+        if (p_.capacity[i] >= 0 && !(cap_[i] > 0.0 && std::isfinite(cap_[i]))) throw Failure{BAD_INPUT, i};
+    }
+    for (int j = 0; j < p_.nc; ++j)
+        if (!std::isfinite(coef_[j])) throw Failure{BAD_INPUT, -1};
+    for (int k = 0; k < nk_; ++k) eo_.u[k] = p_.inputs[k].at(t_);
+    eo_.set_inputs();
+    for (int k = n_; k < p_.nodes(); ++k)
+        if (!(eo_.t[k] > 0.0) || !std::isfinite(eo_.t[k])) throw Failure{BAD_INPUT, k};
+    std::copy(T_.begin(), T_.end(), eo_.t.begin());
+    if (!massless_.nodes.empty()) solve_slaved(massless_, eo_);
+    decide_thermostats();
+    if (!massless_.nodes.empty() && !p_.thermostats.empty()) solve_slaved(massless_, eo_);
+    std::copy(eo_.t.begin(), eo_.t.begin() + n_, T_.begin());
+    e_.t = eo_.t;
+    low_ = high_ = T_[0];
+    seen();
+    if (np_ > 0) {
+        if (s0) std::copy(s0, s0 + S_.size(), S_.begin());
+        slaved_sensitivity(massless_, eo_, S_.data());
+    }
+    // Outputs at the start: a step of no length.
+    std::copy(T_.begin(), T_.end(), poly_.begin());
+    std::copy(S_.begin(), S_.end(), S1_.begin());
+    h_ = 1.0;
+    for (int k = 0; k < nk_; ++k)
+        if (p_.inputs[k].sampled()) cursor_[k].begin(&p_.inputs[k], t_);
+    fast_.nodes = massless_.nodes;
+    index_slaved(fast_);
+    for (; out.next < out.n && out.t[out.next] <= t_; ++out.next) {
+        write(0.0, out.obs, out.nobs, out.next);
+        if (np_ > 0) write_sensitivity(0.0, out.obs, out.nobs, out.plain, out.next);
+    }
+}
+
+void Integrator::emit(Outputs& out) {
+    bool plain = out.plain;
+    for (int j = 0; plain && j < out.nobs; ++j) plain = !fast_.is[out.obs[j]];
+    need_u_ = !plain || !p_.thermostats.empty();
+    long last = out.next;
+    while (last < out.n && out.t[last] <= end_) ++last;
+    if (plain && np_ == 0) {
+        write_block(out.t, out.next, last, out.obs, out.nobs);
+        out.next = last;
+        return;
+    }
+    for (; out.next < last; ++out.next) {
+        const double t = out.t[out.next], s = t == end_ ? h_ : t - t_;
+        if (plain) write_block(out.t, out.next, out.next + 1, out.obs, out.nobs);
+        else write(s, out.obs, out.nobs, out.next);
+        if (np_ > 0) write_sensitivity(s, out.obs, out.nobs, plain, out.next);
+    }
+}
+
+// One trial of a step of length h_ to end_. True if accepted; `next` is the step to try next.
+bool Integrator::attempt(Outputs& out, double& next) {
+    const bool watch = !p_.thermostats.empty();
+    project();
+    start(first_);
+    first_ = false;
+    inside_ = watch || (out.next < out.n && out.t[out.next] <= end_);
+    const double left = input_error();
+    if (left > o_.input_atol) {
+        hold_ = h_ * std::max(0.2, 0.8 * std::pow(o_.input_atol / left, 0.4));
+        next = hold_;
+        return false;
+    }
+    if (np_ > 0) {
+        start_sensitivity();
+        if (inside_) input_sensitivity();
+    }
+    if (!stages()) {
+        next = 0.25 * h_;
+        if (pending_ >= 0) pending_ = -1;
+        if (t_ + next == t_ || next < 1e-14 * (std::fabs(t_) + h_)) underflow(NEWTON_FAILED);
+        return false;
+    }
+    const double err = error();
+    if (!(err <= 1.0)) {
+        next = h_ * (std::isfinite(err) ? std::max(0.2, 0.9 * std::pow(err, -0.25)) : 0.2);
+        pending_ = -1;
+        if (t_ + next == t_ || next < 1e-14 * std::fabs(t_)) underflow(STEP_UNDERFLOW);
+        return false;
+    }
+    check_state();
+    dense(inside_);
+    if (watch) {
+        double s = h_;
+        int l = pending_;
+        if (pending_ < 0 && find_event(s, l)) {
+            pending_ = l;
+            refined_ = 0;
+            resume_ = h_;
+            s = std::max(s, 1e-9 + 1e-14 * std::fabs(t_));
+        }
+        if (pending_ >= 0) {
+            if (s == h_) {  // the step ends near the instant: improve it
+                const double g = gap_at(pending_, h_), rate = gap_rate(pending_);
+                if (rate > 0.0) s = h_ - g / rate;
+            }
+            if (std::fabs(s - h_) > 1e-10 * std::max(1.0, 1e-3 * std::fabs(t_)) && ++refined_ < 12 && s > 0.0 && s < 2.0 * h_) {
+                next = s;
+                return false;
+            }
+        }
+    }
+    const double e = std::max(err, 1e-6);
+    const double factor = std::min(5.0, std::max(0.2, 0.9 * std::pow(e, -0.175) * std::pow(old_error_, 0.1)));
+    old_error_ = std::max(err, 1e-3);
+    next = h_ * factor;
+    if (leftover_)
+        hold_ = left > 0.0 ? h_ * std::min(2.0, 0.8 * std::pow(o_.input_atol / left, 0.4)) : 2.0 * h_;
+    else if (hold_ < std::numeric_limits<double>::infinity())
+        hold_ *= 1.02;
+    return true;
+}
+
+void Integrator::advance(double t_end, Outputs& out) {
+    std::vector<double> stops = o_.breaks;
+    for (const Input& in : p_.inputs) in.breaks(t_, t_end, in.kind == SAMPLED_HOLD ? 5000 : 500, stops);
+    stops.erase(std::remove_if(stops.begin(), stops.end(), [&](double b) { return !(b > t_ && b < t_end); }), stops.end());
+    stops.push_back(t_end);
+    std::sort(stops.begin(), stops.end());
+    size_t stop = 0;
+    double limit = o_.max_step;
+    for (const Input& in : p_.inputs)
+        if (in.kind == SINE && in.amplitude != 0.0) limit = std::min(limit, in.period / 6.0);
+    // A look at the start for the first step length.
+    h_ = t_end - t_;
+    end_ = t_end;
+    project();
+    start(true);
+    double next = first_step(t_end - t_), wish = next;
+    while (t_ < t_end) {
+        if (r_->steps + r_->rejected >= o_.max_steps) throw Failure{MAX_STEPS, worst(err_)};
+        if ((r_->steps + r_->rejected) % 1000 == 999 && o_.poll) o_.poll();
+        while (stops[stop] <= t_) ++stop;
+        const double room = stops[stop] - t_;
+        if (pending_ < 0) next = std::min(std::min(next, limit), std::max(hold_, 0.0));
+        h_ = next;
+        end_ = t_ + h_;
+        clipped_ = false;
+        if (pending_ < 0) {
+            if (hold_ < std::numeric_limits<double>::infinity() && h_ < room) {
+                // Where the inputs limit the step to about one sample, end it on a knot: there nothing is left over.
+                double knot = std::numeric_limits<double>::infinity();
+                for (int k = 0; k < nk_; ++k)
+                    if (p_.inputs[k].sampled()) knot = std::min(knot, p_.inputs[k].next_knot(t_, hint_[k]));
+                if (knot - t_ <= h_ && h_ < 2.0 * (knot - t_)) {
+                    h_ = knot - t_;
+                    end_ = knot;
+                    clipped_ = true;
+                } else if (h_ < knot - t_ && knot < stops[stop] && hold_ <= h_) {
+                    h_ = knot - t_;
+                    end_ = knot;
+                }
+            }
+            if (h_ > 0.99 * room) {
+                clipped_ = h_ > room;
+                h_ = room;
+                end_ = stops[stop];
+            } else if (h_ > 0.5 * room && end_ != stops[stop] && !clipped_) {
+                h_ = 0.5 * room;  // no tiny step before a break
+                end_ = t_ + h_;
+                clipped_ = true;
+            }
+        }
+        wish = next;
+        if (!attempt(out, next)) {
+            ++r_->rejected;
+            continue;
+        }
+        ++r_->steps;
+        if (clipped_) next = std::max(next, wish);
+        emit(out);
+        if (o_.energy) {
+            for (size_t r = 0; r < E_con_.size(); ++r) E_con_[r] += h_ * acc_con_[r];
+            for (size_t r = 0; r < E_load_.size(); ++r) E_load_[r] += h_ * acc_load_[r];
+        }
+        T_.swap(T1_);
+        S_.swap(S1_);
+        t_ = end_;
+        seen();
+        if (pending_ >= 0) {
+            same_time_ = h_ > 1e-9 * (1.0 + std::fabs(t_)) ? 0 : same_time_ + 1;
+            apply_event(pending_);
+            pending_ = -1;
+            next = std::max(next, 0.25 * resume_);
+        }
+    }
+}
+
+void Integrator::run(const double* t0_nodes, const double* s0, double t0, double t_end, const double* out_t, long nout, const int* obs,
+                     int nobs, Result& r) {
+    r_ = &r;
+    t_ = t0;
+    std::copy(t0_nodes, t0_nodes + n_, T_.begin());
+    Outputs out{out_t, nout, 0, obs, nobs, true};
+    for (int j = 0; j < nobs; ++j) out.plain = out.plain && obs[j] < n_ && p_.capacity[obs[j]] >= 0;
+    need_u_ = !out.plain || !p_.thermostats.empty();
+    try {
+        initial(s0, out);
+        if (t_end > t_) advance(t_end, out);
+    } catch (const Failure& f) {
+        r.status = f.status;
+        r.node = f.node;
+    }
+    r.time = t_;
+    r.filled = out.next;
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    std::fill(r.traces + out.next * nobs, r.traces + nout * nobs, nan);
+    if (np_ > 0) std::fill(r.sens + static_cast<size_t>(out.next) * nobs * np_, r.sens + static_cast<size_t>(nout) * nobs * np_, nan);
+    r.final_t = T_;
+    r.final_s = S_;
+    r.on.assign(e_.on.begin(), e_.on.end());
+    r.load_energy = E_load_;
+    r.conductor_energy.assign(E_con_.size(), 0.0);
+    r.boundary_energy.assign(p_.nb, 0.0);
+    for (size_t k = 0; k < E_con_.size(); ++k) {
+        r.conductor_energy[p_.con.original[k]] = E_con_[k];
+        if (p_.con.b[k] >= n_) r.boundary_energy[p_.con.b[k] - n_] += E_con_[k];
+        if (p_.con.a[k] >= n_ && p_.con.kind[k] != FLOW) r.boundary_energy[p_.con.a[k] - n_] -= E_con_[k];
+    }
+}
+
+}  // namespace thermid

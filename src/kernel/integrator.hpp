@@ -1,0 +1,163 @@
+// One run: adaptive ESDIRK4(3) steps in stage values with projected inputs, forward sensitivities, events, dense output.
+#pragma once
+#include <functional>
+#include <limits>
+#include <vector>
+
+#include "linear.hpp"
+#include "problem.hpp"
+#include "tableau.hpp"
+
+namespace thermid {
+
+enum Status { OK = 0, MAX_STEPS, STEP_UNDERFLOW, NEWTON_FAILED, NON_FINITE, RUN_AWAY, SINGULAR_NODE, BAD_INPUT, CHATTER };
+
+struct Options {
+    double rtol = 1e-7, atol = 1e-6, input_atol = 1e-4, max_step = std::numeric_limits<double>::infinity();
+    long max_steps = 1000000;
+    bool energy = true;
+    std::vector<double> breaks;
+    std::vector<int> on;                // thermostats at the start: 1 on, 0 off, -1 decided by the sensor
+    std::function<void()> poll;         // called now and then; may throw
+};
+
+struct Event { double time; int load, on; };
+
+struct Result {
+    int status = OK, node = -1;
+    double time = 0.0;
+    double *traces = nullptr, *sens = nullptr;  // (outputs, observed), (outputs, observed, parameters)
+    std::vector<double> final_t, final_s;
+    std::vector<int> on;
+    std::vector<Event> events;
+    std::vector<double> load_energy, boundary_energy, conductor_energy;  // J
+    long steps = 0, rejected = 0, newton = 0, factorisations = 0, filled = 0;
+};
+
+struct Failure { int status, node; };
+
+// Nodes that follow the others without delay: massless ones, and ones far faster than the step.
+struct Slaved {
+    std::vector<int> nodes, con_rows, load_rows;
+    std::vector<char> is;
+    std::vector<Entry> con_p, load_p;
+    Lu lu;
+    bool factored = false;
+};
+
+class Integrator {
+  public:
+    Integrator(const Problem& p, const double* coef, const CoefJacobian& d, const Options& o);
+    void run(const double* t0_nodes, const double* s0, double t0, double t_end, const double* out_t, long nout, const int* obs, int nobs,
+             Result& r);
+
+  private:
+    // Dense-output correction for the left-over v of one input: T += (b + s db) w + c ww + aab www, w = int v ...
+    struct Noise {
+        bool active = false;
+        double w = 0.0, ww = 0.0, www = 0.0;
+        std::vector<double> b, ab, aab, db, c, sb, sc;
+    };
+    const Problem& p_;
+    const double* coef_;
+    const CoefJacobian& d_;
+    const Options& o_;
+    Result* r_ = nullptr;
+    int n_, np_, nk_;
+    std::vector<Entry> con_p_, load_p_, con_u_, load_u_;  // entries of parameters, of inputs
+    std::vector<double> cap_;
+    Evaluation e_, eo_;  // for the stages; for the outputs
+    SecondOrder second_;
+
+    // State, and the step under way from t_ of length h_.
+    double t_ = 0.0, h_ = 0.0, low_ = 0.0, high_ = 0.0;
+    std::vector<double> T_, S_, T1_, S1_;
+    std::vector<StepInput> in_;
+    std::vector<int> hint_;
+    std::vector<double> worst_, uder0_, uder1_;
+    bool leftover_ = false;                       // some input is not exact over the step
+    std::vector<double> F_, FS_, CS_, comb_;      // stage heats (6, n), their sensitivities (6, n, np)
+    std::vector<double> J0_, J1_, d0_, d1_, dd0_, dd1_, sd0_, sd1_, sdd0_, sdd1_, fu_, g_, G_, dirS_, unit_, dir_, bb_, base_, delta_, guess_, err_;
+    Lu lu_;
+    double rho_ = 0.1;
+    Slaved massless_, fast_;
+    std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
+    std::vector<double> xa_, fp_, row_;
+    std::vector<const double*> rows_;
+    std::vector<double> weights_, SO_;
+    double end_ = 0.0;       // t_ + h_, exact where a break is
+    bool need_u_ = false;    // outputs need the inputs' own values
+    bool inside_ = false;    // outputs fall into this step
+
+    // stages.cpp
+    void set_stage_inputs(double s);
+    void project();
+    void start(bool first);
+    bool stages();
+    bool newton(int s);
+    void stage_sensitivity(int s);
+    double error();
+    void iteration_matrix(const double* j);
+    void add_energy(int s, bool updated);
+    void start_sensitivity();
+
+    // slaved.cpp
+    void make_slaved(Slaved& s, double h);
+    void index_slaved(Slaved& s);
+    void factor_slaved(Slaved& s, const double* j);
+    void solve_slaved(Slaved& s, Evaluation& e);
+    void slaved_rows(const Slaved& s, Evaluation& e) const;
+    void slaved_jacobian(const Slaved& s, const Evaluation& e, double* j) const;
+    void respond(Slaved& s, const double* j, const double* g, double* dir);
+    void slaved_sensitivity(Slaved& s, Evaluation& e, double* S);
+    void rate(Slaved& s, const double* j, const double* g, double* dir, double* out);
+    void rate_sensitivity(Slaved& s, Evaluation& e, const double* j, const double* dir_t, const double* dir_u, const double* S,
+                          double* dirS, const double* rate, double* out);
+    void times(const double* j, const double* x, double* y) const;
+    void capacity_term(double* y, const double* v, double scale) const;
+
+    // dense.cpp
+    std::vector<Noise> noise_;
+    std::vector<double> poly_;
+    std::vector<Cursor> cursor_;
+    double at_ = 0.0;
+    double input_error();
+    void dense(bool inside);
+    void move_cursors(double s);
+    void nodes_at(double s, bool slaved);
+    double smooth(int i, double x) const;
+    void input_sensitivity();
+    void write(double s, const int* obs, int nobs, long k);
+    void write_block(const double* times, long first, long last, const int* obs, int nobs);
+    std::vector<double> block_, blend_;
+    void write_sensitivity(double s, const int* obs, int nobs, bool plain, long k);
+
+    // events.cpp
+    std::vector<double> samples_, when_;
+    std::vector<int> found_;
+    bool sensor_slaved_ = false, sensor_boundary_ = false;
+    void decide_thermostats();
+    double gap(int l) const;
+    double gap_rate(int l) const;
+    double gap_at(int l, double s);
+    bool find_event(double& s, int& l);
+    void apply_event(int l);
+
+    // integrator.cpp
+    struct Outputs { const double* t; long n, next; const int* obs; int nobs; bool plain; };
+    void initial(const double* s0, Outputs& out);
+    void advance(double t_end, Outputs& out);
+    bool attempt(Outputs& out, double& next);
+    void emit(Outputs& out);
+    void check_state();
+    void seen();
+    double first_step(double span) const;
+    [[noreturn]] void underflow(int cause) const;
+    int worst(const std::vector<double>& v) const;
+    double hold_ = std::numeric_limits<double>::infinity();  // step limit by the sampled inputs
+    double old_error_ = 1.0, resume_ = 0.0;
+    int pending_ = -1, refined_ = 0, same_time_ = 0;
+    bool clipped_ = false, first_ = true;
+};
+
+}  // namespace thermid

@@ -1,0 +1,177 @@
+// The table of laws: heat of one conductor or load, and its first derivatives.
+// Each law is written once over a scalar type: with double it serves the integrator, with Dual (a directional
+// derivative) it gives the exact second derivatives that the dense output's sensitivities need.
+#pragma once
+#include <cmath>
+#include <vector>
+
+namespace thermid {
+
+struct Dual {
+    double v = 0.0, e = 0.0;
+    Dual() = default;
+    Dual(double value, double eps = 0.0) : v(value), e(eps) {}
+};
+inline Dual operator+(Dual a, Dual b) { return {a.v + b.v, a.e + b.e}; }
+inline Dual operator-(Dual a, Dual b) { return {a.v - b.v, a.e - b.e}; }
+inline Dual operator*(Dual a, Dual b) { return {a.v * b.v, a.e * b.v + a.v * b.e}; }
+inline Dual operator/(Dual a, Dual b) { return {a.v / b.v, (a.e - a.v / b.v * b.e) / b.v}; }
+inline Dual exp(Dual a) { double g = std::exp(a.v); return {g, g * a.e}; }
+inline Dual log(Dual a) { return {std::log(a.v), a.e / a.v}; }
+inline double value(double a) { return a; }
+inline double value(Dual a) { return a.v; }
+
+// e^m for e > 0; quarter powers (laminar natural convection) need no logarithm.
+inline double power(double e, double m) { return m == 0.125 ? std::sqrt(std::sqrt(std::sqrt(e))) : std::pow(e, m); }
+inline Dual power(Dual e, Dual m) {
+    double g = power(e.v, m.v);
+    return {g, g * (m.v * e.e / e.v + (m.e != 0.0 ? m.e * std::log(e.v) : 0.0))};
+}
+
+// Cubic Hermite table g(x): knots, values, slopes; constant outside.
+struct Table {
+    std::vector<double> x, y, d;
+    void eval(double at, double& g, double& g1, double& g2) const {
+        const int m = static_cast<int>(x.size());
+        g1 = g2 = 0.0;
+        if (!(at > x.front())) { g = y.front(); return; }
+        if (at >= x.back()) { g = y.back(); return; }
+        int lo = 0, hi = m - 1;
+        while (hi - lo > 1) {
+            int mid = (lo + hi) / 2;
+            (x[mid] <= at ? lo : hi) = mid;
+        }
+        const double w = x[hi] - x[lo], s = (at - x[lo]) / w, jump = (y[hi] - y[lo]) / w;
+        const double c2 = 3.0 * jump - 2.0 * d[lo] - d[hi], c3 = d[lo] + d[hi] - 2.0 * jump;
+        g = y[lo] + w * s * (d[lo] + s * (c2 + s * c3));
+        g1 = d[lo] + s * (2.0 * c2 + 3.0 * s * c3);
+        g2 = (2.0 * c2 + 6.0 * s * c3) / w;
+    }
+    void eval(double at, double& g, double& g1) const { double g2; eval(at, g, g1, g2); }
+    void eval(Dual at, Dual& g, Dual& g1) const {
+        double a, b, c;
+        eval(at.v, a, b, c);
+        g = {a, b * at.e};
+        g1 = {b, c * at.e};
+    }
+};
+
+enum ConductorKind { LINEAR = 0, POWER, RADIATION, FLOW, TABLE_MEAN, TABLE_DIFF, CONDUCTOR_KINDS };
+enum LoadKind { SIGNAL = 0, POLY, EXP, TABLE, THERMOSTAT, PROPORTIONAL, LOAD_KINDS };
+enum InputKind { SAMPLED_LINEAR = 0, SAMPLED_HOLD, SINE, CONSTANT, INPUT_KINDS };
+
+constexpr double SMOOTH2 = 1e-4;  // (0.01 K)^2: |dT|^c1 has no second derivative at dT = 0, where runs start
+
+// Conductor: heat a->b is c0 * phi; q_a, q_b are dq/dTa and dq/dTb; q_1 is dq/dc1.
+template <class X>
+struct Conduct { X q, phi, qa, qb, q1; };
+
+template <class X>
+inline Conduct<X> conductor(int kind, X ta, X tb, X c0, X c1, const thermid::Table* table) {
+    Conduct<X> r;
+    const X d = ta - tb;
+    r.q1 = X(0.0);
+    switch (kind) {
+        case POWER: {
+            const X e = d * d + X(SMOOTH2), p = power(e, c1 * X(0.5));
+            r.phi = d * p;
+            r.qa = c0 * p * (X(1.0) + c1 * d * d / e);
+            r.qb = X(0.0) - r.qa;
+            break;
+        }
+        case RADIATION: {
+            const X a2 = ta * ta, b2 = tb * tb;
+            r.phi = (a2 + b2) * (ta + tb) * d;
+            r.qa = X(4.0) * c0 * a2 * ta;
+            r.qb = X(-4.0) * c0 * b2 * tb;
+            break;
+        }
+        case TABLE_MEAN: {
+            X g, g1;
+            table->eval((ta + tb) * X(0.5), g, g1);
+            r.phi = g * d;
+            r.qa = c0 * (X(0.5) * g1 * d + g);
+            r.qb = c0 * (X(0.5) * g1 * d - g);
+            break;
+        }
+        case TABLE_DIFF: {
+            X g, g1;
+            table->eval(d, g, g1);
+            r.phi = g * d;
+            r.qa = c0 * (g1 * d + g);
+            r.qb = X(0.0) - r.qa;
+            break;
+        }
+        default:  // LINEAR, FLOW
+            r.phi = d;
+            r.qa = c0;
+            r.qb = X(0.0) - c0;
+    }
+    r.q = c0 * r.phi;
+    return r;
+}
+
+// dq/dc1 of a POWER conductor, wanted only where the exponent is a parameter.
+template <class X>
+inline X conductor_exponent(X ta, X tb, X q) {
+    using std::log;
+    const X d = ta - tb;
+    return X(0.5) * q * log(d * d + X(SMOOTH2));
+}
+
+// Load: power, its slope in the sensor temperature, and dp/dc.
+template <class X>
+struct Heat { X p, pt, pc[4]; };
+
+template <class X>
+inline Heat<X> load(int kind, X t, const X c[4], const thermid::Table* table, bool on) {
+    using std::exp;
+    Heat<X> r;
+    r.p = r.pt = r.pc[0] = r.pc[1] = r.pc[2] = r.pc[3] = X(0.0);
+    switch (kind) {
+        case SIGNAL: r.p = c[0]; r.pc[0] = X(1.0); break;
+        case POLY: {
+            const X x = t - c[3];
+            r.pc[0] = X(1.0) + x * (c[1] + c[2] * x);
+            r.pc[1] = c[0] * x;
+            r.pc[2] = c[0] * x * x;
+            r.pt = c[0] * (c[1] + X(2.0) * c[2] * x);
+            r.pc[3] = X(0.0) - r.pt;
+            r.p = c[0] * r.pc[0];
+            break;
+        }
+        case EXP: {
+            const X x = t - c[3];
+            r.pc[0] = exp(c[1] * x);
+            r.p = c[0] * r.pc[0];
+            r.pc[1] = r.p * x;
+            r.pt = r.p * c[1];
+            r.pc[3] = X(0.0) - r.pt;
+            break;
+        }
+        case TABLE: {
+            X g, g1;
+            table->eval(t, g, g1);
+            r.p = c[0] * g;
+            r.pt = c[0] * g1;
+            r.pc[0] = g;
+            break;
+        }
+        case THERMOSTAT:
+            if (on) { r.p = c[0]; r.pc[0] = X(1.0); }
+            break;
+        case PROPORTIONAL: {
+            const X p = c[0] * (c[1] - t);
+            if (!(value(p) > 0.0)) break;
+            if (value(p) >= value(c[2])) { r.p = c[2]; r.pc[2] = X(1.0); break; }
+            r.p = p;
+            r.pt = X(0.0) - c[0];
+            r.pc[0] = c[1] - t;
+            r.pc[1] = c[0];
+            break;
+        }
+    }
+    return r;
+}
+
+}  // namespace thermid

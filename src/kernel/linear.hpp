@@ -1,0 +1,42 @@
+// Small dense linear algebra: LU with partial pivoting that skips zeros (thermal networks are sparse and the
+// pattern repeats), and the long inner loops over parameters, compiled for several instruction sets where possible.
+#pragma once
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__)
+#define THERMID_CLONES __attribute__((target_clones("avx512f", "avx2,fma", "default")))
+#else
+#define THERMID_CLONES
+#endif
+
+namespace thermid {
+
+// out[i] = sum_k w[k] * rows[k][i], for i < m.
+void combine(double* out, const double* const* rows, const double* w, int k, int m);
+// out (rows, m) = w (rows, k) x (k, m)
+void blend(double* out, const double* w, int rows, const double* x, int k, int m);
+// y[i] += a * x[i]
+inline void axpy(double* y, double a, const double* x, int m) {
+    for (int i = 0; i < m; ++i) y[i] += a * x[i];
+}
+
+class Lu {
+  public:
+    void resize(int n) { n_ = n; a_.assign(static_cast<size_t>(n) * n, 0.0); piv_.assign(n, 0); inv_.assign(n, 0.0); }
+    double* data() { return a_.data(); }
+    int size() const { return n_; }
+    void shrink(int n) { n_ = n; }  // use a smaller leading size without allocating
+    // Returns -1, or the column at which no usable pivot was found.
+    int factor();
+    void solve(double* b) const;
+    void solve_many(double* b, int m) const;  // b is (n, m), row-major
+
+  private:
+    int n_ = 0;
+    std::vector<double> a_, inv_;
+    std::vector<int> piv_;
+};
+
+}  // namespace thermid

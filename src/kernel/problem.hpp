@@ -1,0 +1,88 @@
+// The network as flat arrays, and the evaluation of its right-hand side and derivatives.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "inputs.hpp"
+#include "laws.hpp"
+
+namespace thermid {
+
+// One way in which a coefficient enters a row. what: 0..3 the law's own coefficient, 4 through the temperature of
+// end a (for a load: of its sensor), 5 through that of end b.
+struct Entry { int row, what, coef; };
+
+struct Conductors {
+    std::vector<int> kind, a, b, c0, c1, table, original;
+    int size() const { return static_cast<int>(kind.size()); }
+};
+
+struct Loads {
+    std::vector<int> kind, node, c[4], sensor, table;
+    int size() const { return static_cast<int>(kind.size()); }
+};
+
+struct Problem {
+    int n = 0, nb = 0, nc = 0;  // unknowns, boundaries, coefficients
+    std::vector<int> capacity, coef_input, gain, offset;
+    Conductors con;  // sorted by kind
+    Loads load;
+    std::vector<Table> tables;
+    std::vector<Input> inputs;
+
+    // Derived: where coefficients enter, which coefficients follow an input, nodes without capacity and their rows.
+    std::vector<Entry> con_entry, load_entry;
+    std::vector<int> timed, massless, thermostats;
+    int kind_begin[CONDUCTOR_KINDS + 1] = {};  // conductors of a kind stand together
+
+    int nodes() const { return n + nb; }
+    void prepare();  // checks everything, sorts and derives; throws std::invalid_argument
+};
+
+// Parameter derivatives of the coefficients, CSR (coefficients, parameters); empty when np == 0.
+struct CoefJacobian {
+    int np = 0;
+    std::vector<int> indptr, indices;
+    std::vector<double> data;
+    bool any(int j) const { return np > 0 && indptr[j + 1] > indptr[j]; }
+};
+
+// State of one evaluation: effective coefficients, temperatures of all nodes, and what the rows say about them.
+struct Evaluation {
+    const Problem* p;
+    const double* coef;                 // as passed
+    std::vector<double> u, ceff;        // inputs; effective coefficients, then a zero and an infinity for unused slots
+    std::vector<double> t;              // (nodes)
+    std::vector<double> q, phi, qa, qb; // conductors
+    std::vector<double> power, slope;   // loads
+    std::vector<uint8_t> on;            // thermostat states (loads)
+    std::vector<double> work;           // of POWER rows
+    std::vector<double> f;              // heat into each node, boundaries included
+
+    Evaluation(const Problem& problem, const double* coefficients);
+    void set_inputs();       // u -> ceff, boundary temperatures
+    void rows();             // t -> rows and f
+    void jacobian(double* j) const;  // d f / d t, (n, n)
+    // Derivative of row quantity in the coefficient of an entry.
+    double con_slope(const Entry& e) const;
+    double load_slope(const Entry& e) const;
+    // fp[i*np + p] += scale * df_i/dp by coefficients, boundaries and inputs held.
+    void add_parameters(const CoefJacobian& d, const std::vector<Entry>& con, const std::vector<Entry>& load, double* fp, double scale) const;
+    // fu[k*n + i] = df_i/du_k
+    void input_slopes(const std::vector<Entry>& con, const std::vector<Entry>& load, double* fu) const;
+};
+
+// Second derivatives: for a direction of (t, u), g(n, np) = d/dp of the directional derivative of f at fixed direction.
+// s is dT/dp (n, np).
+class SecondOrder {
+  public:
+    SecondOrder(const Problem& p);
+    void add(const Evaluation& at, const double* dir_t, const double* dir_u, const CoefJacobian& d, const std::vector<Entry>& con,
+             const std::vector<Entry>& load, const double* s, double* g);
+
+  private:
+    std::vector<double> dt_, dc_, da_, db_, d0_, d1_;
+};
+
+}  // namespace thermid

@@ -1,0 +1,215 @@
+// The stages of one step: Newton in stage values, and the exact derivative of the converged scheme.
+//   C (T_s - T_n) = h sum_j a_sj f(T_j) for nodes with capacity, f(T_s) = 0 for those without.
+#include <algorithm>
+#include <cmath>
+
+#include "integrator.hpp"
+
+namespace thermid {
+
+namespace {
+constexpr double NEWTON_TOL = 2e-10;  // K
+}
+
+void Integrator::project() {
+    leftover_ = false;
+    for (int k = 0; k < nk_; ++k) {
+        worst_[k] = 0.0;
+        if (!p_.inputs[k].sampled()) continue;
+        worst_[k] = in_[k].project(p_.inputs[k], t_, end_, hint_[k]);
+        leftover_ = leftover_ || !in_[k].exact;
+    }
+}
+
+void Integrator::set_stage_inputs(double s) {
+    for (int k = 0; k < nk_; ++k) e_.u[k] = p_.inputs[k].sampled() ? in_[k].at(s) : p_.inputs[k].at(t_ + s);
+    e_.set_inputs();
+}
+
+// Everything at the start of a step, with the inputs of this step.
+void Integrator::start(bool first) {
+    set_stage_inputs(0.0);
+    std::copy(T_.begin(), T_.end(), e_.t.begin());
+    if (!massless_.nodes.empty()) {
+        if (first) massless_.factored = false;
+        solve_slaved(massless_, e_);
+        std::copy(e_.t.begin(), e_.t.begin() + n_, T_.begin());
+    }
+    e_.rows();
+    e_.jacobian(J0_.data());
+    for (int i = 0; i < n_; ++i) {
+        F_[i] = cap_[i] > 0.0 ? e_.f[i] : 0.0;
+        d0_[i] = cap_[i] > 0.0 ? F_[i] / cap_[i] : 0.0;
+        if (!std::isfinite(e_.f[i])) throw Failure{NON_FINITE, i};
+    }
+    if (!massless_.nodes.empty()) factor_slaved(massless_, J0_.data());
+    std::fill(g_.begin(), g_.end(), 0.0);
+    if (nk_ > 0) {
+        e_.input_slopes(con_u_, load_u_, fu_.data());
+        for (int k = 0; k < nk_; ++k) {
+            uder0_[k] = p_.inputs[k].sampled() ? in_[k].slope(0.0) : p_.inputs[k].slope(t_);
+            if (uder0_[k] != 0.0) axpy(g_.data(), uder0_[k], fu_.data() + static_cast<size_t>(k) * n_, n_);
+        }
+    }
+    rate(massless_, J0_.data(), g_.data(), d0_.data(), dd0_.data());
+}
+
+void Integrator::start_sensitivity() {
+    const size_t np = np_;
+    slaved_sensitivity(massless_, e_, S_.data());
+    double* fs = FS_.data();
+    times(J0_.data(), S_.data(), fs);
+    e_.add_parameters(d_, con_p_, load_p_, fs, 1.0);
+    for (int i = 0; i < n_; ++i)
+        for (size_t q = 0; q < np; ++q) {
+            if (cap_[i] == 0.0) fs[i * np + q] = 0.0;
+            CS_[i * np + q] = cap_[i] * S_[i * np + q];
+        }
+}
+
+void Integrator::iteration_matrix(const double* j) {
+    double* a = lu_.data();
+    const double hg = h_ * GAMMA;
+    for (int i = 0; i < n_; ++i) {
+        const double s = cap_[i] > 0.0 ? -hg : -1.0;
+        for (int c = 0; c < n_; ++c) a[i * n_ + c] = s * j[i * n_ + c];
+        a[i * n_ + i] += cap_[i];
+    }
+    ++r_->factorisations;
+    const int bad = lu_.factor();
+    if (bad >= 0) throw Failure{cap_[bad] > 0.0 ? NEWTON_FAILED : SINGULAR_NODE, bad};
+}
+
+bool Integrator::newton(int s) {
+    const double hg = h_ * GAMMA;
+    const double* f = nullptr;
+    double last = 0.0;
+    bool fresh = false;
+    for (int it = 0; it < 25; ++it) {
+        e_.rows();
+        ++r_->newton;
+        f = e_.f.data();
+        double check = 0.0;
+        for (int i = 0; i < n_; ++i) {
+            delta_[i] = cap_[i] > 0.0 ? cap_[i] * (e_.t[i] - T_[i]) - base_[i] - hg * f[i] : -f[i];
+            check += delta_[i];
+        }
+        if (!std::isfinite(check)) return false;
+        if (fresh) {
+            e_.jacobian(J1_.data());
+            iteration_matrix(J1_.data());
+        }
+        lu_.solve(delta_.data());
+        double size = 0.0;
+        for (int i = 0; i < n_; ++i) {
+            e_.t[i] -= delta_[i];
+            size = std::max(size, std::fabs(delta_[i]));
+        }
+        if (!std::isfinite(size) || size > 1e6) return false;
+        double rate = rho_;
+        if (it > 0 && last > 1e-11) {
+            rate = size / last;
+            rho_ = std::min(0.9, std::max(rate, 1e-8));
+        }
+        if (size <= 1e-13 || 4.0 * std::min(rate, 0.9) * size <= NEWTON_TOL || size <= 0.1 * NEWTON_TOL) return true;
+        fresh = it > 0 && rate > 0.05;
+        if (it > 3 && rate > 1.5 && !fresh) return false;
+        last = size;
+    }
+    return false;
+}
+
+// Heats of the stage, at the converged temperatures, into the integrator's own quadrature.
+void Integrator::add_energy(int s, bool updated) {
+    const double w = WEIGHT[s];
+    if (w == 0.0) return;
+    const Conductors& c = p_.con;
+    auto moved = [&](int node) { return updated && node < n_ ? delta_[node] : 0.0; };
+    for (int r = 0; r < c.size(); ++r) acc_con_[r] += w * (e_.q[r] - e_.qa[r] * moved(c.a[r]) - e_.qb[r] * moved(c.b[r]));
+    for (int r = 0; r < p_.load.size(); ++r) acc_load_[r] += w * (e_.power[r] - e_.slope[r] * moved(p_.load.sensor[r]));
+}
+
+void Integrator::stage_sensitivity(int s) {
+    const size_t np = np_, m = static_cast<size_t>(n_) * np;
+    const double hg = h_ * GAMMA;
+    const double* from[STAGES + 1] = {CS_.data()};
+    double w[STAGES + 1] = {1.0};
+    int k = 1;
+    for (int j = 0; j < s; ++j)
+        if (A[s][j] != 0.0) {
+            from[k] = FS_.data() + j * m;
+            w[k++] = h_ * A[s][j];
+        }
+    combine(comb_.data(), from, w, k, static_cast<int>(m));
+    for (int i = 0; i < n_; ++i) guess_[i] = cap_[i] > 0.0 ? e_.t[i] - T_[i] : 0.0;
+    capacity_term(comb_.data(), guess_.data(), -1.0);
+    std::copy(comb_.begin(), comb_.end(), S1_.begin());
+    for (int i : massless_.nodes) std::fill(S1_.begin() + i * np, S1_.begin() + (i + 1) * np, 0.0);
+    e_.add_parameters(d_, con_p_, load_p_, S1_.data(), hg);
+    for (int i : massless_.nodes)
+        for (size_t q = 0; q < np; ++q) S1_[i * np + q] /= hg;
+    lu_.solve_many(S1_.data(), np_);
+    double* fs = FS_.data() + s * m;
+    for (int i = 0; i < n_; ++i) {
+        const double c = cap_[i], inv = c > 0.0 ? 1.0 / hg : 0.0;
+        for (size_t q = i * np; q < (i + 1) * np; ++q) fs[q] = (c * S1_[q] - comb_[q]) * inv;
+    }
+}
+
+bool Integrator::stages() {
+    const size_t n = n_;
+    std::fill(acc_con_.begin(), acc_con_.end(), 0.0);
+    std::fill(acc_load_.begin(), acc_load_.end(), 0.0);
+    if (o_.energy) add_energy(0, false);
+    iteration_matrix(J0_.data());
+    double* bend = err_.data();  // what the quadratic guess missed at the second stage
+    for (int s = 1; s < STAGES; ++s) {
+        const double tau = NODE[s] * h_, x = NODE[s] / NODE[1], x2 = x * x;
+        const double hg = h_ * GAMMA;
+        for (int i = 0; i < n_; ++i) {
+            double b = 0.0;
+            for (int j = 0; j < s; ++j) b += A[s][j] * F_[j * n + i];
+            base_[i] = cap_[i] > 0.0 ? h_ * b : 0.0;
+            const bool slow = cap_[i] > -h_ * J0_[i * n + i];
+            guess_[i] = T_[i] + (slow ? tau * (d0_[i] + 0.5 * tau * dd0_[i]) : cap_[i] > 0.0 ? 0.0 : tau * d0_[i]);
+            if (s > 1) guess_[i] += bend[i] * (slow ? x2 * x : cap_[i] > 0.0 ? 1.0 : x2);
+        }
+        set_stage_inputs(tau);
+        std::copy(guess_.begin(), guess_.end(), e_.t.begin());
+        if (!newton(s)) return false;
+        if (s == 1)
+            for (int i = 0; i < n_; ++i) bend[i] = e_.t[i] - guess_[i];
+        for (int i = 0; i < n_; ++i) F_[s * n + i] = cap_[i] > 0.0 ? (cap_[i] * (e_.t[i] - T_[i]) - base_[i]) / hg : 0.0;
+        if (o_.energy) add_energy(s, true);
+        if (np_ > 0) {
+            e_.jacobian(J1_.data());
+            iteration_matrix(J1_.data());
+            rho_ = std::min(rho_, 0.05);
+            stage_sensitivity(s);
+        }
+    }
+    std::copy(e_.t.begin(), e_.t.begin() + n_, T1_.begin());
+    return true;
+}
+
+// Largest scaled error estimate, filtered through the iteration matrix as usual for stiff systems.
+double Integrator::error() {
+    const size_t n = n_;
+    for (int i = 0; i < n_; ++i) {
+        double e = 0.0;
+        for (int s = 0; s < STAGES; ++s) e += (WEIGHT[s] - EMBEDDED[s]) * F_[s * n + i];
+        err_[i] = cap_[i] > 0.0 ? h_ * e : 0.0;
+    }
+    lu_.solve(err_.data());
+    double worst = 0.0;
+    for (int i = 0; i < n_; ++i) {
+        // A node that follows a projected input at once sees its small jumps between steps; they are gone at the step's end.
+        if (cap_[i] == 0.0 || (leftover_ && fast_.is[i])) continue;
+        worst = std::max(worst, std::fabs(err_[i]));
+    }
+    // The jumps of projected inputs show in the estimate although they cancel: no finer than those inputs are followed.
+    const double tol = o_.atol + o_.rtol * (high_ - low_);
+    return worst / (leftover_ ? std::max(tol, 0.1 * o_.input_atol) : tol);
+}
+
+}  // namespace thermid

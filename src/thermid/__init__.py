@@ -1,0 +1,1 @@
+"""Lumped-parameter thermal models: build, fit, predict."""

@@ -1,0 +1,104 @@
+"""One tree of exceptions. Each says what is wrong, where, why it matters if that is not obvious, and what to do.
+
+`where` is a file with a key path and, where it is known, a line: ``m_PrE.toml:12, conductors.Rcd1``. `exit_code` is what the
+command line returns for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+__all__ = [
+    "DeckError",
+    "ExpressionError",
+    "IdentificationError",
+    "MissingDataError",
+    "NameNotFoundError",
+    "RecordError",
+    "ScenarioError",
+    "SolverError",
+    "ThermidError",
+    "ThermidWarning",
+    "UnitError",
+    "nearest",
+]
+
+
+class ThermidError(Exception):
+    """Base of every error that thermid raises on purpose.
+
+    Parameters
+    ----------
+    message : str   What is wrong and what to do.
+    where : str     File, key path and line, or the model's title; empty when there is none.
+    """
+
+    exit_code = 2
+
+    def __init__(self, message: str, where: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.where = where
+
+    def __str__(self) -> str:
+        """`where: message`, or the message alone."""
+        return f"{self.where}: {self.message}" if self.where else self.message
+
+    def located(self, where: str) -> ThermidError:
+        """Return the same error with a place, unless it already has one."""
+        return self if self.where else type(self)(self.message, where)
+
+
+class UnitError(ThermidError):
+    """A unit is unknown, has the wrong dimension, or is used as a difference when it is a temperature."""
+
+
+class ExpressionError(ThermidError):
+    """An expression cannot be read, needs itself, or is not arithmetic over names."""
+
+
+class NameNotFoundError(ThermidError):
+    """A node, parameter, port or channel of that name does not exist."""
+
+
+class DeckError(ThermidError):
+    """A deck, campaign or values file does not describe a model."""
+
+
+class ScenarioError(ThermidError):
+    """A scenario does not fit the model, or asks for what the model cannot say."""
+
+
+class RecordError(ThermidError):
+    """A log cannot be read as a record, or does not hold what is asked of it."""
+
+
+class MissingDataError(RecordError):
+    """A log is not where the campaign says; the message says how to get it."""
+
+
+class SolverError(ThermidError):
+    """The integration or the steady solution ended before it was done."""
+
+    exit_code = 3
+
+
+class IdentificationError(ThermidError):
+    """The data cannot tell what was asked of them."""
+
+    exit_code = 4
+
+
+class ThermidWarning(UserWarning):
+    """Something that a reader of the result must know."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return `` Did you mean 'x'?`` for the known name nearest to `name`, or an empty text.
+
+    >>> nearest("proc.cas", ["proc.case", "ele.case"])
+    " Did you mean 'proc.case'?"
+    """
+    hits = get_close_matches(name, list(known), n=1, cutoff=0.5)
+    return f" Did you mean '{hits[0]}'?" if hits else ""

@@ -1,0 +1,180 @@
+"""A record meets a model: its channels become observations, boundary signals, powers and first temperatures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import RecordError, nearest
+from thermid.measure import Channel, Record
+from thermid.model.model import Model
+from thermid.model.signal import Constant, Signal, Table
+from thermid.network.network import Network, compile_network
+from thermid.simulate.scenario import STEADY, Scenario
+
+__all__ = ["Experiment", "Observation", "first_reading", "meet"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """One measured temperature.
+
+    Parameters
+    ----------
+    sensor : str                Name of the channel.
+    node : str                  Canonical path of the node that it observes.
+    index : array (samples,)    Which output times have a valid sample.
+    measured : array (samples,) [K]
+    noise : float or None       Standard deviation of one sample. [K]
+    accuracy : float or None    Standard deviation of its constant error. [K]
+    """
+
+    sensor: str
+    node: str
+    index: NDArray[np.int64]
+    measured: Array
+    noise: float | None
+    accuracy: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A record bound to a model.
+
+    Parameters
+    ----------
+    record : Record             The prepared log.
+    network : Network           The model compiled for it.
+    scenario : Scenario         What the log says was done; times count from its first sample.
+    times : array (times,)      Times at which any sensor has a valid sample, from the first sample of the record. [s]
+    observations : tuple        The measured temperatures.
+    shared : dict               Nuisance -> (name in the wiring, sd in its unit, sensor): errors of logged boundaries and powers.
+    """
+
+    record: Record
+    network: Network
+    scenario: Scenario
+    times: Array
+    observations: tuple[Observation, ...]
+    shared: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+
+
+def first_reading(record: Record, name: str, window: float = 0.0) -> float:
+    """Return the median of a channel's valid samples within `window` of its first one. [SI]
+
+    Raises
+    ------
+    RecordError   When it has no valid sample.
+    """
+    channel = record.channel(name)
+    times = record.times[channel.valid]
+    if times.size == 0:
+        raise RecordError(f"channel '{name}' has no valid sample.", record.name)
+    return float(np.median(channel.values[channel.valid][times <= times[0] + window]))
+
+
+def _bound(record: Record, channel: Channel, network: Network) -> tuple[str, str]:
+    """Return role and canonical target of a channel."""
+    target = channel.target or channel.name
+    where = f"{record.name}, {channel.name}"
+    canonical = network.flat.names.model.canonical(target)
+    loads = [load.path for load in network.flat.loads]
+    if channel.role in ("load", "command") or (channel.role == "auto" and canonical in loads):
+        if canonical not in loads:
+            raise RecordError(f"no load '{target}' in {network.title}.{nearest(canonical, loads)}", where)
+        return ("command" if channel.role == "command" else "load"), canonical
+    path = network.find(target, where)
+    role = "boundary" if path in network.boundaries else "node"
+    if channel.role not in ("auto", role):
+        raise RecordError(f"'{target}' is a {role} of {network.title}, not a {channel.role}.", where)
+    return role, path
+
+
+def meet(model: Model, record: Record, scenario: Scenario | None = None, window: float = 0.0) -> Experiment:
+    """Return a record bound to a model.
+
+    Parameters
+    ----------
+    model : Model           The model.
+    record : Record         The log; its channels are bound to nodes, boundaries, loads or commands by their role and target.
+    scenario : Scenario     What the log does not say: unlogged boundaries, the start. Where a temperature is the name of a channel, its
+                            first reading stands there; ``start = "measured"`` starts every observed node at its first reading.
+    window : float          First readings are medians over this time. [s]
+
+    Raises
+    ------
+    RecordError   When a channel is bound to nothing, or no channel observes a node.
+    """
+    base = scenario or Scenario(record.name)
+    network = compile_network(model, media=base.media(), prescribed=tuple(base.prescribed))
+    zero = float(record.times[0])
+    boundaries: dict[str, Any] = {network.find(k): v for k, v in base.boundaries.items()}
+    loads, commands, gains = dict(base.loads), dict(base.commands), dict(base.gains)
+    shared: dict[str, tuple[str, float]] = {}
+    observed: list[tuple[Channel, str]] = []
+    for channel in record.channels.values():
+        role, path = _bound(record, channel, network)
+        if role == "node":
+            observed.append((channel, path))
+            continue
+        signal = _signal(record, channel.name, zero, held=role == "command" or channel.quantity in ("power", "command"))
+        if role == "boundary":
+            boundaries[path] = signal
+            if channel.accuracy:
+                shared[channel.name] = (path, channel.accuracy)
+        elif channel.gain or role == "command":
+            commands[path] = signal
+            if channel.gain:
+                gains[path] = channel.gain
+        else:
+            loads[path] = signal
+            if channel.accuracy:
+                shared[channel.name] = (f"scale.{path}", channel.accuracy / max(float(np.mean(np.abs(_values(signal)))), 1e-12))
+    if not observed:
+        raise RecordError(f"no channel observes a node of {network.title}; there is nothing to compare.", record.name)
+    grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
+    times = record.times[grid] - zero
+    observations = tuple(_observation(c, path, grid) for c, path in observed)
+    start, initial = _starts(record, base, observations, window)
+    duration = float(record.times[-1]) - zero
+    made = replace(
+        base, title=record.name, boundaries=boundaries, loads=loads, commands=commands, gains=gains, start=start, initial=initial, duration=duration
+    )
+    return Experiment(record, network, made, times, observations, shared)
+
+
+def _values(signal: Signal) -> Array:
+    return signal.values if isinstance(signal, Table) else np.array([signal.value if isinstance(signal, Constant) else signal.mean])
+
+
+def _signal(record: Record, name: str, zero: float, held: bool) -> Signal:
+    table = record.table(name)
+    times = np.asarray(table.times) - zero
+    return Table(times, np.asarray(table.values), held) if times.size > 1 else Constant(float(table.values[0]))
+
+
+def _observation(channel: Channel, path: str, grid: NDArray[np.int64]) -> Observation:
+    valid = channel.valid[grid]
+    return Observation(channel.name, path, np.flatnonzero(valid), channel.values[grid][valid], channel.noise, channel.accuracy)
+
+
+def _starts(record: Record, base: Scenario, observations: tuple[Observation, ...], window: float) -> tuple[Any, dict[str, Any]]:
+    """Return start and initial temperatures, with names of channels replaced by their first readings."""
+
+    def reading(value: Any) -> Any:
+        return first_reading(record, value, window) if isinstance(value, str) and value in record.channels else value
+
+    initial = {node: reading(value) for node, value in base.initial.items()}
+    if base.start not in ("", "measured"):
+        return reading(base.start) if base.start != STEADY else STEADY, initial
+    for o in observations:
+        initial.setdefault(o.node, first_reading(record, o.sensor, window))
+    if base.start == "measured":
+        return float(np.mean([initial[o.node] for o in observations])), initial
+    return "", initial

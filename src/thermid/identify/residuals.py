@@ -1,0 +1,220 @@
+"""Weighted residuals of all records, with exact derivatives from the kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.dual import gradient_of, value_of
+from thermid.errors import SolverError
+from thermid.identify.experiment import Experiment, Observation
+from thermid.identify.unknowns import Unknown
+from thermid.simulate.engine import Engine, Options
+from thermid.simulate.wiring import Assembled, Wiring
+
+__all__ = ["Bench", "Block", "Problem"]
+
+Array = NDArray[np.float64]
+FAILED = 1e4
+"""Residual that stands for a run that the integrator could not finish; the optimiser then turns back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """An experiment wired to the kernel, with the names that are free in it."""
+
+    experiment: Experiment
+    free: tuple[str, ...]
+    wiring: Wiring
+    engine: Engine
+
+    @classmethod
+    def of(cls, experiment: Experiment, free: Sequence[str]) -> Bench:
+        """Return the bench of an experiment."""
+        wiring = Wiring(experiment.network, experiment.scenario, free)
+        return cls(experiment, tuple(free), wiring, Engine(wiring))
+
+    def temperatures(self, x: Array, gradients: bool, options: Options) -> tuple[Array, Array]:
+        """Return observed temperatures (times, sensors) [K] and their derivatives (times, sensors, free), empty when not asked for."""
+        assembled = self.engine.started(self.wiring.assemble(x), gradients)
+        nodes = tuple(o.node for o in self.experiment.observations)
+        kept = _kept_for(assembled, nodes)
+        duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
+        answer = self.engine.integrate(assembled, self.experiment.times, kept, duration, options, gradients and bool(self.free))
+        values = {n: answer.temperatures[:, k] for k, n in enumerate(kept)}
+        slopes = {n: answer.sensitivities[:, k, :] for k, n in enumerate(kept)} if gradients else {}
+        self._recover(assembled, values, slopes, gradients)
+        columns = np.column_stack([values[n] for n in nodes])
+        derivatives = np.stack([slopes[n] for n in nodes], axis=1) if gradients else np.zeros((0, 0, 0))
+        return columns, derivatives
+
+    def _recover(self, assembled: Assembled, values: dict[str, Array], slopes: dict[str, Array], gradients: bool) -> None:
+        """Add eliminated massless nodes, from their neighbours."""
+        if not assembled.reduced.recover:
+            return
+        times, size = self.experiment.times, len(self.free)
+        for b in self.wiring.network.boundaries:
+            values[b] = self.wiring.boundary(b, times, assembled.offsets)
+            if gradients:
+                slopes[b] = np.broadcast_to(gradient_of(assembled.offsets[b], size), (times.size, size))
+        for node, weights in assembled.reduced.recover:
+            if not all(n in values for n in weights):
+                continue
+            values[node] = np.sum([value_of(w) * values[n] for n, w in weights.items()], axis=0)
+            if gradients:
+                parts = [value_of(w) * slopes[n] + np.outer(values[n], gradient_of(w, size)) for n, w in weights.items()]
+                slopes[node] = np.sum(parts, axis=0)
+
+
+def _kept_for(assembled: Assembled, nodes: Sequence[str]) -> tuple[str, ...]:
+    """Return the nodes that the kernel must store so that `nodes` can be had."""
+    recover = dict(assembled.reduced.recover)
+    wanted, out = list(nodes), {}  # type: tuple[list[str], dict[str, None]]
+    while wanted:
+        node = wanted.pop(0)
+        if node in recover:
+            wanted += recover[node]
+        elif node in assembled.reduced.nodes:
+            out[node] = None
+    return tuple(out)
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """One sensor of one record at some values of the unknowns.
+
+    Parameters
+    ----------
+    record, sensor, node : str      Names.
+    times : array (samples,)        [s]
+    measured, predicted : array     Reading, and what the model with its sensor's constant error says. [K]
+    noise : float                   The weight's standard deviation. [K]
+    """
+
+    record: str
+    sensor: str
+    node: str
+    times: Array
+    measured: Array
+    predicted: Array
+    noise: float
+
+    @property
+    def residuals(self) -> Array:
+        """Measured less predicted (samples,). [K]"""
+        return self.measured - self.predicted
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """All records of a fit, as weighted residuals over the unknowns.
+
+    Parameters
+    ----------
+    experiments : tuple     The records, bound to the model.
+    unknowns : tuple        What is looked for.
+    noise : dict            Sensor -> standard deviation used as weight. [K]
+    options : Options       The integrator's.
+    fixed_bias : dict       Sensor -> constant error that is not looked for. [K]
+    coupled : tuple         (positions of unknowns, mean, inverse square root of the covariance) of joint priors, in the fitted form.
+    """
+
+    experiments: tuple[Experiment, ...]
+    unknowns: tuple[Unknown, ...]
+    noise: dict[str, float]
+    options: Options
+    fixed_bias: dict[str, float] = field(default_factory=dict)
+    coupled: tuple[tuple[NDArray[np.int64], Array, Array], ...] = ()
+    _benches: list[Bench] = field(default_factory=list, repr=False)
+
+    def benches(self) -> list[Bench]:
+        """Return one bench per experiment, made once."""
+        if not self._benches:
+            for i, experiment in enumerate(self.experiments):
+                names = [name for u in self.unknowns for k, name in u.targets if k == i]
+                self._benches.append(Bench.of(experiment, names))
+        return self._benches
+
+    def _positions(self, i: int) -> list[int]:
+        return [k for k, u in enumerate(self.unknowns) for e, _ in u.targets if e == i]
+
+    def _bias(self, sensor: str, fitted: Array) -> tuple[float, int | None]:
+        """Return the constant error of a sensor and its position among the unknowns."""
+        for k, u in enumerate(self.unknowns):
+            if u.kind == "sensor" and u.name == f"sensor {sensor}":
+                return float(fitted[k]), k
+        return self.fixed_bias.get(sensor, 0.0), None
+
+    def _inputs(self, i: int, fitted: Array) -> tuple[Array, Array]:
+        """Return the values of an experiment's free names and their slopes to the fitted form."""
+        at = self._positions(i)
+        values = np.array([self.unknowns[k].to_value(float(fitted[k])) for k in at])
+        slopes = np.array([self.unknowns[k].slope(float(fitted[k])) for k in at])
+        return values, slopes
+
+    def blocks(self, fitted: Array) -> list[Block]:
+        """Return measured and predicted readings of every sensor of every record."""
+        out = []
+        for i, bench in enumerate(self.benches()):
+            x, _ = self._inputs(i, fitted)
+            columns, _ = bench.temperatures(x, False, self.options)
+            for k, o in enumerate(bench.experiment.observations):
+                bias, _ = self._bias(o.sensor, fitted)
+                predicted = columns[o.index, k] + bias
+                times = bench.experiment.times[o.index]
+                out.append(Block(bench.experiment.record.name, o.sensor, o.node, times, o.measured, predicted, self.noise[o.sensor]))
+        return out
+
+    def residuals(self, fitted: Array) -> Array:
+        """Return the weighted residuals of all data. [-]"""
+        try:
+            return np.concatenate([(b.measured - b.predicted) / b.noise for b in self.blocks(fitted)])
+        except SolverError:
+            return np.full(self.samples, FAILED)
+
+    @property
+    def samples(self) -> int:
+        """How many readings there are."""
+        return sum(o.index.size for e in self.experiments for o in e.observations)
+
+    def jacobian(self, fitted: Array) -> Array:
+        """Return d residuals / d fitted (samples, unknowns)."""
+        parts = [self._bench_jacobian(i, bench, fitted) for i, bench in enumerate(self.benches())]
+        return np.concatenate(parts)
+
+    def _bench_jacobian(self, i: int, bench: Bench, fitted: Array) -> Array:
+        x, slopes = self._inputs(i, fitted)
+        _, derivatives = bench.temperatures(x, True, self.options)
+        at = self._positions(i)
+        rows = []
+        for k, o in enumerate(bench.experiment.observations):
+            part = np.zeros((o.index.size, len(self.unknowns)))
+            np.add.at(part.T, at, -(derivatives[o.index, k, :] * slopes / self.noise[o.sensor]).T)
+            _, position = self._bias(o.sensor, fitted)
+            if position is not None:
+                part[:, position] = -1.0 / self.noise[o.sensor]
+            rows.append(part)
+        return np.concatenate(rows)
+
+    def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
+        """Return the residuals of the priors and their derivatives."""
+        values, slopes = [], []
+        for k, u in enumerate(self.unknowns):
+            if u.prior is not None:
+                row = np.zeros(len(self.unknowns))
+                row[k] = 1.0 / u.prior.sd
+                values.append((float(fitted[k]) - u.prior.mean) / u.prior.sd)
+                slopes.append(row)
+        for at, mean, root in self.coupled:
+            rows = np.zeros((len(at), len(self.unknowns)))
+            rows[:, at] = root
+            values += list(root @ (fitted[at] - mean))
+            slopes += list(rows)
+        return np.array(values), np.array(slopes).reshape(len(values), len(self.unknowns))
+
+    def observations(self) -> list[Observation]:
+        """Return every observation of every experiment."""
+        return [o for e in self.experiments for o in e.observations]

@@ -1,0 +1,188 @@
+"""Fitted values: their own file, with errors, covariance and origin; never written back into the author's deck."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.expression import Expression, Literal
+from thermid.model.parameter import Parameter
+from thermid.units import unit
+
+__all__ = ["FittedValue", "FittedValues", "load_values"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FittedValue:
+    """One fitted number.
+
+    Parameters
+    ----------
+    path : str              Parameter path, or ``sensor <name>`` for a constant error.
+    value : float           [SI]
+    error : float           Standard error, constant errors of sensors and powers included. [SI]
+    error_random : float    Standard error from the noise alone. [SI]
+    log : bool              Whether it was fitted by its logarithm.
+    unit : str              For people.
+    start : float           [SI]
+    bounds : (float, float) [SI]
+    origin : str            Stage, records, version.
+    """
+
+    path: str
+    value: float
+    error: float
+    error_random: float
+    log: bool
+    unit: str
+    start: float
+    bounds: tuple[float, float]
+    origin: str = ""
+
+    def as_parameter(self) -> Parameter:
+        """Return it as a parameter of a model."""
+        of = unit(self.unit)
+        plain = (self.value - float(of.offset)) / float(of.factor)
+        text = f"{plain!r} [{self.unit}]"
+        # the float itself is kept, so that a value does not change by being written and read
+        import ast
+
+        tree = ast.parse(repr(abs(plain)), mode="eval").body
+        return Parameter(Expression(text, (), Literal(self.value, of), tree), source="", note=self.origin)
+
+    def shown(self, number: float) -> float:
+        """Return an SI number or difference in the value's unit."""
+        return number / float(unit(self.unit).factor)
+
+    @property
+    def in_unit(self) -> float:
+        """The value in its unit."""
+        of = unit(self.unit)
+        return (self.value - float(of.offset)) / float(of.factor)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedValues(Mapping[str, FittedValue]):
+    """The fitted values of a stage, by path, with their joint covariance.
+
+    Parameters
+    ----------
+    stage : str                     Name of the stage.
+    items_ : dict                   Path -> FittedValue.
+    covariance : array              Of the fitted forms, in the order of `items_`.
+    provenance : dict               Records with checksums, version, date.
+    """
+
+    stage: str
+    items_: Mapping[str, FittedValue]
+    covariance: Array
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, path: str) -> FittedValue:
+        """Return one value.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest path.
+        """
+        if path not in self.items_:
+            raise NameNotFoundError(f"'{path}' was not fitted.{nearest(path, self.items_)}", self.stage)
+        return self.items_[path]
+
+    def __contains__(self, path: object) -> bool:
+        """Whether a path was fitted."""
+        return path in self.items_
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the paths."""
+        return iter(self.items_)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.items_)
+
+    @property
+    def parameters(self) -> dict[str, FittedValue]:
+        """Those that are parameters of a model."""
+        return {p: v for p, v in self.items_.items() if not p.startswith("sensor ")}
+
+    @property
+    def sensors(self) -> dict[str, FittedValue]:
+        """Sensor -> its constant error."""
+        return {p.removeprefix("sensor "): v for p, v in self.items_.items() if p.startswith("sensor ")}
+
+    def origin(self, path: str) -> str:
+        """Return who set a value."""
+        return self[path].origin
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the values as TOML."""
+        import tomlkit
+
+        document = tomlkit.document()
+        document.add(tomlkit.comment("Fitted values. Written by thermid; the decks stay as their authors wrote them."))
+        document.add("schema", 1)
+        document.add("stage", self.stage)
+        document.add("provenance", dict(self.provenance))
+        table = tomlkit.table(is_super_table=True)
+        for name, v in self.items_.items():
+            entry = tomlkit.table()
+            entry.add("value", v.value)
+            entry.add("text", f"{v.in_unit:.9g} [{v.unit}]")
+            entry.add("error", _finite(v.error))
+            entry.add("error_random", _finite(v.error_random))
+            entry.add("transform", "log" if v.log else "linear")
+            entry.add("unit", v.unit)
+            entry.add("start", v.start)
+            entry.add("bounds", [_finite(b) for b in v.bounds])
+            entry.add("origin", v.origin)
+            table.add(tomlkit.key(name) if "." not in name and " " not in name else tomlkit.SingleKey(name, tomlkit.items.KeyType.Basic), entry)
+        document.add("values", table)
+        document.add("covariance", [[float(x) for x in row] for row in self.covariance])
+        Path(path).write_text(tomlkit.dumps(document), encoding="utf-8")
+
+
+def _finite(number: float) -> float | str:
+    return number if np.isfinite(number) else str(number)
+
+
+def load_values(path: str | os.PathLike[str]) -> FittedValues:
+    """Return the values of a file that `FittedValues.save` wrote.
+
+    Raises
+    ------
+    DeckError   When it is missing or is no values file.
+    """
+    target = Path(path)
+    if not target.is_file():
+        raise DeckError(f"there is no values file '{target.name}'. Run the calibration first.")
+    try:
+        data = tomllib.loads(target.read_text(encoding="utf-8"))
+        items = {
+            name: FittedValue(
+                name,
+                float(v["value"]),
+                float(v["error"]),
+                float(v["error_random"]),
+                v["transform"] == "log",
+                v["unit"],
+                float(v["start"]),
+                (float(v["bounds"][0]), float(v["bounds"][1])),
+                v["origin"],
+            )
+            for name, v in data["values"].items()
+        }
+        covariance = np.array(data["covariance"], dtype=float).reshape(len(items), len(items))
+        return FittedValues(data["stage"], items, covariance, data["provenance"])
+    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError, UnicodeDecodeError) as error:
+        raise DeckError(f"this is no values file of thermid: {error}.", target.name) from None

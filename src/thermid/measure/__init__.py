@@ -1,0 +1,7 @@
+"""Records of measured temperatures: channels, readers of logs, preparation. It knows nothing of models."""
+
+from thermid.measure.channel import Channel, Origin
+from thermid.measure.readers import read_record
+from thermid.measure.record import Record, Table
+
+__all__ = ["Channel", "Origin", "Record", "Table", "read_record"]

@@ -1,0 +1,73 @@
+"""Text with a unit, or an SI float, as the SI float that a slot of a record needs."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from thermid.errors import RecordError, ThermidError
+from thermid.expression import parse
+from thermid.units import format_value, require
+
+__all__ = ["amount", "duration_text", "positive_seconds", "seconds"]
+
+
+def amount(given: object, slot: str, what: str) -> float:
+    """Return an SI value for a slot.
+
+    Parameters
+    ----------
+    given : str or float   Text with a unit, ``"0.3 [K]"``, or a number in SI.
+    slot : str             The unit that is needed, or `units.TEMPERATURE`.
+    what : str             What the value is for, for the message.
+
+    Raises
+    ------
+    RecordError   When it is neither a number nor a text with a unit, or not finite.
+    UnitError     When its unit has another dimension.
+    """
+    if isinstance(given, int | float) and not isinstance(given, bool):
+        value = float(given)
+    elif isinstance(given, str):
+        try:
+            literal = parse(given).literal
+            if literal is None:
+                raise RecordError(f"'{given}' is no number. Write a number with its unit, such as '4 [s]'.")
+            require(literal.unit.dimension, slot, literal.unit.text, literal.unit.absolute)
+        except ThermidError as error:
+            raise error.located(what) from None
+        value = literal.value
+    else:
+        raise RecordError(f"{given!r} is neither a number nor a text with a unit, such as '4 [s]'.", what)
+    if not isfinite(value):
+        raise RecordError(f"{given!r} is not finite.", what)
+    return value
+
+
+def seconds(given: object, what: str) -> float:
+    """Return a time [s]."""
+    return amount(given, "s", what)
+
+
+def positive_seconds(given: object, what: str) -> float:
+    """Return a time above zero, such as a window [s].
+
+    Raises
+    ------
+    RecordError   When it is zero or negative.
+    """
+    value = seconds(given, what)
+    if value <= 0:
+        raise RecordError(f"{format_value(value, 's')} is not above zero.", what)
+    return value
+
+
+def duration_text(value: float) -> str:
+    """Return a time in the unit in which it reads best.
+
+    >>> duration_text(18000.0)
+    '5 h'
+    """
+    for limit, size, name in ((7200.0, 3600.0, "h"), (120.0, 60.0, "min")):
+        if value >= limit:
+            return f"{value / size:.4g} {name}"
+    return f"{value:.4g} s"

@@ -1,0 +1,147 @@
+"""What `channels`, `noise`, `accuracy` and `units` of `read_record` ask for, column by column."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.measure.amounts import amount
+from thermid.measure.columns import name_and_unit
+from thermid.units import TEMPERATURE, describe, require, unit
+
+__all__ = ["Binding", "bindings", "find_column", "sd", "unit_and_quantity"]
+
+_ROLE_KEYS: Final = ("node", "boundary", "load", "command")
+_KEYS: Final = (*_ROLE_KEYS, "gain", "noise", "accuracy", "resolution", "unit")
+
+
+@dataclass(frozen=True)
+class Binding:
+    """What is asked of one column; units and errors still as written."""
+
+    name: str
+    column: str
+    role: str = "auto"
+    target: str | None = None
+    gain: str | None = None
+    noise: str | float | None = None
+    accuracy: str | float | None = None
+    resolution: str | float | None = None
+    unit: str | None = None
+
+
+def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, str | float]], where: str) -> list[Binding]:
+    """Return a binding for each channel.
+
+    Parameters
+    ----------
+    channels : mapping   Target to column name, or column name to table.
+    extra : mapping      'noise', 'accuracy' and 'unit', each by channel name.
+    where : str          The file, for messages.
+
+    Raises
+    ------
+    RecordError         When a table has an unknown key, two roles, or a value that was also given elsewhere.
+    NameNotFoundError   When `extra` names a channel that is not read.
+    """
+    if not channels:
+        raise RecordError("no channel is asked for. Give channels={'node': 'column'}.", where)
+    out = {key: _one(key, given, f"{where}, channels.{key}") for key, given in channels.items()}
+    for word, values in extra.items():
+        for name, value in values.items():
+            if name not in out:
+                raise NameNotFoundError(
+                    f"{word} is given for '{name}', which is no channel; there are {', '.join(out)}.{nearest(name, out)}", where
+                )
+            if getattr(out[name], word) is not None:
+                raise RecordError(f"its {word} is given twice. Give it in the table or beside it.", f"{where}, channels.{name}")
+            field: dict[str, Any] = {word: value}
+            out[name] = replace(out[name], **field)
+    return list(out.values())
+
+
+def _one(key: str, given: object, where: str) -> Binding:
+    """Return one binding, from a column name or a table."""
+    if isinstance(given, str):
+        return Binding(key, given, target=key)
+    if not isinstance(given, Mapping):
+        raise RecordError(f"{given!r} is neither the name of a column nor a table.", where)
+    for word in given:
+        if word not in _KEYS:
+            raise RecordError(f"no key '{word}'; there are {', '.join(_KEYS)}.{nearest(str(word), _KEYS)}", where)
+    for word in (*_ROLE_KEYS, "gain", "unit"):
+        if word in given and not (isinstance(given[word], str) and given[word].strip()):
+            raise RecordError(f"{word} = {given[word]!r} is no text.", where)
+    roles = [word for word in _ROLE_KEYS if word in given]
+    if len(roles) > 1:
+        raise RecordError(f"it has the roles {' and '.join(roles)}; a channel has one.", where)
+    role = roles[0] if roles else "auto"
+    if "gain" in given and role not in ("load", "command"):
+        raise RecordError("a gain turns a command into a power, so it needs load = '...' or command = '...' beside it.", where)
+    rest = {word: given[word] for word in ("gain", "noise", "accuracy", "resolution", "unit") if word in given}
+    return Binding(key, key, role, given[role] if roles else None, **rest)
+
+
+def find_column(header: tuple[str, ...], wanted: str, where: str) -> int:
+    """Return the place of a column, asked for by its header as written or by the name before its unit.
+
+    Raises
+    ------
+    NameNotFoundError   When there is none.
+    RecordError         When there are several.
+    """
+    hits = [at for at, name in enumerate(header) if name == wanted] or [
+        at for at, name in enumerate(header) if name_and_unit(name)[0] == wanted
+    ]
+    if not hits:
+        raise NameNotFoundError(f"no column '{wanted}'; there are {', '.join(header)}.{nearest(wanted, header)}", where)
+    if len(hits) > 1:
+        raise RecordError(f"{len(hits)} columns are called '{wanted}'. Rename them.", where)
+    return hits[0]
+
+
+def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> tuple[str, str]:
+    """Return the unit of a column and what it measures.
+
+    The unit is the one given, else the one in the header's bracket, else degC for temperatures, W for loads, % for commands and for loads
+    with a gain.
+
+    Raises
+    ------
+    UnitError     When the unit does not fit the role.
+    RecordError   When the unit given and the one in the header differ.
+    """
+    drives = binding.role == "command" or binding.gain is not None
+    text = binding.unit or header_unit or ("%" if drives else "W" if binding.role == "load" else "degC")
+    try:
+        of = unit(text)
+        if binding.unit and header_unit and _known(header_unit) and unit(header_unit) != replace(of, text=unit(header_unit).text):
+            raise RecordError(f"its header says [{header_unit}] and its unit is given as '{binding.unit}'. Correct one of them.")
+        if binding.role in ("node", "boundary"):
+            require(of.dimension, TEMPERATURE, text, of.absolute)
+        elif binding.role == "load" and not drives:
+            require(of.dimension, "W", text)
+    except ThermidError as error:
+        raise error.located(where) from None
+    if drives:
+        return text, "command"
+    for quantity, known in (("temperature", "K"), ("power", "W"), ("command", "1")):
+        if of.dimension == unit(known).dimension:
+            return text, quantity
+    return text, describe(of.dimension).removeprefix("an ").removeprefix("a ")
+
+
+def _known(text: str) -> bool:
+    """Whether a text is a unit."""
+    try:
+        unit(text)
+    except ThermidError:
+        return False
+    return True
+
+
+def sd(given: str | float | None, of_unit: str, quantity: str, what: str) -> float | None:
+    """Return a standard deviation or resolution of a channel; a difference where the channel is a temperature [SI]."""
+    return None if given is None else amount(given, "K" if quantity == "temperature" else of_unit, what)

@@ -1,0 +1,189 @@
+"""A text log as a record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from thermid.errors import NameNotFoundError, RecordError
+from thermid.measure.bindings import Binding, bindings, find_column, sd, unit_and_quantity
+from thermid.measure.channel import BoolArray, Channel, FloatArray, Origin, digest
+from thermid.measure.columns import decimal_sign, name_and_unit, numbers, read_times
+from thermid.measure.export import from_unit
+from thermid.measure.record import Record
+from thermid.measure.textfile import Cells, read_cells
+
+__all__ = ["read_record"]
+
+_TIME_NAMES: Final = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")
+
+
+def read_record(
+    path: str | Path,
+    channels: Mapping[str, str | Mapping[str, object]],
+    *,
+    time: str | None = None,
+    noise: Mapping[str, str | float] | None = None,
+    accuracy: Mapping[str, str | float] | None = None,
+    units: Mapping[str, str] | None = None,
+    name: str | None = None,
+    separator: str | None = None,
+    decimal: str | None = None,
+    clock: str | None = None,
+) -> Record:
+    """Return the channels of a text log.
+
+    Parameters
+    ----------
+    path : str or Path       A log with a header line: commas, semicolons or tabs, plain or gzip; lines that start with '#' are comments.
+    channels : mapping       Target to column, ``{"case": "ACC_X"}``, or column to table,
+                             ``{"T1": {"node": "h1.sensor", "noise": "0.3 [K]"}}``. A table has one of node,
+                             boundary, load, command (a path in the model), and gain, noise, accuracy, resolution, unit.
+    time : str or None       The time column; by default the only one called time, time_s, t, t_s, timestamp, datetime or seconds.
+    noise, accuracy : mapping   Standard deviation of one sample, and of the constant error, by channel name.
+    units : mapping          Unit by channel name, or of the time column. Without it, and without a bracket in the header such as
+                             ``T1 [degC]``: seconds, degC for temperatures, W for loads, % for commands and for loads with a gain.
+    name : str or None       Name of the record; by default the file's.
+    separator, decimal : str or None   Separator of the columns and decimal sign, where the file leaves them open.
+    clock : str or None      Form of the stamps for `datetime.strptime`, where they are neither seconds nor ISO 8601 nor HH:MM:SS.
+
+    Raises
+    ------
+    MissingDataError    When there is no such file.
+    NameNotFoundError   When a column or channel does not exist.
+    RecordError         When the log cannot be read for certain; the message gives the line.
+    UnitError           When a unit does not fit.
+
+    Notes
+    -----
+    Samples of one stamp are averaged; of a power or command the last one holds. Empty cells, NaN, NA, N/A and null are masked as
+    'not a number'.
+    """
+    cells = read_cells(path, separator)
+    at = _time_column(cells, time)
+    time_name, time_unit = name_and_unit(cells.header[at])
+    given = dict(units or {})
+    for key in (cells.header[at], time_name):
+        time_unit = given.pop(key, time_unit) if key not in channels else time_unit
+    asked = bindings(channels, {"noise": noise or {}, "accuracy": accuracy or {}, "unit": given}, cells.file)
+    sign = decimal_sign(cells, decimal)
+    times, start = read_times(cells, at, sign, clock, time_unit)
+    if times[0] == times[-1]:
+        found = "one sample" if times.size == 1 else f"{times.size} samples of one stamp"
+        raise RecordError(f"the log has {found}; a record needs two times.", cells.file)
+    parsed = [numbers(column, sign) if place != at else times for place, column in enumerate(cells.columns)]
+    made = [_channel(cells, each, parsed) for each in asked]
+    origin = _origin(cells, at, parsed, start)
+    notes = list(cells.notes) + ([f"read with decimal '{sign}'"] if sign == "," and decimal is None else [])
+    stem = Path(path).name.removesuffix(".gz")
+    times, made, repeated = _one_per_stamp(times, made)
+    if repeated:
+        notes.append(repeated)
+    for each in made:
+        try:
+            each.checked()
+        except RecordError as error:
+            raise RecordError(error.message, cells.where(None, each.column)) from None
+    return Record(name or stem.rpartition(".")[0] or stem, times, {each.name: each for each in made}, origin, tuple(notes))
+
+
+def _time_column(cells: Cells, wanted: str | None) -> int:
+    """Return the place of the time column.
+
+    Raises
+    ------
+    NameNotFoundError   When it is not there, or none is named and none is called so.
+    RecordError         When several could be it.
+    """
+    if wanted is not None:
+        return find_column(cells.header, wanted, f"{cells.file}, time")
+    # 't' is a time and 'T' a temperature, so the case of a single letter counts
+    names = [name_and_unit(header)[0] for header in cells.header]
+    hits = [at for at, name in enumerate(names) if (name.lower() if len(name) > 3 else name) in _TIME_NAMES]
+    if not hits:
+        raise NameNotFoundError(
+            f"no time column: none of {', '.join(cells.header)} is called {', '.join(_TIME_NAMES)}. Give time='...'.", cells.file
+        )
+    if len(hits) > 1:
+        raise RecordError(f"{' and '.join(cells.header[at] for at in hits)} could each be the time column. Give time='...'.", cells.file)
+    return hits[0]
+
+
+def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> Channel:
+    """Return one channel in SI.
+
+    Raises
+    ------
+    RecordError   When its column holds text.
+    """
+    at = find_column(cells.header, binding.column, f"{cells.file}, channels.{binding.name}")
+    column, header_unit = name_and_unit(cells.header[at])
+    where = cells.where(None, column)
+    unit_text, quantity = unit_and_quantity(binding, header_unit, where)
+    samples = parsed[at]
+    if isinstance(samples, int):
+        text = cells.columns[at][samples]
+        raise RecordError(
+            f"'{text}' is no number. Missing samples are written empty, NaN or NA; with decimal commas, give decimal=','.",
+            cells.where(samples, column),
+        )
+    return Channel.of(
+        binding.name,
+        from_unit(samples, unit_text),
+        quantity=quantity,
+        role=binding.role,
+        target=binding.target,
+        gain=binding.gain,
+        noise=sd(binding.noise, unit_text, quantity, f"{where}, noise"),
+        accuracy=sd(binding.accuracy, unit_text, quantity, f"{where}, accuracy"),
+        resolution=sd(binding.resolution, unit_text, quantity, f"{where}, resolution"),
+        column=column,
+        unit=unit_text,
+    )
+
+
+def _origin(cells: Cells, at: int, parsed: list[FloatArray | int], start: str | None) -> Origin:
+    """Return the origin, with the hash of the times and of every column that has numbers and no text."""
+    names = [name_and_unit(header)[0] for header in cells.header]
+    hashed = [
+        (names[place], each)
+        for place, each in enumerate(parsed)
+        if place != at and not isinstance(each, int) and not np.all(np.isnan(each))
+    ]
+    sha = digest([(names[at], parsed[at]), *hashed])
+    return Origin(cells.file, sha, start, tuple(names), len(cells.lines), names[at])
+
+
+def _one_per_stamp(times: FloatArray, channels: list[Channel]) -> tuple[FloatArray, list[Channel], str]:
+    """Return one sample for each stamp, and a note where several had one."""
+    new = np.diff(times, prepend=-np.inf) > 0
+    if new.all():
+        return times, channels, ""
+    first = np.flatnonzero(new)
+    last = np.append(first[1:], times.size) - 1
+    group = np.cumsum(new) - 1
+    out = []
+    for each in channels:
+        values, valid = _last_valid(each, group, last) if each.held else _mean_valid(each, group, first)
+        out.append(Channel(**{**each.__dict__, "values": values, "valid": valid, "masks": {}}))
+    note = (
+        f"{times.size - first.size} of {times.size} rows repeat a stamp: temperatures are averaged, of powers and commands the last holds"
+    )
+    return times[first], out, note
+
+
+def _mean_valid(channel: Channel, group: np.ndarray, first: np.ndarray) -> tuple[FloatArray, BoolArray]:
+    """Return the mean of the valid samples of each group."""
+    count = np.bincount(group, channel.valid, minlength=first.size)
+    total = np.bincount(group, np.where(channel.valid, channel.values, 0.0), minlength=first.size)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan), count > 0
+
+
+def _last_valid(channel: Channel, group: np.ndarray, last: np.ndarray) -> tuple[FloatArray, BoolArray]:
+    """Return the last valid sample of each group."""
+    place = np.maximum.accumulate(np.where(channel.valid, np.arange(group.size), -1))[last]
+    valid = (place >= 0) & (group[place] == group[last])
+    return np.where(valid, channel.values[place], np.nan), valid

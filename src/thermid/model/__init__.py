@@ -1,0 +1,1 @@
+"""What the hardware is: parameters, elements, the tree, the area ledger, the deck."""

@@ -1,0 +1,197 @@
+"""Between the tables of a deck and the elements of a model, both ways."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from thermid.errors import DeckError, nearest
+from thermid.model.curves import Curve, curve
+from thermid.model.elements import LOAD_SLOTS, Conductor, HeatLoad, Joint, Node, Surface
+from thermid.model.kinds import KINDS
+from thermid.model.model import Model
+from thermid.model.parameter import Parameter, parameter
+from thermid.model.signal import literal
+from thermid.units import unit
+
+__all__ = ["elements_from", "elements_to", "written"]
+
+Where = Callable[[str], str]
+NODE_FIELDS = ("mass", "specific_heat", "capacitance")
+SURFACE_FIELDS = ("area", "htc", "effective_htc", "emissivity")
+JOINT_FIELDS = ("area", "contact_conductance", "conductivity", "thickness", "gap")
+LOAD_FIELDS = tuple(dict.fromkeys(slot.partition(".")[0] for slot in LOAD_SLOTS))
+PLAIN_GROUPS = {"to", "sensor"}
+
+
+def _fields(table: Mapping[str, Any], names: tuple[str, ...], where: Where, key: str) -> dict[str, Parameter]:
+    """Return field -> parameter; a table without `value` is a group, whose fields are ``group.field``."""
+    out = {}
+    for name in names:
+        if name not in table:
+            continue
+        given = table[name]
+        if isinstance(given, Mapping) and "value" not in given:
+            for inner, value in given.items():
+                if inner not in PLAIN_GROUPS:
+                    out[f"{name}.{inner}"] = parameter(_cleaned(value), where(f"{key}.{name}.{inner}"))
+        else:
+            out[name] = parameter(_cleaned(given), where(f"{key}.{name}"))
+    return out
+
+
+def _cleaned(value: Any) -> Any:
+    return {k: v for k, v in value.items() if v not in (None, "")} if isinstance(value, Mapping) else value
+
+
+def _points(table: Mapping[str, Any], slot: str, where: str) -> Curve | None:
+    """Return the curve of a table of points."""
+    given = table.get("table")
+    if given is None:
+        return None
+    over = given.get("over", "temperature")
+    x_slot = "temperature" if over == "temperature" else "K"
+    return curve(over, [(literal(x, x_slot, where), literal(y, slot, where)) for x, y in given["points"]], where)
+
+
+def elements_from(deck: Mapping[str, Any], where: Where) -> dict[str, dict[str, Any]]:
+    """Return the element tables of a `Model` from those of a deck.
+
+    Raises
+    ------
+    DeckError   When an element lacks what it needs, or has two of what it may have once.
+    """
+    return {
+        "nodes": {n: _node(n, t, where) for n, t in deck["nodes"].items()},
+        "surfaces": {n: _surface(n, t, where) for n, t in deck["surfaces"].items()},
+        "conductors": {n: _conductor(n, t, where) for n, t in deck["conductors"].items()},
+        "joints": {n: _joint(n, t, where) for n, t in deck["joints"].items()},
+        "loads": {n: _load(n, t, where) for n, t in deck["loads"].items()},
+    }
+
+
+def _node(name: str, table: Mapping[str, Any], where: Where) -> Node:
+    fields = _fields(table, NODE_FIELDS, where, f"nodes.{name}")
+    if set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
+        raise DeckError("a node has mass and specific_heat, or capacitance, or nothing (a massless node).", where(f"nodes.{name}"))
+    return Node(fields, table["reference_point"], table["test_only"])
+
+
+def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
+    key = f"surfaces.{name}"
+    fields = _fields(table, SURFACE_FIELDS, where, key)
+    if "effective_htc" in fields and any(f.startswith("htc") for f in fields):
+        raise DeckError(
+            "a surface has htc (convection alone) or effective_htc (convection and radiation together, as fitted in air), not both.", where(key)
+        )
+    if not {"htc", "htc.coefficient", "effective_htc", "emissivity"} & set(fields):
+        raise DeckError("a surface exchanges nothing: give htc, effective_htc or emissivity.", where(key))
+    return Surface(table["of"], table["to"], fields, table["radiates_to"], table["test_only"])
+
+
+def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
+    key = f"conductors.{name}"
+    kind = KINDS[table["kind"]]
+    given = _fields(table, tuple(dict.fromkeys(s.partition(".")[0] for k in KINDS.values() for s in k.slots)), where, key)
+    if set(given) not in [set(a) for a in kind.alternatives]:
+        wanted = " or ".join(" and ".join(sorted(a)) for a in kind.alternatives if a)
+        strange = sorted(set(given) - set(kind.slots))
+        also = f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}" if strange else ""
+        raise DeckError(f"a conductor of kind '{table['kind']}' needs {wanted}.{also}", where(key))
+    shape = _points(table, "W/K", where(key))
+    if (shape is not None) != kind.needs_curve:
+        raise DeckError(f"a conductor of kind '{table['kind']}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(key))
+    if table["between"][0] == table["between"][1]:
+        raise DeckError("both ends are the same node.", where(key))
+    return Conductor(table["kind"], (table["between"][0], table["between"][1]), given, shape, table["test_only"])
+
+
+def _joint(name: str, table: Mapping[str, Any], where: Where) -> Joint:
+    key = f"joints.{name}"
+    fields = _fields(table, JOINT_FIELDS, where, key)
+    own = {f for f in fields if not f.startswith("gap.")}
+    if own not in ({"area", "contact_conductance"}, {"area", "conductivity", "thickness"}):
+        raise DeckError("a joint needs area and contact_conductance, or area, conductivity and thickness, of each half.", where(key))
+    return Joint((table["between"][0], table["between"][1]), fields, table["mid"], table.get("gap", {}).get("to", ""), table["test_only"])
+
+
+def _load(name: str, table: Mapping[str, Any], where: Where) -> HeatLoad:
+    key = f"loads.{name}"
+    fields = _fields(table, LOAD_FIELDS, where, key)
+    shape = _points(table, "W", where(key))
+    if ("power" in fields) == (shape is not None):
+        raise DeckError("a load has power, or a table of power over temperature; one of them.", where(key))
+    controls = [c for c in ("periodic", "sine", "thermostat", "proportional") if c in table]
+    curved = [f for f in fields if f.endswith("_coefficient")]
+    if len(controls) > 1 or (controls and controls[0] in ("thermostat", "proportional") and (curved or shape is not None)):
+        raise DeckError(f"{' and '.join([*controls, *curved])} cannot act on one load. Split it into two loads.", where(key))
+    if curved and "reference_temperature" not in fields:
+        raise DeckError(f"{curved[0]} needs reference_temperature: the temperature at which `power` holds.", where(key))
+    if "exponential_coefficient" in fields and len(curved) > 1:
+        raise DeckError("exponential_coefficient and the polynomial coefficients exclude one another.", where(key))
+    if "scale" in fields and shape is None:
+        raise DeckError("scale belongs to a table of power; for a constant power change power itself.", where(key))
+    sensor = next((table[c].get("sensor", "") for c in controls if c in ("thermostat", "proportional")), "")
+    return HeatLoad(table["into"], fields, sensor, shape, table["test_only"])
+
+
+def written(given: Parameter) -> Any:
+    """Return what a deck writes for a parameter: a text, or a table where more is known."""
+    table: dict[str, Any] = {"value": given.text}
+    of = given.expression.literal.unit if given.expression.literal else unit("1")
+    for key, bound in (("min", given.minimum), ("max", given.maximum)):
+        if bound is not None:
+            table[key] = _in_unit(bound, float(of.factor), float(of.offset))
+    table |= {k: v for k, v in (("source", given.source), ("note", given.note), ("basis", given.basis)) if v}
+    return table if len(table) > 1 else given.text
+
+
+def _in_unit(value: float, factor: float, offset: float) -> float:
+    """Return an SI value in a unit, as the shortest number that converts back to the same float."""
+    plain = (value - offset) / factor
+    return next((short for digits in range(1, 18) if (short := float(f"{plain:.{digits}g}")) * factor + offset == value), plain)
+
+
+def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
+    """Return fields as a deck writes them, ``group.field`` as a table."""
+    out: dict[str, Any] = {}
+    for name, given in fields.items():
+        group, _, inner = name.partition(".")
+        if inner:
+            out.setdefault(group, {})[inner] = written(given)
+        else:
+            out[name] = written(given)
+    return out
+
+
+def _curve_to(shape: Curve | None, slot: str) -> dict[str, Any]:
+    if shape is None:
+        return {}
+    return {"table": {"over": shape.over, "points": [[f"{x!r} [K]", f"{y!r} [{slot}]"] for x, y in zip(shape.x.tolist(), shape.y.tolist(), strict=True)]}}
+
+
+def elements_to(model: Model) -> dict[str, dict[str, Any]]:
+    """Return the element tables of a deck."""
+    flag: Callable[[Any], dict[str, bool]] = lambda e: {"test_only": True} if e.test_only else {}  # noqa: E731
+    nodes = {n: _grouped(e.fields) | ({"reference_point": True} if e.reference_point else {}) | flag(e) for n, e in model.nodes.items()}
+    surfaces = {
+        n: {"of": e.of, "to": e.to} | _grouped(e.fields) | ({"radiates_to": e.radiates_to} if e.radiates_to else {}) | flag(e)
+        for n, e in model.surfaces.items()
+    }
+    conductors = {
+        n: {"kind": e.kind, "between": list(e.between)} | _grouped(e.fields) | _curve_to(e.curve, "W/K") | flag(e) for n, e in model.conductors.items()
+    }
+    joints = {}
+    for n, joint in model.joints.items():
+        table = {"between": list(joint.between)} | _grouped(joint.fields) | ({"mid": joint.mid} if joint.mid else {}) | flag(joint)
+        if joint.gap_to:
+            table["gap"]["to"] = joint.gap_to
+        joints[n] = table
+    loads = {}
+    for n, load in model.loads.items():
+        table = {"into": load.into} | _grouped(load.fields) | _curve_to(load.curve, "W") | flag(load)
+        for control in ("thermostat", "proportional"):
+            if control in table and load.sensor:
+                table[control]["sensor"] = load.sensor
+        loads[n] = table
+    return {"nodes": nodes, "surfaces": surfaces, "conductors": conductors, "joints": joints, "loads": loads}

@@ -1,0 +1,136 @@
+"""What a model is made of: nodes, conductors, surfaces, joints, heat loads. Every value is a `Parameter` under its field's name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from thermid.model.curves import Curve
+from thermid.model.parameter import Parameter
+
+__all__ = ["LOAD_SLOTS", "NODE_SLOTS", "Conductor", "HeatLoad", "Joint", "Node", "Surface"]
+
+Fields = Mapping[str, Parameter]
+
+NODE_SLOTS: Mapping[str, str] = {"mass": "kg", "specific_heat": "J/(kg K)", "capacitance": "J/K"}
+LOAD_SLOTS: Mapping[str, str] = {
+    "power": "W",
+    "scale": "1",
+    "command_curve": "1",
+    "temperature_coefficient": "1/K",
+    "quadratic_coefficient": "1/K^2",
+    "exponential_coefficient": "1/K",
+    "reference_temperature": "temperature",
+    "periodic.period": "s",
+    "periodic.duty": "1",
+    "sine.amplitude": "W",
+    "sine.period": "s",
+    "thermostat.on_below": "temperature",
+    "thermostat.off_above": "temperature",
+    "proportional.gain": "W/K",
+    "proportional.setpoint": "temperature",
+}
+
+
+@dataclass(frozen=True)
+class Node:
+    """A thermal mass; without mass and capacitance it is arithmetic (massless).
+
+    Parameters
+    ----------
+    fields : dict           mass [kg] and specific_heat [J/(kg K)], or capacitance [J/K], or nothing.
+    reference_point : bool  Whether limits apply here.
+    test_only : bool        Whether it exists on the bench only (a sensor, a lead).
+    """
+
+    fields: Fields = field(default_factory=dict)
+    reference_point: bool = False
+    test_only: bool = False
+
+    @property
+    def is_arithmetic(self) -> bool:
+        """Whether it stores no heat."""
+        return not self.fields
+
+
+@dataclass(frozen=True)
+class Conductor:
+    """A path of heat between two nodes; positive from the first to the second.
+
+    Parameters
+    ----------
+    kind : str              One of `kinds.KINDS`.
+    between : (str, str)    Paths of the two nodes.
+    fields : dict           What the kind needs.
+    curve : Curve or None   For the kind `table`.
+    test_only : bool        Whether it exists on the bench only.
+    """
+
+    kind: str
+    between: tuple[str, str]
+    fields: Fields
+    curve: Curve | None = None
+    test_only: bool = False
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The outer surface of a node, declared once; joints take area from it and what is left exchanges with `to`.
+
+    Parameters
+    ----------
+    of : str            The node it belongs to.
+    to : str            The gas node or surroundings.
+    fields : dict       area [m^2]; htc (or htc.coefficient and htc.exponent) or effective_htc; emissivity [-].
+    radiates_to : str   Where it radiates to; `to` when empty.
+    """
+
+    of: str
+    to: str
+    fields: Fields
+    radiates_to: str = ""
+    test_only: bool = False
+
+    @property
+    def is_effective(self) -> bool:
+        """Whether its coefficient holds convection and radiation together."""
+        return "effective_htc" in self.fields
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Two surfaces pressed together: half-contacts that meet at a massless node, and a gap that loses heat from there.
+
+    Parameters
+    ----------
+    between : (str, str)    Paths of two surfaces.
+    fields : dict           area [m^2] and contact_conductance of each half [W/(m^2 K)], or conductivity and thickness of each half;
+                            gap.area [m^2] of each face and gap.htc [W/(m^2 K)].
+    mid : str               The name of the massless node; ``<joint>.mid`` when empty.
+    gap_to : str            The node that the gap loses heat to; empty without a gap.
+    """
+
+    between: tuple[str, str]
+    fields: Fields
+    mid: str = ""
+    gap_to: str = ""
+    test_only: bool = False
+
+
+@dataclass(frozen=True)
+class HeatLoad:
+    """Heat put into a node.
+
+    Parameters
+    ----------
+    into : str              The node.
+    fields : dict           power [W] and what changes it: see `LOAD_SLOTS`.
+    sensor : str            The node whose temperature a thermostat or proportional heater follows; `into` when empty.
+    curve : Curve or None   Power over the node's temperature. [W]
+    """
+
+    into: str
+    fields: Fields
+    sensor: str = ""
+    curve: Curve | None = None
+    test_only: bool = False

@@ -1,0 +1,217 @@
+"""The tree laid flat: every node, conductor and load with canonical names, still in terms of parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from thermid.errors import DeckError, ThermidError
+from thermid.model.curves import Curve
+from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, Surface
+from thermid.model.kinds import KINDS
+from thermid.model.model import Model
+from thermid.model.resolve import Names, ParameterSet
+from thermid.units import require
+
+__all__ = ["Flat", "FlatConductor", "FlatLoad", "FlatNode", "Take", "flatten"]
+
+
+@dataclass(frozen=True)
+class Take:
+    """Area that a joint takes from a surface: `count` times the parameter at `path`."""
+
+    joint: str
+    path: str
+    use: str
+
+
+@dataclass(frozen=True)
+class FlatNode:
+    """A node: field -> parameter path; empty fields for an arithmetic node."""
+
+    path: str
+    fields: Mapping[str, str]
+    reference_point: bool = False
+    where: str = ""
+
+
+@dataclass(frozen=True)
+class FlatConductor:
+    """A conductor: field -> parameter path, the area that joints take from it, and a factor on its conductance."""
+
+    path: str
+    kind: str
+    ends: tuple[str, str]
+    fields: Mapping[str, str]
+    curve: Curve | None = None
+    takes: tuple[Take, ...] = ()
+    factor: float = 1.0
+    gas: str = ""
+    emissivity: str = ""
+    where: str = ""
+
+
+@dataclass(frozen=True)
+class FlatLoad:
+    """A heat load: field -> parameter path."""
+
+    path: str
+    node: str
+    sensor: str
+    fields: Mapping[str, str]
+    curve: Curve | None = None
+    where: str = ""
+
+
+@dataclass(frozen=True)
+class Flat:
+    """A tree laid flat.
+
+    Parameters
+    ----------
+    names : Names                       Canonical nodes and boundaries.
+    parameters : ParameterSet           Every value by path.
+    nodes, conductors, loads : tuple    The elements.
+    surfaces : dict                     Surface path -> its area's parameter path and what joints take from it.
+    """
+
+    names: Names
+    parameters: ParameterSet
+    nodes: tuple[FlatNode, ...]
+    conductors: tuple[FlatConductor, ...]
+    loads: tuple[FlatLoad, ...]
+    surfaces: Mapping[str, tuple[str, tuple[Take, ...]]] = field(default_factory=dict)
+
+
+def _walk(model: Model, prefix: str = "") -> Iterator[tuple[Model, str]]:
+    yield model, prefix
+    for name, part in model.submodels.items():
+        yield from _walk(part.model, f"{prefix}{name}.")
+
+
+def flatten(model: Model) -> Flat:
+    """Return the tree laid flat, with every name resolved and every unit checked.
+
+    Raises
+    ------
+    ThermidError   With file and key path of the first thing that does not fit.
+    """
+    names, parameters = Names(model), ParameterSet(model)
+    takes = _takes(model, names)
+    nodes: list[FlatNode] = []
+    conductors: list[FlatConductor] = []
+    loads: list[FlatLoad] = []
+    surfaces: dict[str, tuple[str, tuple[Take, ...]]] = {}
+    for owner, prefix in _walk(model):
+        for name, node in owner.nodes.items():
+            fields = {f: f"{prefix}{name}.{f}" for f in node.fields}
+            nodes.append(FlatNode(prefix + name, fields, node.reference_point, owner.where(f"nodes.{name}")))
+        for name, joint in owner.joints.items():
+            mid = prefix + (joint.mid or f"{name}.mid")
+            nodes.append(FlatNode(mid, {}, False, owner.where(f"joints.{name}")))
+            conductors += _joint(owner, prefix, name, joint, mid, names)
+        for name, surface in owner.surfaces.items():
+            taken = tuple(takes.get(prefix + name, ()))
+            surfaces[prefix + name] = (f"{prefix}{name}.area", taken)
+            conductors += _surface(owner, prefix, name, surface, taken, names)
+        for name, c in owner.conductors.items():
+            key = f"conductors.{name}"
+            ends = (names.end(owner, prefix, c.between[0], key), names.end(owner, prefix, c.between[1], key))
+            fields = {f: f"{prefix}{name}.{f}" for f in c.fields}
+            gas = next((e for e in reversed(ends) if e in names.boundaries), ends[1])
+            conductors.append(FlatConductor(prefix + name, c.kind, ends, fields, c.curve, gas=gas, where=owner.where(key)))
+        for name, load in owner.loads.items():
+            loads.append(_load(owner, prefix, name, load, names))
+    flat = Flat(names, parameters, tuple(nodes), tuple(conductors), tuple(loads), surfaces)
+    _check_slots(flat)
+    return flat
+
+
+def _takes(model: Model, names: Names) -> dict[str, list[Take]]:
+    """Return surface path -> what each joint takes from it."""
+    out: dict[str, list[Take]] = {}
+    for owner, prefix in _walk(model):
+        for name, joint in owner.joints.items():
+            for end in joint.between:
+                path, _, _ = names.surface(owner, prefix, end, f"joints.{name}")
+                out.setdefault(path, []).append(Take(prefix + name, f"{prefix}{name}.area", "contact"))
+                if joint.gap_to:
+                    out[path].append(Take(prefix + name, f"{prefix}{name}.gap.area", "gap"))
+    return out
+
+
+def _surface(owner: Model, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names) -> list[FlatConductor]:
+    """Return the conductors that a surface stands for: what convects, and what radiates when that is apart."""
+    key = f"surfaces.{name}"
+    path = prefix + name
+    a, b = names.end(owner, prefix, surface.of, key), names.end(owner, prefix, surface.to, key)
+    fields = {f: f"{path}.{f}" for f in surface.fields}
+    out = []
+    emissivity = fields.pop("emissivity", "")
+    if surface.is_effective:
+        out.append(FlatConductor(path, "effective", (a, b), fields, None, takes, gas=b, emissivity=emissivity, where=owner.where(key)))
+        return out
+    if len(fields) > 1:
+        out.append(FlatConductor(path, "convection", (a, b), fields, None, takes, gas=b, where=owner.where(key)))
+    if emissivity:
+        to = names.end(owner, prefix, surface.radiates_to, key) if surface.radiates_to else b
+        radiating = {"emissivity": emissivity, "area": fields["area"]}
+        out.append(FlatConductor(f"{path}.radiation", "radiation", (a, to), radiating, None, takes, where=owner.where(key)))
+    return out
+
+
+def _joint(owner: Model, prefix: str, name: str, joint: Joint, mid: str, names: Names) -> list[FlatConductor]:
+    """Return the conductors that a joint stands for: two half-contacts and, with a gap, its loss to the air."""
+    key, path = f"joints.{name}", prefix + name
+    out = []
+    kind = "contact" if "contact_conductance" in joint.fields else "conduction"
+    wanted = {f: f"{path}.{f}" for f in joint.fields if not f.startswith("gap.")}
+    for which, raw in zip(("first", "second"), joint.between, strict=True):
+        _, part, part_prefix = names.surface(owner, prefix, raw, key)
+        surface_name = owner.canonical(raw).rpartition(".")[2]
+        node = names.end(part, part_prefix, part.surfaces[surface_name].of, key)
+        out.append(FlatConductor(f"{path}.{which}", kind, (node, mid), wanted, where=owner.where(key)))
+    if joint.gap_to:
+        to = names.end(owner, prefix, joint.gap_to, key)
+        fields = {"htc": f"{path}.gap.htc", "area": f"{path}.gap.area"}
+        out.append(FlatConductor(f"{path}.gap", "convection", (mid, to), fields, factor=2.0, gas=to, where=owner.where(key)))
+    return out
+
+
+def _load(owner: Model, prefix: str, name: str, load: HeatLoad, names: Names) -> FlatLoad:
+    key = f"loads.{name}"
+    node = names.end(owner, prefix, load.into, key)
+    sensor = names.end(owner, prefix, load.sensor, key) if load.sensor else node
+    return FlatLoad(prefix + name, node, sensor, {f: f"{prefix}{name}.{f}" for f in load.fields}, load.curve, owner.where(key))
+
+
+def _check_slots(flat: Flat) -> None:
+    """Check the dimension of every element's value against its slot, at the place where the value was written."""
+    for node in flat.nodes:
+        for name, path in node.fields.items():
+            _require(flat.parameters, path, NODE_SLOTS[name])
+    for conductor in flat.conductors:
+        slots = KINDS[conductor.kind].slots
+        for name, path in conductor.fields.items():
+            _require(flat.parameters, path, slots[name])
+        if conductor.emissivity:
+            _require(flat.parameters, conductor.emissivity, "1")
+    for load in flat.loads:
+        for name, path in load.fields.items():
+            _require(flat.parameters, path, LOAD_SLOTS[name])
+    for area, takes in flat.surfaces.values():
+        _require(flat.parameters, area, "m^2")
+        for take in takes:
+            _require(flat.parameters, take.path, "m^2")
+
+
+def _require(parameters: ParameterSet, path: str, slot: str) -> None:
+    root = parameters.literal_behind(path)
+    entry = parameters.table[root]
+    literal = entry.parameter.expression.literal
+    try:
+        require(parameters.dimension(path), slot, literal.unit.text if literal else "", bool(literal and literal.unit.absolute))
+    except ThermidError as error:
+        raise error.located(entry.where) from None
+    if literal is not None and slot == "m^2" and literal.value < 0:
+        raise DeckError("an area cannot be negative.", entry.where)

@@ -1,0 +1,226 @@
+"""`Model`: one recursive type for component, submodel, full model and macro model. It is what the hardware is, and nothing else."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.model.elements import Conductor, HeatLoad, Joint, Node, Surface
+from thermid.model.parameter import Parameter, parameter
+
+if TYPE_CHECKING:
+    from thermid.model.rules import Finding
+
+__all__ = ["Layer", "Model", "Submodel"]
+
+Element = Node | Conductor | Surface | Joint | HeatLoad
+
+
+@dataclass(frozen=True)
+class Submodel:
+    """A model used inside another, with the nodes that its needs are bound to.
+
+    Parameters
+    ----------
+    model : Model       The part.
+    bind : dict         Need of the part -> path of a node of the user.
+    definition : str    Identity of the definition; instances of one definition share fitted values.
+    """
+
+    model: Model
+    bind: Mapping[str, str] = field(default_factory=dict)
+    definition: str = ""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Values laid over a model: what a stage fitted, or what a caller set.
+
+    Parameters
+    ----------
+    origin : str        Who set them: a stage, the command line, a caller.
+    values : dict       Path -> Parameter.
+    """
+
+    origin: str
+    values: Mapping[str, Parameter]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A lumped thermal model at any depth. Frozen; every change returns a new one.
+
+    Parameters
+    ----------
+    title : str                 What it models.
+    needs : tuple of str        Nodes that whoever uses it must supply.
+    offers : tuple of str       Own nodes and surfaces that a user may attach to.
+    parameters : dict           Name -> Parameter.
+    nodes, conductors, surfaces, joints, loads : dict    Name -> element.
+    submodels : dict            Name -> Submodel.
+    settings : dict             Path -> Parameter: the deck's own [set], over the decks of its submodels.
+    layers : tuple of Layer     Values laid over it, the last one winning; a user's [set] wins over them.
+    aliases : dict              Other name -> canonical path.
+    box : str                   white, light grey, dark grey or black.
+    use : str                   The intended use, in words.
+    file : str                  The deck's file name, for messages.
+    lines : dict                Key path -> line of the deck, for messages.
+    """
+
+    title: str
+    needs: tuple[str, ...] = ()
+    offers: tuple[str, ...] = ()
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    nodes: Mapping[str, Node] = field(default_factory=dict)
+    conductors: Mapping[str, Conductor] = field(default_factory=dict)
+    surfaces: Mapping[str, Surface] = field(default_factory=dict)
+    joints: Mapping[str, Joint] = field(default_factory=dict)
+    loads: Mapping[str, HeatLoad] = field(default_factory=dict)
+    submodels: Mapping[str, Submodel] = field(default_factory=dict)
+    settings: Mapping[str, Parameter] = field(default_factory=dict)
+    layers: tuple[Layer, ...] = ()
+    aliases: Mapping[str, str] = field(default_factory=dict)
+    box: str = "light grey"
+    use: str = ""
+    file: str = field(default="", compare=False)
+    lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
+
+    def where(self, key: str) -> str:
+        """Return file, line and key path, for messages."""
+        steps = key.split(".")
+        line = next((self.lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in self.lines), None)
+        place = f"{self.file}:{line}" if self.file and line else self.file or self.title
+        return f"{place}, {key}" if key else place
+
+    def elements(self) -> Iterator[tuple[str, str, Element]]:
+        """Yield table, name and element of every own element."""
+        for table in ("nodes", "surfaces", "conductors", "joints", "loads"):
+            for name, element in getattr(self, table).items():
+                yield table, name, element
+
+    def own_parameters(self) -> Iterator[tuple[str, str, Parameter]]:
+        """Yield name, key path and parameter of every own value; a value inside an element is ``element.field``."""
+        for name, given in self.parameters.items():
+            yield name, f"parameters.{name}", given
+        for table, name, element in self.elements():
+            for entry, given in element.fields.items():
+                yield f"{name}.{entry}", f"{table}.{name}.{entry}", given
+
+    def submodel(self, path: str) -> Model:
+        """Return the submodel at a path.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        head, _, rest = self.canonical(path).partition(".")
+        if head not in self.submodels:
+            raise NameNotFoundError(f"no submodel '{head}'.{nearest(head, self.submodels)}", self.title)
+        inner = self.submodels[head].model
+        return inner.submodel(rest) if rest else inner
+
+    def canonical(self, path: str) -> str:
+        """Return the canonical path of a name: aliases resolved, here and in every submodel it passes."""
+        path = self.aliases.get(path, path)
+        head, _, rest = path.partition(".")
+        if rest and head in self.aliases:
+            return self.canonical(f"{self.aliases[head]}.{rest}")
+        if rest and head in self.submodels:
+            return f"{head}.{self.submodels[head].model.canonical(rest)}"
+        return path
+
+    def at(self, path: str) -> Model | Element | Parameter:
+        """Return the submodel, element or parameter at a path; aliases are accepted.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        path = self.canonical(path)
+        head, _, rest = path.partition(".")
+        if head in self.submodels:
+            return self.submodels[head].model.at(rest) if rest else self.submodels[head].model
+        for _, name, element in self.elements():
+            if path == name:
+                return element
+        for name, _, given in self.own_parameters():
+            if path == name:
+                return given
+        known = [*self.submodels, *(n for _, n, _ in self.elements()), *(n for n, _, _ in self.own_parameters())]
+        raise NameNotFoundError(f"nothing at '{path}'.{nearest(path, known)}", self.title)
+
+    def with_values(self, values: Mapping[str, Any], origin: str = "caller") -> Model:
+        """Return the model with values laid over it.
+
+        Parameters
+        ----------
+        values : dict   Path -> text with unit, `Parameter`, or anything with ``as_parameter()`` such as a fitted value.
+        origin : str    Who sets them.
+
+        Raises
+        ------
+        NameNotFoundError   When a path is no parameter of the model.
+        """
+        from thermid.model.resolve import parameter_table
+
+        known = parameter_table(self)
+        layer: dict[str, Parameter] = {}
+        for raw, value in values.items():
+            path = self.canonical(raw)
+            if path not in known:
+                raise NameNotFoundError(f"no parameter '{raw}'.{nearest(path, known)}", self.title)
+            given = value.as_parameter() if hasattr(value, "as_parameter") else parameter(value, path)
+            old = known[path].parameter
+            keep = {k: getattr(old, k) for k in ("minimum", "maximum") if getattr(given, k) is None}
+            layer[path] = replace(given, **keep, note=given.note or old.note)
+        return replace(self, layers=(*self.layers, Layer(origin, layer))) if layer else self
+
+    def replace(self, path: str, new: Model) -> Model:
+        """Return the model with the submodel at `path` replaced.
+
+        Raises
+        ------
+        DeckError   When the new part needs or offers other ports than are used; the message names them.
+        """
+        head, _, rest = self.canonical(path).partition(".")
+        if head not in self.submodels:
+            raise NameNotFoundError(f"no submodel '{head}'.{nearest(head, self.submodels)}", self.title)
+        old = self.submodels[head]
+        if rest:
+            return replace(self, submodels={**self.submodels, head: replace(old, model=old.model.replace(rest, new))})
+        from thermid.model.resolve import used_offers
+
+        gone = sorted(used_offers(self, head) - set(new.offers))
+        unbound = sorted(set(new.needs) - set(old.bind))
+        if gone or unbound:
+            has, new_has = (", ".join(sorted({*m.needs, *m.offers})) for m in (old.model, new))
+            lack = "; ".join([f"it does not offer {g}, which is used here" for g in gone] + [f"its need {u} is bound to nothing" for u in unbound])
+            raise DeckError(f"'{path}' has ports {has}; its replacement has {new_has}: {lack}. Add the port or keep the old part.", self.title)
+        kept = {need: node for need, node in old.bind.items() if need in new.needs}
+        return replace(self, submodels={**self.submodels, head: Submodel(new, kept, new.identity())})
+
+    def interfaces(self) -> tuple[str, ...]:
+        """Return the paths of the parameters that belong to no part alone: what a submodel stage tunes."""
+        own = [name for name, _, given in self.own_parameters() if given.is_literal]
+        return (*own, *(path for path, given in self.settings.items() if given.is_literal))
+
+    def check(self) -> tuple[Finding, ...]:
+        """Return what a careful reader would remark: errors, warnings and notes, one per finding."""
+        from thermid.model.rules import findings
+
+        return findings(self)
+
+    def identity(self) -> str:
+        """Return a hash of what the model means: not of its file, comments or layout."""
+        from thermid.model.modelfile import to_dict
+
+        return hashlib.sha256(repr(to_dict(self)).encode()).hexdigest()[:16]
+
+    def without_test_only(self) -> Model:
+        """Return the flight model: every element tagged `test_only` is dropped, at every depth."""
+        tables = {t: {n: e for n, e in getattr(self, t).items() if not e.test_only} for t in ("nodes", "surfaces", "conductors", "joints", "loads")}
+        inner = {n: replace(s, model=s.model.without_test_only()) for n, s in self.submodels.items()}
+        return replace(self, **tables, submodels=inner)

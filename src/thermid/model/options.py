@@ -1,0 +1,10 @@
+"""The few words that a deck may choose from."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+__all__ = ["Box", "Source"]
+
+Source = Literal["published", "datasheet", "derived", "assumed", "measured"]
+Box = Literal["white", "light grey", "dark grey", "black"]

@@ -1,0 +1,303 @@
+"""Names: which value holds for every path of a tree, who set it and what it shadows; which node every end is bound to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from thermid.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, nearest
+from thermid.model.model import Model, Submodel
+from thermid.model.parameter import Parameter, check_bounds
+from thermid.units import Dimension
+
+__all__ = ["Entry", "Names", "ParameterSet", "parameter_table", "used_offers"]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The value that holds for a path.
+
+    Parameters
+    ----------
+    parameter : Parameter           The winning value.
+    scope : str                     Prefix in which its names resolve; empty or ending with a dot.
+    origin : str                    Who set it.
+    where : str                     File, line and key path, for messages.
+    shadowed : tuple of (str, str)  Origin and text of every value it hides, the innermost first.
+    """
+
+    parameter: Parameter
+    scope: str
+    origin: str
+    where: str
+    shadowed: tuple[tuple[str, str], ...] = ()
+
+
+def parameter_table(model: Model, prefix: str = "") -> dict[str, Entry]:
+    """Return path -> `Entry` for every value of a tree.
+
+    Precedence, weakest first: a part's deck, values laid over the part, the user's [set], values laid over the user.
+
+    Raises
+    ------
+    NameNotFoundError   When a [set] names no parameter.
+    """
+    table: dict[str, Entry] = {}
+    for name, key, given in model.own_parameters():
+        table[prefix + name] = Entry(given, prefix, model.title, model.where(key))
+    for name, part in model.submodels.items():
+        table |= parameter_table(part.model, f"{prefix}{name}.")
+    for raw, given in model.settings.items():
+        _lay(table, model, prefix, raw, given, f"[set] of {model.title}", model.where(f"set.{raw}"))
+    for layer in model.layers:
+        for raw, given in layer.values.items():
+            _lay(table, model, prefix, raw, given, layer.origin, f"{layer.origin}, {raw}")
+    return table
+
+
+def _lay(table: dict[str, Entry], model: Model, prefix: str, raw: str, given: Parameter, origin: str, where: str) -> None:
+    """Lay one value over the table; bounds and notes stay unless given anew."""
+    path = prefix + model.canonical(raw)
+    old = table.get(path)
+    if old is None:
+        known = [p.removeprefix(prefix) for p in table]
+        raise NameNotFoundError(f"no parameter '{raw}'.{nearest(raw, known)}", where)
+    low = old.parameter.minimum if given.minimum is None else given.minimum
+    high = old.parameter.maximum if given.maximum is None else given.maximum
+    merged = replace(given, minimum=low, maximum=high, note=given.note or old.parameter.note)
+    table[path] = Entry(merged, prefix, origin, where, (*old.shadowed, (old.origin, old.parameter.text)))
+
+
+class ParameterSet:
+    """The values of a tree, by path: which one holds, who set it, what it shadows.
+
+    Parameters
+    ----------
+    model : Model   The tree.
+
+    Raises
+    ------
+    ExpressionError   When an expression needs itself.
+    ThermidError      When a name is unknown or a value lies outside its bounds.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.title = model.title
+        self.table: Mapping[str, Entry] = parameter_table(model)
+        self._needs: dict[str, tuple[str, ...]] = {path: self._resolved(path, entry) for path, entry in self.table.items()}
+        self.order: tuple[str, ...] = self._sorted()
+        self._dimensions: dict[str, Dimension] = {}
+        values = self.evaluate({})
+        for path, entry in self.table.items():
+            check_bounds(values[path], entry.parameter, entry.where)
+
+    def _resolved(self, path: str, entry: Entry) -> tuple[str, ...]:
+        return tuple(self._lookup(name, entry) for name in entry.parameter.expression.names)
+
+    def _lookup(self, name: str, entry: Entry) -> str:
+        full = entry.scope + name
+        if full not in self.table:
+            local = [p.removeprefix(entry.scope) for p in self.table if p.startswith(entry.scope)]
+            raise NameNotFoundError(f"no parameter '{name}'.{nearest(name, local)}", entry.where)
+        return full
+
+    def _sorted(self) -> tuple[str, ...]:
+        """Return the paths so that each comes after what it needs."""
+        done: dict[str, None] = {}
+        trail: list[str] = []
+
+        def visit(path: str) -> None:
+            if path in done:
+                return
+            if path in trail:
+                loop = [*trail[trail.index(path) :], path]
+                raise ExpressionError(f"'{path}' needs itself: {' -> '.join(loop)}.", self.table[path].where)
+            trail.append(path)
+            for other in self._needs[path]:
+                visit(other)
+            trail.pop()
+            done[path] = None
+
+        for path in self.table:
+            visit(path)
+        return tuple(done)
+
+    def evaluate(self, overrides: Mapping[str, Any], only: Iterable[str] | None = None, known: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Return path -> value, SI, of all paths or of `only` some, with `overrides` in place of literals.
+
+        Overrides may be floats, `Dual` numbers or arrays over time; `known` holds values already computed.
+        """
+        values: dict[str, Any] = dict(known or {})
+        for path in self.order if only is None else only:
+            if path in overrides:
+                values[path] = overrides[path]
+                continue
+            entry = self.table[path]
+            scope = entry.scope
+            try:
+                values[path] = entry.parameter.expression.evaluate(lambda name, scope=scope: values[scope + name])  # type: ignore[misc]
+            except ArithmeticError as error:
+                raise ExpressionError(f"'{entry.parameter.text}' has no finite value: {error}.", entry.where) from None
+        return values
+
+    def downstream(self, changed: Iterable[str]) -> tuple[str, ...]:
+        """Return the paths whose value depends on any of `changed`, in order of evaluation, `changed` among them."""
+        touched = set(changed)
+        out = []
+        for path in self.order:
+            if path in touched or any(n in touched for n in self._needs[path]):
+                touched.add(path)
+                out.append(path)
+        return tuple(out)
+
+    def dimension(self, path: str) -> Dimension:
+        """Return the dimension of a value, by algebra over its names."""
+        if path not in self._dimensions:
+            entry = self.table[path]
+            find: Callable[[str], Dimension] = lambda name: self.dimension(self._lookup(name, entry))  # noqa: E731
+            try:
+                self._dimensions[path] = entry.parameter.expression.dimension(find)
+            except ThermidError as error:
+                raise error.located(entry.where) from None
+        return self._dimensions[path]
+
+    def literal_behind(self, path: str) -> str:
+        """Follow a chain of bare names to the value at its end."""
+        seen = {path}
+        while True:
+            names = self._needs[path]
+            entry = self.table[path]
+            if entry.parameter.is_literal or len(names) != 1 or entry.parameter.text.strip() != entry.parameter.expression.names[0]:
+                return path
+            path = names[0]
+            if path in seen:
+                return path
+            seen.add(path)
+
+    def freeable(self, raw: str, canonical: Callable[[str], str]) -> str:
+        """Return the path of a parameter that a fit may free.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        DeckError           When the value is derived; the message says what to free instead.
+        """
+        path = canonical(raw)
+        if path not in self.table:
+            raise NameNotFoundError(f"no parameter '{raw}'.{nearest(path, self.table)}", self.title)
+        path = self.literal_behind(path)
+        entry = self.table[path]
+        if not entry.parameter.is_literal:
+            roots = [p for p in self.order if self.table[p].parameter.is_literal and path in self.downstream([p])]
+            raise DeckError(f"'{raw}' is derived: {entry.parameter.text}. Free one of {', '.join(roots)} instead.", entry.where)
+        return path
+
+
+def used_offers(model: Model, part: str) -> set[str]:
+    """Return the nodes and surfaces of a submodel that its user attaches to, names as the part offers them."""
+    ends: list[str] = []
+    for element in (*model.conductors.values(), *model.joints.values()):
+        ends += element.between
+    for load in model.loads.values():
+        ends += [load.into, load.sensor]
+    for surface in model.surfaces.values():
+        ends += [surface.of, surface.to, surface.radiates_to]
+    ends += [j.gap_to for j in model.joints.values()]
+    for inner in model.submodels.values():
+        ends += inner.bind.values()
+    ends += [offer for offer in model.offers]
+    prefix = f"{part}."
+    return {model.canonical(e).removeprefix(prefix) for e in ends if model.canonical(e).startswith(prefix)}
+
+
+class Names:
+    """The nodes of a tree by canonical path, with every need bound to the node that supplies it.
+
+    Parameters
+    ----------
+    model : Model   The tree; its own needs become boundaries.
+
+    Raises
+    ------
+    DeckError           When a need is bound to nothing.
+    NameNotFoundError   When an end names no node.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.boundaries: tuple[str, ...] = tuple(model.needs)
+        self.nodes: dict[str, tuple[Model, str]] = {}
+        self._alias: dict[str, str] = {need: need for need in model.needs}
+        self._collect(model, "")
+        self._bind(model, "")
+
+    def _collect(self, model: Model, prefix: str) -> None:
+        for name in model.nodes:
+            self.nodes[prefix + name] = (model, name)
+        for name, joint in model.joints.items():
+            self.nodes[prefix + (joint.mid or f"{name}.mid")] = (model, "")
+        for name, part in model.submodels.items():
+            self._collect(part.model, f"{prefix}{name}.")
+
+    def _bind(self, model: Model, prefix: str) -> None:
+        for name, part in model.submodels.items():
+            self._bind_part(model, prefix, name, part)
+            self._bind(part.model, f"{prefix}{name}.")
+
+    def _bind_part(self, model: Model, prefix: str, name: str, part: Submodel) -> None:
+        for need in part.bind:
+            if need not in part.model.needs:
+                known = ", ".join(part.model.needs) or "nothing"
+                raise NameNotFoundError(f"'{name}' needs {known}, not '{need}'.{nearest(need, part.model.needs)}", model.where(f"submodels.{name}.bind"))
+        for need in part.model.needs:
+            if need not in part.bind:
+                raise DeckError(
+                    f"port '{need}' of '{name}' is bound to nothing. Give it a node: bind = {{ {need} = \"...\" }}.", model.where(f"submodels.{name}")
+                )
+            target = part.bind[need]
+            self._alias[f"{prefix}{name}.{need}"] = self.end(model, prefix, target, f"submodels.{name}.bind.{need}")
+
+    def end(self, model: Model, prefix: str, raw: str, key: str) -> str:
+        """Return the canonical node that a name inside a model stands for; offered ports only, where it lies in a submodel."""
+        path = model.canonical(raw)
+        head, _, rest = path.partition(".")
+        if rest and head in model.submodels and not any(model.submodels[head].model.canonical(o) == rest for o in model.submodels[head].model.offers):
+            known = model.submodels[head].model.offers
+            exists = prefix + path in self.nodes
+            say = f"'{head}' does not offer '{rest}'. It offers {', '.join(known) or 'nothing'}." if exists else f"no node '{raw}'.{self._near(prefix, path)}"
+            raise NameNotFoundError(say, model.where(key))
+        full = prefix + path
+        full = self._alias.get(full, full)
+        if full not in self.nodes and full not in self.boundaries:
+            raise NameNotFoundError(f"no node '{raw}'.{self._near(prefix, path)}", model.where(key))
+        return full
+
+    def _near(self, prefix: str, path: str) -> str:
+        known = [n.removeprefix(prefix) for n in (*self.nodes, *self._alias) if n.startswith(prefix)]
+        return nearest(path, known)
+
+    def surface(self, model: Model, prefix: str, raw: str, key: str) -> tuple[str, Model, str]:
+        """Return the canonical path of a surface, the model that owns it and that model's prefix."""
+        path = model.canonical(raw)
+        owner, own_prefix, rest = model, prefix, path
+        while "." in rest and rest.partition(".")[0] in owner.submodels:
+            head, _, tail = rest.partition(".")
+            part = owner.submodels[head].model
+            if tail not in {part.canonical(o) for o in part.offers}:
+                raise NameNotFoundError(
+                    f"'{head}' does not offer '{tail}'.{nearest(tail, part.offers)} It offers {', '.join(part.offers) or 'nothing'}.", model.where(key)
+                )
+            owner, own_prefix, rest = part, f"{own_prefix}{head}.", tail
+        if rest not in owner.surfaces:
+            known = [s for s in owner.surfaces]
+            raise NameNotFoundError(f"no surface '{raw}'.{nearest(rest, known)} A joint takes area from two surfaces.", model.where(key))
+        return own_prefix + rest, owner, own_prefix
+
+    def find(self, raw: str, where: str = "") -> str:
+        """Return the canonical path of a node or boundary named by a scenario, a record or a caller."""
+        path = self.model.canonical(raw)
+        path = self._alias.get(path, path)
+        if path not in self.nodes and path not in self.boundaries:
+            raise NameNotFoundError(f"no node '{raw}'.{nearest(path, [*self.nodes, *self.boundaries])}", where or self.model.title)
+        return path

@@ -1,0 +1,116 @@
+"""Writing decks, with the comments of an existing one kept where it serves as a pattern."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from tomlkit.container import Container
+from tomlkit.items import InlineTable, Item, Table
+
+from thermid.errors import DeckError
+from thermid.model.model import Model
+from thermid.model.modelfile import to_dict
+
+__all__ = ["write"]
+
+
+def _file_name(title: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", title).strip("_") + ".toml"
+
+
+def write(model: Model, path: Path, like: Path | None) -> None:
+    """Write a deck and the decks of its submodels."""
+    files: dict[Path, Model] = {}
+    _collect(model, path, files)
+    for target, part in files.items():
+        pattern = like if target == path else None
+        target.write_text(_text(part, pattern), encoding="utf-8")
+
+
+def _collect(model: Model, path: Path, files: dict[Path, Model]) -> None:
+    if path in files and files[path] != model:
+        raise DeckError(f"two different submodels would be written to '{path.name}'. Give them different titles.")
+    files[path] = model
+    for part in model.submodels.values():
+        _collect(part.model, path.parent / _file_name(part.model.title), files)
+
+
+def _text(model: Model, like: Path | None) -> str:
+    """Return the TOML of one deck; layers laid over it become its [set] or its values."""
+    data = to_dict(model)
+    data["submodels"] = {n: {"use": _file_name(s.model.title), "bind": dict(s.bind)} for n, s in model.submodels.items()}
+    data.pop("layers", None)
+    for layer in model.layers:
+        for name, given in layer.values.items():
+            _lay(data, name, given.text)
+    data = {k: v for k, v in data.items() if v != {}}
+    if like is None:
+        return tomlkit.dumps(_pretty(data))
+    document = tomlkit.parse(like.read_text(encoding="utf-8"))
+    _update(document, data)
+    return tomlkit.dumps(document)
+
+
+def _lay(data: dict[str, Any], path: str, text: str) -> None:
+    """Put a value that was laid over a model into its deck: at its own place, or in [set] for a submodel's."""
+    head, _, rest = path.partition(".")
+    tables = ("nodes", "surfaces", "conductors", "joints", "loads")
+    home: Any = next((data[t][head] for t in tables if head in data.get(t, {})), None)
+    key = rest
+    if home is None:
+        home, key = (data["parameters"], path) if path in data.get("parameters", {}) else (data.setdefault("set", {}), path)
+    elif "." in rest:
+        group, _, key = rest.partition(".")
+        home = home[group]
+    if isinstance(home.get(key), dict):
+        home[key]["value"] = text
+    else:
+        home[key] = text
+
+
+def _pretty(data: dict[str, Any]) -> tomlkit.TOMLDocument:
+    """Return a document: plain keys first, a table for each group, an inline table for each element."""
+    document = tomlkit.document()
+    for key, value in data.items():
+        if not isinstance(value, dict):
+            document.add(key, value)
+    for key, value in data.items():
+        if isinstance(value, dict):
+            table = tomlkit.table()
+            for name, entry in value.items():
+                table.add(name, _inline(entry))
+            document.add(key, table)
+    return document
+
+
+def _inline(value: Any) -> Item | Any:
+    if not isinstance(value, dict):
+        return value
+    out = tomlkit.inline_table()
+    for key, inner in value.items():
+        out.append(key, _inline(inner))
+    return out
+
+
+def _update(target: Container | Table | InlineTable | tomlkit.TOMLDocument, data: dict[str, Any]) -> None:
+    """Change what differs, add what is new, drop what is gone; comments stay."""
+    for key in [k for k in target if k not in data]:
+        target.remove(key)
+    for key, value in data.items():
+        old = target.get(key)
+        if isinstance(value, dict) and isinstance(old, Container | Table | InlineTable):
+            _update(old, value)
+        elif isinstance(value, dict) and isinstance(target, tomlkit.TOMLDocument):
+            table = tomlkit.table()
+            for name, entry in value.items():
+                table.add(name, _inline(entry))
+            target.add(key, table)
+        elif old is None or _plain(old) != value:
+            target[key] = _inline(value)
+
+
+def _plain(value: Any) -> Any:
+    return value.unwrap() if isinstance(value, Item | Container) else value

@@ -1,0 +1,194 @@
+"""The grammar of a deck as pydantic models: what an editor checks (JSON Schema) and what a file is checked against.
+
+Loaded only when a file is read: pydantic takes a tenth of a second.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, create_model
+
+from thermid.model.elements import LOAD_SLOTS
+from thermid.model.kinds import KINDS
+from thermid.model.options import Box, Source
+
+__all__ = ["Deck", "json_schema"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class ValueTable(_Strict):
+    """A value with its bounds and where it comes from."""
+
+    value: str | float
+    min: str | float | None = None
+    max: str | float | None = None
+    source: Source | None = None
+    note: str = ""
+    basis: str = ""
+
+
+Value = str | float | ValueTable
+
+
+class PowerLaw(_Strict):
+    """h = coefficient |dT / 1 K|^exponent."""
+
+    coefficient: Value
+    exponent: Value
+
+
+class Points(_Strict):
+    """A table over a temperature or a temperature difference."""
+
+    over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
+    points: list[tuple[str, str]]
+
+
+class NodeTable(_Strict):
+    """A node: mass and specific_heat, or capacitance, or nothing."""
+
+    mass: Value | None = None
+    specific_heat: Value | None = None
+    capacitance: Value | None = None
+    reference_point: bool = False
+    test_only: bool = False
+
+
+class SurfaceTable(_Strict):
+    """The outer surface of a node."""
+
+    of: str
+    to: str
+    area: Value
+    htc: Value | PowerLaw | None = None
+    effective_htc: Value | None = None
+    emissivity: Value | None = None
+    radiates_to: str = ""
+    test_only: bool = False
+
+
+class Gap(_Strict):
+    """An air gap beside a contact: area of each face."""
+
+    area: Value
+    htc: Value
+    to: str
+
+
+class JointTable(_Strict):
+    """Two surfaces pressed together."""
+
+    between: tuple[str, str]
+    area: Value
+    contact_conductance: Value | None = None
+    conductivity: Value | None = None
+    thickness: Value | None = None
+    gap: Gap | None = None
+    mid: str = ""
+    test_only: bool = False
+
+
+class Periodic(_Strict):
+    """On for `duty` of every `period`."""
+
+    period: Value
+    duty: Value
+
+
+class SinePower(_Strict):
+    """A sine on top of the power."""
+
+    amplitude: Value
+    period: Value
+
+
+class Thermostat(_Strict):
+    """On below one temperature, off above another."""
+
+    sensor: str = ""
+    on_below: Value
+    off_above: Value
+
+
+class Proportional(_Strict):
+    """A heater whose power is gain times what is missing to the set point, between zero and `power`."""
+
+    sensor: str = ""
+    gain: Value
+    setpoint: Value
+
+
+class LoadTable(_Strict):
+    """Heat put into a node."""
+
+    into: str
+    power: Value | None = None
+    table: Points | None = None
+    scale: Value | None = None
+    command_curve: Value | None = None
+    temperature_coefficient: Value | None = None
+    quadratic_coefficient: Value | None = None
+    exponential_coefficient: Value | None = None
+    reference_temperature: Value | None = None
+    periodic: Periodic | None = None
+    sine: SinePower | None = None
+    thermostat: Thermostat | None = None
+    proportional: Proportional | None = None
+    test_only: bool = False
+
+
+class SubmodelTable(_Strict):
+    """A deck used inside this one."""
+
+    use: str
+    bind: dict[str, str] = {}
+
+
+def _conductor_table() -> type[BaseModel]:
+    """Return the conductor's table with the fields of every kind, so that a new kind needs no line here."""
+    names = {slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots}
+    fields: dict[str, Any] = {name: (Value | PowerLaw | None if name == "htc" else Value | None, None) for name in sorted(names)}
+    return create_model(
+        "ConductorTable",
+        __base__=_Strict,
+        __doc__="A path of heat between two nodes.",
+        kind=(Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")], ...),
+        between=(tuple[str, str], ...),
+        table=(Points | None, None),
+        test_only=(bool, False),
+        **fields,
+    )
+
+
+ConductorTable = _conductor_table()
+
+
+class Deck(_Strict):
+    """What the hardware is."""
+
+    title: str
+    box: Box = "light grey"
+    use: str = ""
+    needs: list[str] = []
+    offers: list[str] = []
+    parameters: dict[str, Value] = {}
+    nodes: dict[str, NodeTable] = {}
+    surfaces: dict[str, SurfaceTable] = {}
+    conductors: dict[str, ConductorTable] = {}  # type: ignore[valid-type]  # made above
+    joints: dict[str, JointTable] = {}
+    loads: dict[str, LoadTable] = {}
+    submodels: dict[str, SubmodelTable] = {}
+    set: dict[str, Value] = {}
+    aliases: dict[str, str] = {}
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a deck, for editors."""
+    return Deck.model_json_schema()
+
+
+assert set(LoadTable.model_fields) >= {slot.partition(".")[0] for slot in LOAD_SLOTS}

@@ -1,0 +1,189 @@
+"""`Network`: a model compiled to rows with numbers, names kept. Compiling is pure; the same network serves many values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from thermid.dual import Dual, Number, value_of
+from thermid.errors import DeckError, ThermidError
+from thermid.model.areas import exposed_area
+from thermid.model.flat import Flat, FlatConductor, FlatLoad, flatten
+from thermid.model.kinds import KINDS, Law
+from thermid.model.model import Model
+from thermid.network.medium import Media
+from thermid.network.rows import ConductorRow, LoadRow
+
+__all__ = ["Network", "Numbers", "compile_network"]
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """The numbers of a network at one set of values, floats or with derivatives.
+
+    Parameters
+    ----------
+    capacitances : dict             Node path -> capacitance [J/K]; None for a massless node.
+    conductors, loads : tuple       Rows of the law table.
+    values : dict                   Parameter path -> value. [SI]
+    """
+
+    capacitances: Mapping[str, Number | None]
+    conductors: tuple[ConductorRow, ...]
+    loads: tuple[LoadRow, ...]
+    values: Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """A compiled model.
+
+    Parameters
+    ----------
+    title : str                 The model's.
+    flat : Flat                 The tree laid flat.
+    nodes : tuple of str        Nodes whose temperature is unknown, in order; the kernel's order.
+    boundaries : tuple of str   Nodes whose temperature is given: the model's needs, then prescribed nodes.
+    media : Media               What each gas does at the scenario's pressure.
+    """
+
+    title: str
+    flat: Flat
+    nodes: tuple[str, ...]
+    boundaries: tuple[str, ...]
+    media: Media
+    prescribed: tuple[str, ...] = ()
+    _static: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def find(self, name: str, where: str = "") -> str:
+        """Return the canonical path of a node or boundary; aliases are accepted."""
+        return self.flat.names.find(name, where)
+
+    def numbers(self, overrides: Mapping[str, Number] | None = None) -> Numbers:
+        """Return the rows at the model's own values, or with some replaced.
+
+        Parameters
+        ----------
+        overrides : dict    Parameter path -> float or `Dual`. [SI]
+
+        Raises
+        ------
+        DeckError   When a capacitance or conductance is negative, or joints take more area than a surface has.
+        """
+        given = dict(overrides or {})
+        if not self._static:
+            self._static.update(self._evaluate({}, None))
+        if not given:
+            return self._numbers(self._static)
+        changed = self.flat.parameters.downstream(given)
+        return self._numbers(self._evaluate(given, changed))
+
+    def _evaluate(self, overrides: Mapping[str, Number], changed: tuple[str, ...] | None) -> dict[str, Any]:
+        """Evaluate parameters and rows; with `changed`, only what depends on these, the rest being kept."""
+        flat = self.flat
+        values = flat.parameters.evaluate(overrides, changed, self._static.get("values") if changed is not None else None)
+        touched = None if changed is None else set(changed)
+
+        def fresh(paths: Iterable[str]) -> bool:
+            return touched is None or any(p in touched for p in paths)
+
+        capacitances, conductors, loads = ({} if touched is None else dict(self._static[k]) for k in ("capacitances", "conductors", "loads"))
+        for node in flat.nodes:
+            if fresh(node.fields.values()):
+                capacitances[node.path] = _capacitance(node.fields, values, node.where)
+        for c in flat.conductors:
+            if fresh((*c.fields.values(), *(t.path for t in c.takes), c.emissivity)):
+                conductors[c.path] = self._rows(c, values)
+        for load in flat.loads:
+            if fresh(load.fields.values()):
+                loads[load.path] = _load_rows(load, values)
+        return {"values": values, "capacitances": capacitances, "conductors": conductors, "loads": loads}
+
+    def _numbers(self, parts: Mapping[str, Any]) -> Numbers:
+        kept = {n: c for n, c in parts["capacitances"].items() if n not in self.boundaries}
+        conductors = tuple(row for rows in parts["conductors"].values() for row in rows)
+        return Numbers(kept, conductors, tuple(row for rows in parts["loads"].values() for row in rows), parts["values"])
+
+    def _rows(self, c: FlatConductor, values: Mapping[str, Any]) -> tuple[ConductorRow, ...]:
+        fields = {name: values[path] for name, path in c.fields.items()}
+        if c.takes:
+            fields["area"] = exposed_area(c.path, fields["area"], c.takes, values, c.where)
+        try:
+            law = KINDS[c.kind].recipe(fields)
+        except ThermidError as error:
+            raise error.located(c.where) from None
+        if value_of(law.coefficients[0]) < 0:
+            raise DeckError(f"'{c.path}' would have a negative conductance; heat would flow uphill.", c.where)
+        if c.factor != 1.0:
+            law = Law(law.form, (c.factor * law.coefficients[0], *law.coefficients[1:]), law.medium, law.curve)
+        emissivity = values[c.emissivity] if c.emissivity else None
+        return self.media.rows(c, law, fields, emissivity)
+
+
+def _capacitance(fields: Mapping[str, str], values: Mapping[str, Any], where: str) -> Number | None:
+    """Return m c or C, or None for a massless node. [J/K]"""
+    if not fields:
+        return None
+    found: Number = values[fields["capacitance"]] if "capacitance" in fields else values[fields["mass"]] * values[fields["specific_heat"]]
+    if not value_of(found) > 0 or not np.isfinite(value_of(found)):
+        raise DeckError("a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out.", where)
+    return found
+
+
+def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]:
+    """Return the rows of a load: its law, and a second row for the curvature of its command."""
+    f = {name: values[path] for name, path in load.fields.items()}
+    form, rest = "signal", ()  # type: str, tuple[Number, ...]
+    first: Number = f.get("power", f.get("scale", 1.0))
+    if load.curve is not None:
+        form = "table"
+    elif "thermostat.on_below" in f:
+        form, rest = "thermostat", (f["thermostat.on_below"], f["thermostat.off_above"])
+        if value_of(rest[0]) > value_of(rest[1]):
+            raise DeckError("the thermostat switches on above the temperature where it switches off. Exchange on_below and off_above.", load.where)
+    elif "proportional.gain" in f:
+        form, first, rest = "proportional", f["proportional.gain"], (f["proportional.setpoint"], f["power"])
+    elif "exponential_coefficient" in f:
+        form, rest = "exponential", (f["exponential_coefficient"], f["reference_temperature"])
+    elif "temperature_coefficient" in f or "quadratic_coefficient" in f:
+        form = "polynomial"
+        rest = (f.get("temperature_coefficient", 0.0), f.get("quadratic_coefficient", 0.0), f["reference_temperature"])
+    signal = f"load {load.path}"
+    rows = [LoadRow(load.path, form, load.node, load.sensor, (first, *rest), load.curve, signal)]
+    if "command_curve" in f:
+        rows.append(LoadRow(load.path, form, load.node, load.sensor, (first * f["command_curve"], *rest), load.curve, f"curve {load.path}"))
+    if "sine.amplitude" in f:
+        rows.append(LoadRow(load.path, "signal", load.node, load.sensor, (f["sine.amplitude"],), None, f"sine {load.path}"))
+    return tuple(rows)
+
+
+def compile_network(model: Model, *, media: Media | None = None, prescribed: Iterable[str] = ()) -> Network:
+    """Return a model compiled to a network.
+
+    Parameters
+    ----------
+    model : Model               The tree.
+    media : Media               The state of each gas; one atmosphere everywhere by default.
+    prescribed : iterable       Nodes that are driven by a given temperature instead of their own balance.
+
+    Raises
+    ------
+    ThermidError   With file and key path of the first thing that does not fit.
+    """
+    flat = flatten(model)
+    driven = tuple(flat.names.find(p) for p in prescribed)
+    nodes = tuple(n.path for n in flat.nodes if n.path not in driven)
+    if not nodes:
+        raise DeckError("there is no node left whose temperature is unknown.", model.title)
+    network = Network(model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven)
+    network.numbers()
+    return network
+
+
+def free_numbers(paths: tuple[str, ...], values: Mapping[str, float]) -> dict[str, Dual]:
+    """Return path -> `Dual` with unit gradients, in order."""
+    eye = np.eye(len(paths))
+    return {p: Dual(values[p], eye[k]) for k, p in enumerate(paths)}

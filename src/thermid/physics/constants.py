@@ -1,0 +1,17 @@
+"""Constants of nature and of convention."""
+
+from __future__ import annotations
+
+__all__ = ["ATMOSPHERE", "ICE_POINT", "STANDARD_GRAVITY", "STEFAN_BOLTZMANN"]
+
+STEFAN_BOLTZMANN = 5.670374419e-8
+"""CODATA 2018. [W/(m^2 K^4)]"""
+
+STANDARD_GRAVITY = 9.80665
+"""Third General Conference on Weights and Measures, 1901. [m/s^2]"""
+
+ATMOSPHERE = 101325.0
+"""Tenth General Conference on Weights and Measures, 1954. [Pa]"""
+
+ICE_POINT = 273.15
+"""Zero of the Celsius scale. [K]"""

@@ -1,0 +1,252 @@
+"""The kernel called with names: arrays in, an answer or an error in words out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid import _kernel
+from thermid.dual import value_of
+from thermid.errors import ScenarioError, SolverError
+from thermid.model.curves import Curve
+from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.simulate.wiring import Assembled, Wiring, curve_arrays
+
+__all__ = ["Answer", "Engine", "Options"]
+
+Array = NDArray[np.float64]
+
+CONDUCTORS = {"linear": _kernel.LINEAR, "power": _kernel.POWER, "radiation": _kernel.RADIATION, "flow": _kernel.FLOW}
+LOADS = {
+    "signal": _kernel.SIGNAL,
+    "polynomial": _kernel.POLY,
+    "exponential": _kernel.EXP,
+    "table": _kernel.TABLE,
+    "thermostat": _kernel.THERMOSTAT,
+    "proportional": _kernel.PROPORTIONAL,
+}
+PLACES = {"exponential": (0, 1, 3)}
+"""Where the coefficients of a form stand among the kernel's four places, when not simply in order."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Tolerances and limits of the integrator.
+
+    Parameters
+    ----------
+    tolerance : float           Local error that a step may make. [K]
+    relative : float            The same, relative to the range of temperatures seen. [-]
+    input_tolerance : float     Error that what is left of a sampled input within a step may cause. [K]
+    max_step : float            [s]
+    max_steps : int             Steps after which the run is given up.
+    """
+
+    tolerance: float = 1e-6
+    relative: float = 1e-7
+    input_tolerance: float = 1e-4
+    max_step: float = float("inf")
+    max_steps: int = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What the kernel answered.
+
+    Parameters
+    ----------
+    temperatures : array (times, nodes)             Of the nodes asked for. [K]
+    sensitivities : array (times, nodes, free)      Empty when not asked for.
+    initial, final : array (nodes,)                 Of all nodes of the reduced network. [K]
+    load_energy, boundary_energy, flow_energy       Per load row, boundary and one-way row. [J]
+    end : float                                     [s]
+    statistics : dict
+    """
+
+    temperatures: Array
+    sensitivities: Array
+    initial: Array
+    final: Array
+    load_energy: Array
+    boundary_energy: Array
+    flow_energy: Array
+    end: float
+    statistics: Mapping[str, Any]
+
+
+class Engine:
+    """The kernel's problem for one wiring; the same for all values of its unknowns."""
+
+    def __init__(self, wiring: Wiring) -> None:
+        self.wiring = wiring
+        s = wiring.structure()
+        tables: list[tuple[Array, Array, Array]] = []
+        conductors = [_row(form, places, curve, tables) for form, _, _, places, curve, _ in s["conductors"]]
+        loads = [_row(form, places, curve, tables, load=True) for form, _, _, places, curve, _ in s["loads"]]
+        self.conductor_names = tuple(r[5] for r in s["conductors"])
+        self.load_names = tuple(r[5] for r in s["loads"])
+        self.flow_rows = np.array([k for k, r in enumerate(s["conductors"]) if r[0] == "flow"], dtype=int)
+        self.problem = _kernel.Problem(
+            capacity=_ints(s["capacity"]),
+            coef_input=_ints(s["coefficient_input"]),
+            boundary_gain=_ints(s["gain"]),
+            boundary_offset=_ints(s["offset"]),
+            conductor_kind=_ints([r[0] for r in conductors]),
+            conductor_a=_ints([r[1] for r in s["conductors"]]),
+            conductor_b=_ints([r[2] for r in s["conductors"]]),
+            conductor_coef=_ints([r[1] for r in conductors]).reshape(-1, 4),
+            conductor_table=_ints([r[2] for r in conductors]),
+            load_kind=_ints([r[0] for r in loads]),
+            load_node=_ints([r[1] for r in s["loads"]]),
+            load_coef=_ints([r[1] for r in loads]).reshape(-1, 4),
+            load_sensor=_ints([r[2] for r in s["loads"]]),
+            load_table=_ints([r[2] for r in loads]),
+            tables=tables,
+            inputs=[_input(wiring.signals[name]) for name in wiring.used],
+        )
+        self.nodes: tuple[str, ...] = s["nodes"]
+
+    def integrate(
+        self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, gradients: bool = False
+    ) -> Answer:
+        """Return temperatures at times of some nodes, from zero to `end` [s].
+
+        Raises
+        ------
+        SolverError   When the run ends before its time.
+        """
+        index = {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
+        size = a.initial_gradient.shape[1]
+        more: dict[str, Any] = {}
+        if gradients and a.jacobian is not None:
+            more = {"dcoef": (*a.jacobian, size), "dT0": np.ascontiguousarray(a.initial_gradient)}
+        found = self.problem.integrate(
+            a.coefficients,
+            a.initial,
+            0.0,
+            float(end),
+            np.ascontiguousarray(times, dtype=float),
+            _ints([index[n] for n in nodes]),
+            rtol=options.relative,
+            atol=options.tolerance,
+            input_atol=options.input_tolerance,
+            max_step=options.max_step,
+            max_steps=options.max_steps,
+            breaks=self._breaks(end),
+            **more,
+        )
+        if found.status != _kernel.OK:
+            raise SolverError(self._message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+        statistics = {
+            "steps": found.steps,
+            "rejected": found.rejected,
+            "switchings": [(float(t), self.load_names[k]) for t, k in zip(found.event_times, found.event_loads, strict=True)],
+        }
+        flows = found.conductor_energy[self.flow_rows] if self.flow_rows.size else np.zeros(0)
+        slopes = found.sensitivities if found.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
+        return Answer(found.traces, slopes, a.initial, found.final_temperatures, found.load_energy, found.boundary_energy, flows, end, statistics)
+
+    def _breaks(self, end: float) -> Array:
+        """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
+        jumps = [s.times[1:][np.diff(s.values) != 0] for s in self._used_tables() if s.hold]
+        times = np.unique(np.concatenate(jumps)) if jumps else np.zeros(0)
+        times = times[(times > 0) & (times < end)]
+        return times if times.size <= 5000 else np.zeros(0)
+
+    def _used_tables(self) -> list[Table]:
+        return [s for s in (self.wiring.signals[name] for name in self.wiring.used) if isinstance(s, Table)]
+
+    def _message(self, found: Any, options: Options, end: float) -> str:
+        """Return what ran out, when, where and what to change."""
+        node = f" at '{self.nodes[found.node]}'" if 0 <= found.node < len(self.nodes) else ""
+        when = f"at {found.time:.6g} s of {end:.6g} s{node}"
+        words = {
+            _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger tolerance.",
+            _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise the tolerance.",
+            _kernel.NEWTON_FAILED: f"the equations of a step could not be solved {when}. Look for a power that grows too fast with temperature.",
+            _kernel.NON_FINITE: f"a temperature or a heat flow is not a number {when}. Look for a parameter that is infinite or not a number.",
+            _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave.",
+            _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
+            _kernel.CHATTER: f"a thermostat switches without end {when}. Widen its hysteresis.",
+        }
+        return words.get(found.status, f"the run stopped {when}.")
+
+    def rhs(self, a: Assembled, temperatures: Array, time: float, gradients: bool = False) -> tuple[Array, Array, Array | None]:
+        """Return net heat (nodes,) [W], its Jacobian (nodes, nodes) [W/K] and its derivatives (nodes, free) at temperatures [K]."""
+        extra = (*a.jacobian, a.initial_gradient.shape[1]) if gradients and a.jacobian is not None else None
+        heat, jacobian, slopes = self.problem.rhs(a.coefficients, np.ascontiguousarray(temperatures), float(time), extra)
+        return heat, jacobian, slopes
+
+    def started(self, a: Assembled, gradients: bool = False) -> Assembled:
+        """Return the assembly with a start that is steady where it was asked for."""
+        unknown = np.isnan(a.initial)
+        if not unknown.any():
+            return a
+        if not unknown.all():
+            raise ScenarioError("a steady start holds for all nodes; leave 'initial' out.", self.wiring.scenario.title)
+        from thermid.simulate.steady import settle
+
+        found, slopes = settle(self, a, 0.0, gradients)
+        return replace(a, initial=found, initial_gradient=slopes if gradients else a.initial_gradient)
+
+    def capacities(self, a: Assembled) -> Array:
+        """Return the capacitance (nodes,) of every node, zero for a massless one. [J/K]"""
+        return np.array([0.0 if c is None else value_of(c) for c in (a.reduced.capacitances[n] for n in self.nodes)])
+
+    def time_constants(self, a: Assembled, temperatures: Array, time: float) -> Array:
+        """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
+        _, jacobian, _ = self.rhs(a, temperatures, time)
+        capacity = self.capacities(a)
+        massive, massless = capacity > 0, capacity <= 0
+        heat = jacobian[np.ix_(massive, massive)]
+        if massless.any():
+            heat = heat - jacobian[np.ix_(massive, massless)] @ np.linalg.solve(
+                jacobian[np.ix_(massless, massless)], jacobian[np.ix_(massless, massive)]
+            )
+        root = np.sqrt(capacity[massive])
+        rates = np.linalg.eigvals(heat / root[:, None] / root[None, :]).real
+        slow = np.abs(rates) < 1e-13 * max(float(np.abs(rates).max(initial=0.0)), 1e-300)
+        return np.sort(np.where(slow, np.inf, -1.0 / np.where(slow, -1.0, rates)))[::-1]
+
+    def powers(self, a: Assembled, temperatures: Array, times: Array) -> dict[str, Array]:
+        """Return load -> power (times,); rows of one load are summed. [W]"""
+        table = self.problem.load_powers(a.coefficients, temperatures, np.ascontiguousarray(times, dtype=float))
+        out: dict[str, Array] = {}
+        for k, name in enumerate(self.load_names):
+            out[name] = out.get(name, 0.0) + table[:, k]
+        return out
+
+
+def _ints(values: Any) -> NDArray[np.int32]:
+    return np.ascontiguousarray(values, dtype=np.int32)
+
+
+def _row(form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False) -> tuple[int, list[int], int]:
+    """Return the kernel's kind, coefficient places and table of a row."""
+    four = [-1, -1, -1, -1]
+    for place, coefficient in zip(PLACES.get(form, range(4)), places, strict=False):
+        four[place] = coefficient
+    table = -1
+    if curve is not None:
+        table = len(tables)
+        tables.append(curve_arrays(curve))
+    if load:
+        return LOADS[form], four, table
+    if form == "table" and curve is not None:
+        return (_kernel.TABLE_DIFF if curve.over == "difference" else _kernel.TABLE_MEAN), four, table
+    return CONDUCTORS[form], four, table
+
+
+def _input(given: Signal) -> tuple[int, Array, Array]:
+    """Return the kernel's form of a signal."""
+    none = np.zeros(0)
+    if isinstance(given, Constant):
+        return _kernel.CONSTANT, np.array([given.value]), none
+    if isinstance(given, Sine):
+        return _kernel.SINE, np.array([given.mean, given.amplitude, given.period, given.phase]), none
+    kind = _kernel.SAMPLED_HOLD if given.hold else _kernel.SAMPLED_LINEAR
+    return kind, np.ascontiguousarray(given.times, dtype=float), np.ascontiguousarray(given.values, dtype=float)

@@ -1,0 +1,231 @@
+"""From a scenario to the inputs of a network: which signal multiplies which coefficient."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.dual import Dual, Number, value_of
+from thermid.errors import DeckError, ScenarioError, nearest
+from thermid.model.signal import Constant, Signal, Sine, Table, signal
+from thermid.network.network import Network, Numbers
+from thermid.simulate.scenario import Scenario
+from thermid.units import TEMPERATURE, require
+
+__all__ = ["Schedule", "command_curve", "load_inputs", "normalised", "read_schedule", "scheduled"]
+
+Array = NDArray[np.float64]
+SINE_SAMPLES = 400
+
+
+def normalised(network: Network, scenario: Scenario) -> Scenario:
+    """Return the scenario with canonical names, and a temperature for every boundary.
+
+    Raises
+    ------
+    NameNotFoundError   When it names a node or load that does not exist.
+    ScenarioError       When a boundary has no temperature.
+    """
+    flat, where = network.flat, scenario.title
+    known = [load.path for load in flat.loads]
+
+    def load(name: str) -> str:
+        path = flat.names.model.canonical(name)
+        if path not in known:
+            raise ScenarioError(f"no load '{name}'.{nearest(path, known)}", where)
+        return path
+
+    def gain(name: str) -> str:
+        path = flat.names.model.canonical(name)
+        if path not in flat.parameters.table:
+            raise ScenarioError(f"no parameter '{name}'.{nearest(path, flat.parameters.table)}", where)
+        require(flat.parameters.dimension(path), "W", flat.parameters.table[path].parameter.unit)
+        return path
+
+    boundaries = {network.find(k, where): v for k, v in scenario.boundaries.items()}
+    boundaries |= {network.find(k, where): v for k, v in scenario.prescribed.items()}
+    for name in boundaries:
+        if name not in network.boundaries:
+            raise ScenarioError(f"'{name}' is a node with a balance of its own, not a boundary. To drive it by a given temperature put it under 'prescribed'.", where)
+    for name in network.boundaries:
+        if name not in boundaries:
+            raise ScenarioError(f"boundary '{name}' of {network.title} has no temperature. Give it one in the scenario's boundaries.", where)
+    loads = {load(k): v for k, v in scenario.loads.items()}
+    commands = {load(k): v for k, v in scenario.commands.items()}
+    both = sorted(set(loads) & set(commands))
+    if both:
+        raise ScenarioError(f"load '{both[0]}' has both a power and a command; give one of them.", where)
+    gains = {load(k): gain(v) for k, v in scenario.gains.items()}
+    initial = {network.find(k, where): v for k, v in scenario.initial.items()}
+    return replace(scenario, boundaries=boundaries, loads=loads, commands=commands, gains=gains, initial=initial, prescribed={})
+
+
+def _samples(given: Signal, duration: float) -> Array:
+    """Return the times at which a signal must be sampled to be kept as a table. [s]"""
+    if isinstance(given, Table):
+        return given.times
+    if isinstance(given, Sine):
+        return np.linspace(0.0, duration, max(2, int(np.ceil(duration / given.period * SINE_SAMPLES)) + 1))
+    return np.array([0.0])
+
+
+def product(first: Signal, second: Signal, duration: float) -> Signal:
+    """Return the product of two signals, as a table where neither is constant."""
+    if isinstance(first, Constant) and isinstance(second, Constant):
+        return Constant(first.value * second.value)
+    if isinstance(second, Constant):
+        first, second = second, first
+    if isinstance(first, Constant):
+        if isinstance(second, Table):
+            return Table(second.times, first.value * second.values, second.hold)
+        if isinstance(second, Sine):
+            return Sine(first.value * second.mean, first.value * second.amplitude, second.period, second.phase)
+    times = np.union1d(_samples(first, duration), _samples(second, duration))
+    hold = all(isinstance(s, Table) and s.hold for s in (first, second))
+    return Table(times, first.at(times) * second.at(times), hold)
+
+
+def command_curve(given: Signal, duration: float) -> Signal:
+    """Return s (s - 1) of a command s: what its curvature multiplies."""
+    if isinstance(given, Constant):
+        return Constant(given.value * (given.value - 1.0))
+    times = _samples(given, duration)
+    values = given.at(times)
+    return Table(times, values * (values - 1.0), isinstance(given, Table) and given.hold)
+
+
+def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[str, Signal]:
+    """Return input name -> signal for every load row; a load without signal is on at full power.
+
+    A power given by the scenario is marked ``watts <load>``: it stands in place of the deck's own.
+    """
+    duration = scenario.seconds
+    out: dict[str, Signal] = {}
+    for load in network.flat.loads:
+        command: Signal = scenario.commands.get(load.path, Constant(1.0))
+        if "periodic.period" in load.fields:
+            command = product(command, _square(load.fields, numbers.values, duration, load.where), duration)
+        watts = scenario.loads.get(load.path)
+        if watts is not None:
+            out[f"watts {load.path}"] = watts
+            command = watts
+        out[f"load {load.path}"] = command
+        out[f"curve {load.path}"] = Constant(0.0) if watts is not None else command_curve(command, duration)
+        if "sine.amplitude" in load.fields:
+            period = value_of(numbers.values[load.fields["sine.period"]])
+            out[f"sine {load.path}"] = Constant(0.0) if watts is not None else Sine(0.0, 1.0, period)
+    return out
+
+
+def _square(fields: Mapping[str, str], values: Mapping[str, Any], duration: float, where: str) -> Signal:
+    """Return the on-off signal of a periodic load: on first, for `duty` of every period."""
+    period, duty = (value_of(values[fields[f"periodic.{k}"]]) for k in ("period", "duty"))
+    if not (period > 0 and 0.0 <= duty <= 1.0):
+        raise DeckError(f"a periodic load needs a period above zero and a duty from 0 to 1, not {period:g} s and {duty:g}.", where)
+    if duty in (0.0, 1.0):
+        return Constant(duty)
+    starts = np.arange(0.0, duration + period, period)
+    times = np.column_stack((starts, starts + duty * period)).ravel()
+    return Table(times, np.tile([1.0, 0.0], starts.size), hold=True)
+
+
+class Schedule:
+    """Parameters that follow signals.
+
+    Parameters
+    ----------
+    signals : dict      Parameter path -> signal. [SI]
+    times : array       Times at which any of them must be sampled. [s]
+    hold : bool         Whether all of them hold between samples.
+    """
+
+    def __init__(self, signals: Mapping[str, Signal], duration: float) -> None:
+        self.signals = dict(signals)
+        self.times: Array = np.unique(np.concatenate([_samples(s, duration) for s in signals.values()]))
+        self.hold = all(isinstance(s, Constant) or (isinstance(s, Table) and s.hold) for s in signals.values())
+        columns = np.column_stack([s.at(self.times) for s in signals.values()])
+        self.rows, self.index = np.unique(columns, axis=0, return_inverse=True)
+        self.index = self.index.ravel()
+
+    def overrides(self, k: int) -> dict[str, float]:
+        """Return path -> value of the k-th distinct combination. [SI]"""
+        return dict(zip(self.signals, self.rows[k].tolist(), strict=True))
+
+
+def read_schedule(network: Network, scenario: Scenario) -> Schedule | None:
+    """Return the schedule of a scenario with every signal in SI, or None.
+
+    Raises
+    ------
+    NameNotFoundError   When it names no parameter.
+    UnitError           When a signal has another dimension than its parameter.
+    """
+    if not scenario.schedule:
+        return None
+    parameters = network.flat.parameters
+    signals = {}
+    for raw, value in scenario.schedule.items():
+        where = f"{scenario.title}, schedule.{raw}"
+        path = parameters.freeable(raw, network.flat.names.model.canonical)
+        literal = parameters.table[path].parameter.expression.literal
+        slot = TEMPERATURE if literal and literal.unit.absolute else literal.unit.text if literal else "1"
+        signals[path] = signal(value, slot, where)
+    return Schedule(signals, scenario.seconds)
+
+
+def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) -> tuple[Numbers, dict[tuple[str, int, int], Signal]]:
+    """Return the numbers at the reference sample, and which coefficient follows which signal.
+
+    Keys of the second are (row's name, position among the rows of that name, coefficient). A coefficient that changes is its value at the
+    reference sample times a signal; its derivatives must then scale with it, which holds for every product.
+
+    Raises
+    ------
+    ScenarioError   When a capacitance would change, or a freed parameter and a scheduled one do not act as a product.
+    """
+    clash = sorted(set(schedule.signals) & set(free))
+    if clash:
+        raise ScenarioError(f"'{clash[0]}' follows a schedule, so it cannot be freed. Free what multiplies it.", network.title)
+    sets = [network.numbers({**free, **schedule.overrides(k)}) for k in range(len(schedule.rows))]
+    for node, first in sets[0].capacitances.items():
+        if first is not None and any(value_of(s.capacitances[node] or 0.0) != value_of(first) for s in sets):
+            raise ScenarioError(f"the capacitance of '{node}' would change with the schedule; only conductors and loads can.", network.title)
+    reference = max(range(len(sets)), key=lambda k: _magnitude(sets[k]))
+    base = sets[reference]
+    out: dict[tuple[str, int, int], Signal] = {}
+    for table in ("conductors", "loads"):
+        seen: dict[str, int] = {}
+        for r, row in enumerate(getattr(base, table)):
+            position = seen.get(row.name, 0)
+            seen[row.name] = position + 1
+            for c, mine in enumerate(row.coefficients):
+                values = [getattr(s, table)[r].coefficients[c] for s in sets]
+                ratio = _ratios(mine, values, row.name, network.title)
+                if ratio is not None:
+                    out[row.name, position, c] = Table(schedule.times, ratio[schedule.index], schedule.hold) if schedule.times.size > 1 else Constant(float(ratio[0]))
+    return base, out
+
+
+def _magnitude(numbers: Numbers) -> float:
+    """Return a size by which the reference sample is chosen: one at which no scheduled coefficient vanishes, if there is any."""
+    return float(np.sum([np.log1p(abs(value_of(r.coefficients[0]))) for r in (*numbers.conductors, *numbers.loads)]))
+
+
+def _ratios(mine: Number, values: list[Number], name: str, title: str) -> Array | None:
+    """Return each value over the reference one, or None when nothing changes."""
+    plain = np.array([value_of(v) for v in values])
+    base = value_of(mine)
+    if (plain == base).all():
+        return None
+    if base == 0.0:
+        raise ScenarioError(f"the coefficient of '{name}' vanishes at the reference of its schedule. Schedule one parameter at a time.", title)
+    ratio = plain / base
+    if isinstance(mine, Dual):
+        for r, v in zip(ratio, values, strict=True):
+            if isinstance(v, Dual) and not np.allclose(v.gradient, r * mine.gradient, rtol=1e-9, atol=1e-12 * np.abs(mine.gradient).max()):
+                raise ScenarioError(f"in '{name}' a freed parameter and a scheduled one do not act as a product, so their effects cannot be told apart.", title)
+    return ratio

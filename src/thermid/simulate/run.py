@@ -1,0 +1,84 @@
+"""One run: the kernel's answer put back into names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.dual import value_of
+from thermid.network.network import Network
+from thermid.simulate.engine import Answer, Engine
+from thermid.simulate.solution import HeatBalance
+from thermid.simulate.wiring import Assembled, Wiring
+
+__all__ = ["Run", "expand"]
+
+Array = NDArray[np.float64]
+
+
+def expand(wiring: Wiring, assembled: Assembled, times: Array, kept: Mapping[str, Array]) -> dict[str, Array]:
+    """Return node -> temperature (times,) of boundaries and eliminated nodes too. [K]"""
+    out = {b: wiring.boundary(b, times, assembled.offsets) for b in wiring.network.boundaries}
+    out.update(kept)
+    for node, weights in assembled.reduced.recover:
+        if all(n in out for n in weights):
+            out[node] = np.sum([value_of(w) * out[n] for n, w in weights.items()], axis=0)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A wiring, its numbers, and what the kernel answered."""
+
+    wiring: Wiring
+    engine: Engine
+    assembled: Assembled
+    answer: Answer
+
+    @property
+    def network(self) -> Network:
+        """The network that was run."""
+        return self.wiring.network
+
+    def _index(self, nodes: tuple[str, ...]) -> dict[str, int]:
+        return {n: k for k, n in enumerate(nodes)}
+
+    def all_nodes(self) -> tuple[str, ...]:
+        """Nodes, then boundaries: the order of a solution's columns."""
+        return (*self.network.nodes, *self.network.boundaries)
+
+    def time_constants(self, temperatures: Array) -> Array:
+        """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
+        index = self._index(self.all_nodes())
+        kept = self.assembled.reduced.nodes
+        at = np.array([temperatures[index[n]] for n in kept])
+        return self.engine.time_constants(self.assembled, at, self.answer.end)
+
+    def flows(self, times: Array, temperatures: Array) -> dict[str, Array]:
+        """Return conductor -> heat flow (times,). [W]"""
+        by_node = {n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}
+        return self.wiring.conductor_flows(self.assembled.numbers, by_node, times)
+
+    def powers(self, times: Array, temperatures: Array) -> dict[str, Array]:
+        """Return load -> power (times,). [W]"""
+        return self.engine.powers(self.assembled, self._columns(temperatures), times)
+
+    def _columns(self, temperatures: Array) -> Array:
+        index = self._index(self.all_nodes())
+        order = [index[n] for n in (*self.assembled.reduced.nodes, *self.network.boundaries)]
+        return np.ascontiguousarray(temperatures[:, order])
+
+    def heat_balance(self) -> HeatBalance:
+        """Return where the heat went, by the integrator's own weights."""
+        answer = self.answer
+        loads = float(answer.load_energy.sum())
+        boundaries = float(answer.boundary_energy.sum()) - float(answer.flow_energy.sum())
+        capacities = np.array([value_of(c) if c is not None else 0.0 for c in self.assembled.reduced.capacitances.values()])
+        change = answer.final - answer.initial
+        stored = float(capacities @ change)
+        size = max(abs(loads), abs(boundaries), float(capacities @ np.abs(change)), 1e-300)
+        residual = loads - boundaries - stored
+        return HeatBalance(loads, boundaries, stored, residual, abs(residual) / size)

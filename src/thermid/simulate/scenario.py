@@ -1,0 +1,161 @@
+"""`Scenario`: what is done to the hardware - boundary temperatures, loads, schedules, the state of each gas, the start."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from thermid.errors import ScenarioError, ThermidError, nearest
+from thermid.model.modelfile import read_toml, resolve_inside
+from thermid.model.signal import Constant, Signal, literal, signal
+from thermid.network.medium import Environment, Media
+from thermid.units import TEMPERATURE
+
+__all__ = ["STEADY", "Scenario", "load_scenario"]
+
+STEADY = "steady"
+"""`start = "steady"`: the run starts where the inputs at its beginning would have settled."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What is done to a model.
+
+    Values may be written as texts with units, tables or signals (see `thermid.model.signal.signal`); they are kept as signals.
+
+    Parameters
+    ----------
+    title : str             What it is.
+    boundaries : dict       Boundary -> temperature. [K]
+    loads : dict            Load -> power, in place of the deck's. [W]
+    commands : dict         Load -> command, which multiplies the deck's power; 1 is full power. [-]
+    gains : dict            Load -> parameter that takes the place of the deck's power where a command drives the load.
+    schedule : dict         Parameter path -> signal in the parameter's unit.
+    prescribed : dict       Node -> temperature that drives it. [K]
+    environment : dict      Gas node -> `Environment`; ``*`` for every gas not named.
+    start : str or float    A temperature, the name of a boundary (its temperature at the beginning), or ``steady``.
+    initial : dict          Node -> temperature or boundary name, where it differs from `start`.
+    duration : float        [s]
+    as_printed : bool       Vacuum as the source document prints it: every coefficient zero, radiation inside it included.
+    """
+
+    title: str = "scenario"
+    boundaries: Mapping[str, Any] = field(default_factory=dict)
+    loads: Mapping[str, Any] = field(default_factory=dict)
+    commands: Mapping[str, Any] = field(default_factory=dict)
+    gains: Mapping[str, str] = field(default_factory=dict)
+    schedule: Mapping[str, Any] = field(default_factory=dict)
+    prescribed: Mapping[str, Any] = field(default_factory=dict)
+    environment: Mapping[str, Environment] = field(default_factory=dict)
+    start: str | float = ""
+    initial: Mapping[str, Any] = field(default_factory=dict)
+    duration: str | float = 0.0
+    as_printed: bool = False
+
+    def __post_init__(self) -> None:
+        """Turn texts into signals, so that a mistake shows here and not in a run."""
+        for name, slot in (("boundaries", TEMPERATURE), ("loads", "W"), ("commands", "1"), ("prescribed", TEMPERATURE)):
+            table = {k: signal(v, slot, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
+            object.__setattr__(self, name, table)
+        seconds = literal(self.duration, "s", f"{self.title}, duration") if isinstance(self.duration, str) else float(self.duration)
+        if seconds < 0:
+            raise ScenarioError("a duration below zero has no end.", f"{self.title}, duration")
+        object.__setattr__(self, "duration", seconds)
+
+    @property
+    def seconds(self) -> float:
+        """The duration. [s]"""
+        return float(self.duration)
+
+    def media(self) -> Media:
+        """Return the state of every gas."""
+        return Media(self.environment, self.as_printed)
+
+    def vacuum(self, as_printed: bool = False) -> Scenario:
+        """Return the same scenario without gas.
+
+        Parameters
+        ----------
+        as_printed : bool   Set effective coefficients to zero as the source document does; an upper bound, since radiation goes too.
+        """
+        gone = {gas: replace(e, pressure=Constant(0.0)) for gas, e in self.environment.items()}
+        gone.setdefault("*", Environment(Constant(0.0)))
+        label = "vacuum as printed (upper bound)" if as_printed else "vacuum"
+        return replace(self, title=f"{self.title}, {label}", environment=gone, as_printed=as_printed)
+
+    def with_(self, **changes: Any) -> Scenario:
+        """Return the scenario with fields changed; tables are merged, other fields replaced.
+
+        Raises
+        ------
+        ScenarioError   When there is no such field.
+        """
+        fields = self.__dataclass_fields__
+        for name in changes:
+            if name not in fields:
+                raise ScenarioError(f"a scenario has no '{name}'.{nearest(name, fields)}", self.title)
+        merged = {k: {**getattr(self, k), **v} if isinstance(v, Mapping) else v for k, v in changes.items()}
+        return replace(self, **merged)
+
+
+def _environment(table: Mapping[str, Any], where: str) -> Environment:
+    unknown = set(table) - {"pressure", "humidity", "gravity"}
+    if unknown:
+        raise ScenarioError(f"a gas has pressure, humidity and gravity, not {', '.join(sorted(unknown))}.", where)
+    given: dict[str, Any] = {}
+    if "pressure" in table:
+        given["pressure"] = signal(table["pressure"], "Pa", where)
+    if "humidity" in table:
+        given["humidity"] = literal(table["humidity"], "1", where)
+    if "gravity" in table:
+        given["gravity"] = literal(table["gravity"], "m/s^2", where)
+    return Environment(**given)
+
+
+def load_scenario(path: str | os.PathLike[str]) -> Scenario:
+    """Return the scenario of a TOML file.
+
+    A signal may be a column of a log: ``{ file = "room.csv", column = "T_AMB", unit = "degC", time = "time_s" }``.
+
+    Raises
+    ------
+    ScenarioError   When a key is unknown or a value is no signal.
+    """
+    target = Path(path)
+    data, lines = read_toml(target)
+    fields = set(Scenario.__dataclass_fields__)
+    for key in data:
+        if key not in fields:
+            raise ScenarioError(f"a scenario has no '{key}'.{nearest(key, fields)}", f"{target.name}:{lines.get(key, 1)}, {key}")
+    given: dict[str, Any] = {"title": target.stem, **data}
+    for name in ("boundaries", "loads", "commands", "schedule", "prescribed"):
+        if name in given:
+            given[name] = {k: _column(v, target, f"{name}.{k}") for k, v in given[name].items()}
+    given["environment"] = {gas: _environment(t, f"{target.name}, environment.{gas}") for gas, t in data.get("environment", {}).items()}
+    try:
+        return Scenario(**given)
+    except ThermidError as error:
+        raise error.located(target.name) from None
+
+
+def _column(value: Any, scenario: Path, key: str) -> Signal | Any:
+    """Return the column of a log as a signal, or the value as it is."""
+    if not (isinstance(value, Mapping) and "file" in value):
+        return value
+    from thermid.measure import read_record
+
+    where = f"{scenario.name}, {key}"
+    unknown = set(value) - {"file", "column", "unit", "time", "hold"}
+    if unknown or "column" not in value:
+        raise ScenarioError("a column of a log is given by file and column, with unit, time and hold as needed.", where)
+    file = resolve_inside(scenario.parent, value["file"], where)
+    role = {"commands": "command", "loads": "load"}.get(key.partition(".")[0], "boundary")
+    channel = {role: "x"} | ({"unit": value["unit"]} if "unit" in value else {})
+    record = read_record(file, {value["column"]: channel}, time=value.get("time"))
+    times, values, _ = record.table(value["column"])
+    from thermid.model.signal import Table
+
+    return Table(times, values, bool(value.get("hold", role == "command")))

@@ -1,0 +1,193 @@
+"""`Solution`: temperatures by name, the heat flow of every conductor, the heat balance, and how the run went."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import NameNotFoundError, nearest
+from thermid.physics.constants import ICE_POINT
+
+if TYPE_CHECKING:
+    import xarray
+
+    from thermid.simulate.run import Run
+
+__all__ = ["HeatBalance", "Solution", "Trace"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """The temperature of one node over time.
+
+    Parameters
+    ----------
+    path : str              Canonical path of the node.
+    times : array (times,)  [s]
+    kelvin : array (times,) [K]
+    """
+
+    path: str
+    times: Array
+    kelvin: Array
+
+    @property
+    def celsius(self) -> Array:
+        """Temperatures (times,). [degC]"""
+        return self.kelvin - ICE_POINT
+
+    @property
+    def final(self) -> float:
+        """The last temperature. [degC]"""
+        return float(self.celsius[-1])
+
+    @property
+    def highest(self) -> float:
+        """The highest temperature. [degC]"""
+        return float(self.celsius.max())
+
+    @property
+    def rise(self) -> float:
+        """The last temperature less the first. [K]"""
+        return float(self.kelvin[-1] - self.kelvin[0])
+
+    def at(self, time: float | Array) -> Array:
+        """Temperature at times within the run, straight lines between stored times. [degC]"""
+        return np.interp(time, self.times, self.celsius)
+
+    def crossing(self, limit: float) -> float | None:
+        """Return the first time at which the node is above a limit [degC], or None. [s]"""
+        above = self.celsius > limit
+        if not above.any():
+            return None
+        k = int(above.argmax())
+        if k == 0:
+            return float(self.times[0])
+        low, high = self.celsius[k - 1], self.celsius[k]
+        return float(self.times[k - 1] + (limit - low) / (high - low) * (self.times[k] - self.times[k - 1]))
+
+
+@dataclass(frozen=True)
+class HeatBalance:
+    """Where the heat went, by the integrator's own weights: loads - boundaries = stored + residual.
+
+    Parameters
+    ----------
+    loads : float       Heat put in. [J]
+    boundaries : float  Heat that left into boundaries; what one-way flow links bring is counted against it. [J]
+    stored : float      Heat that the nodes took up. [J]
+    residual : float    What does not add up. [J]
+    relative : float    The residual over the largest of loads, boundary flow and stored range. [-]
+    """
+
+    loads: float
+    boundaries: float
+    stored: float
+    residual: float
+    relative: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The result of a run.
+
+    Parameters
+    ----------
+    title : str                     The model's.
+    scenario : str                  The scenario's title.
+    times : array (times,)          [s]
+    nodes : tuple of str            Every node and boundary, in the order of the columns.
+    temperatures : array (times, nodes)   [K]
+    status : str                    ``ok``, or what ended the run early.
+    statistics : dict               Steps, rejected steps and the like.
+    warnings : tuple of str         What a reader must know.
+    """
+
+    title: str
+    scenario: str
+    times: Array
+    nodes: tuple[str, ...]
+    temperatures: Array
+    status: str
+    statistics: Mapping[str, Any]
+    warnings: tuple[str, ...]
+    _run: Run = field(repr=False)
+
+    def __getitem__(self, name: str) -> Trace:
+        """Return the trace of a node; aliases are accepted."""
+        path = self._run.network.find(name)
+        return Trace(path, self.times, self.temperatures[:, self.nodes.index(path)])
+
+    @property
+    def time_constants(self) -> Array:
+        """Time constants of the network linearised at the end of the run, longest first. [s]"""
+        return self._run.time_constants(self.temperatures[-1])
+
+    def heat_flow(self, conductor: str) -> Array:
+        """Return the heat flow (times,) of a conductor, positive from its first end to its second. [W]
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        flows = self._run.flows(self.times, self.temperatures)
+        path = self._run.network.flat.names.model.canonical(conductor)
+        if path not in flows:
+            raise NameNotFoundError(f"no conductor '{conductor}'.{nearest(path, flows)}", self.title)
+        return flows[path]
+
+    @property
+    def heat_flows(self) -> Mapping[str, Array]:
+        """Conductor -> heat flow (times,). [W]"""
+        return self._run.flows(self.times, self.temperatures)
+
+    @property
+    def load_powers(self) -> Mapping[str, Array]:
+        """Load -> power (times,). [W]"""
+        return self._run.powers(self.times, self.temperatures)
+
+    def heat_balance(self) -> HeatBalance:
+        """Return where the heat of the run went."""
+        return self._run.heat_balance()
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return temperatures, heat flows and powers as a labelled data set."""
+        import xarray
+
+        flows, powers = self.heat_flows, self.load_powers
+        tables = {"heat_flow": ("conductor", flows, "W"), "power": ("load", powers, "W")}
+        data: dict[str, Any] = {"temperature": (("time", "node"), self.temperatures, {"units": "K"})}
+        coordinates: dict[str, Any] = {"time": ("time", self.times, {"units": "s"}), "node": list(self.nodes)}
+        for name, (axis, traces, units) in tables.items():
+            if traces:
+                coordinates[axis] = list(traces)
+                data[name] = (("time", axis), np.column_stack(list(traces.values())), {"units": units})
+        return xarray.Dataset(data, coordinates, {"title": self.title, "scenario": self.scenario, "status": self.status})
+
+    def to_netcdf(self, path: str | os.PathLike[str]) -> None:
+        """Write the data set as netCDF; MATLAB and Octave open it."""
+        with self.to_xarray() as data:
+            data.to_netcdf(path, engine="h5netcdf")
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write times and temperatures in Celsius, a column per node."""
+        header = ",".join(["time_s", *(f"{n} [degC]" for n in self.nodes)])
+        table = np.column_stack((self.times, self.temperatures - ICE_POINT))
+        np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
+
+    def __str__(self) -> str:
+        """Return the end of the run as a short table."""
+        width = max(len(n) for n in self.nodes)
+        lines = [f"{self.title}, {self.scenario}: {self.times[-1] / 3600:.4g} h, {self.status}"]
+        for k, node in enumerate(self.nodes):
+            column = self.temperatures[:, k] - ICE_POINT
+            lines.append(f"  {node:<{width}}  end {column[-1]:9.3f} degC   highest {column.max():9.3f} degC")
+        lines += [f"  warning: {w}" for w in self.warnings]
+        return "\n".join(lines)

@@ -1,0 +1,100 @@
+"""Steady states: the temperatures at which every node's heat balances."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import SolverError
+from thermid.model.model import Model
+from thermid.physics.constants import ICE_POINT
+from thermid.simulate.scenario import Scenario
+
+if TYPE_CHECKING:
+    from thermid.simulate.engine import Engine
+    from thermid.simulate.wiring import Assembled
+
+__all__ = ["settle", "steady"]
+
+Array = NDArray[np.float64]
+MOST_ITERATIONS = 200
+CLOSE = 1e-10
+LARGEST_MOVE = 100.0
+
+
+def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array]:
+    """Return the steady temperatures (nodes,) [K] with the inputs of one time held, and their derivatives (nodes, free).
+
+    Newton's method with steps limited to 100 K, which radiation and natural convection need.
+
+    Raises
+    ------
+    SolverError   When there is no steady state: a part without a path to a boundary, or a power that runs away.
+    """
+    network = engine.wiring.network
+    where = f"{network.title}, {engine.wiring.scenario.title}"
+    given = [float(engine.wiring.boundary(b, np.array([time]), a.offsets)[0]) for b in network.boundaries]
+    base = float(np.mean(given)) if given else ICE_POINT + 20.0
+    # a small offset keeps the conductance of natural convection above zero at the start
+    temperatures = np.full(len(engine.nodes), base + 1.0)
+    for _ in range(MOST_ITERATIONS):
+        heat, jacobian, slopes = engine.rhs(a, temperatures, time, gradients)
+        try:
+            step = np.linalg.solve(jacobian, -heat)
+        except np.linalg.LinAlgError:
+            step = np.full(temperatures.shape, np.nan)
+        if not np.isfinite(step).all() or np.linalg.cond(jacobian) > 1e15:
+            raise SolverError(_no_steady(engine, a), where)
+        step *= min(1.0, LARGEST_MOVE / max(float(np.abs(step).max()), 1e-300))
+        temperatures = np.maximum(temperatures + step, 0.1)
+        if np.abs(step).max() < CLOSE * max(1.0, float(np.abs(temperatures).max())):
+            unstable = np.linalg.eigvals(jacobian).real.max() > 0
+            if unstable:
+                raise SolverError("the balance found is not stable: a power grows faster with temperature than the heat can leave.", where)
+            _, jacobian, slopes = engine.rhs(a, temperatures, time, gradients)
+            moves = -np.linalg.solve(jacobian, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
+            return temperatures, moves
+    raise SolverError("no steady state was found; a power may run away with temperature.", where)
+
+
+def _no_steady(engine: Engine, a: Assembled) -> str:
+    from thermid.network.reach import unreached
+
+    powers = {name: float(p[0]) for name, p in engine.powers(a, _columns(engine, a), np.zeros(1)).items()}
+    parts = unreached(engine.wiring.network, a.numbers, powers)
+    if parts:
+        return f"there is no steady state: {parts[0].message()}."
+    return "there is no steady state: the equations are singular. Look for a power that grows with temperature, or for nodes joined to nothing."
+
+
+def _columns(engine: Engine, a: Assembled) -> Array:
+    outer = [engine.wiring.boundary(b, np.zeros(1), a.offsets)[0] for b in engine.wiring.network.boundaries]
+    return np.array([[outer[0] if outer else ICE_POINT] * len(engine.nodes) + outer])
+
+
+def steady(model: Model, scenario: Scenario, time: float = 0.0) -> dict[str, float]:
+    """Return node -> steady temperature with the inputs of one time held, boundaries and massless nodes included. [K]
+
+    Parameters
+    ----------
+    model : Model           What the hardware is.
+    scenario : Scenario     What is done to it.
+    time : float            Time whose inputs are held. [s]
+
+    Raises
+    ------
+    SolverError   When there is no steady state; the message names the part and its rate.
+    """
+    from thermid.simulate.engine import Engine
+    from thermid.simulate.run import expand
+    from thermid.simulate.transient import network_for
+    from thermid.simulate.wiring import Wiring
+
+    wiring = Wiring(network_for(model, scenario), scenario.with_(start=scenario.start or ICE_POINT))
+    engine = Engine(wiring)
+    a = wiring.assemble()
+    found, _ = settle(engine, a, time)
+    kept = {n: found[k : k + 1] for k, n in enumerate(engine.nodes)}
+    return {n: float(v[0]) for n, v in expand(wiring, a, np.array([float(time)]), kept).items()}

@@ -1,0 +1,304 @@
+"""A network and a scenario wired to the kernel: flat arrays once, numbers with derivatives at every set of values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.dual import Dual, Number, gradient_of, value_of
+from thermid.errors import ScenarioError, nearest
+from thermid.model.curves import Curve, slopes
+from thermid.model.kinds import law_conductance
+from thermid.model.signal import Constant, Signal, literal
+from thermid.network.eliminate import Reduced, eliminable, reduce_network
+from thermid.network.network import Network, Numbers
+from thermid.network.rows import ConductorRow, LoadRow
+from thermid.simulate.inputs import load_inputs, normalised, read_schedule, scheduled
+from thermid.simulate.scenario import STEADY, Scenario
+from thermid.units import TEMPERATURE
+
+__all__ = ["Assembled", "Wiring", "curve_arrays"]
+
+Array = NDArray[np.float64]
+Row = TypeVar("Row", ConductorRow, LoadRow)
+
+MARK = "scheduled"
+"""Stands in a row's signal while massless nodes are chosen for elimination: its conductance changes in time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Assembled:
+    """Numbers of one set of values, ready for the kernel.
+
+    Parameters
+    ----------
+    coefficients : array (coefficients,)        [SI]
+    jacobian : (indptr, indices, data)          Their derivatives with respect to the free names, as CSR; None without free names.
+    initial : array (nodes,)                    [K]
+    initial_gradient : array (nodes, free)      [K per unit]
+    reduced : Reduced                           The network without eliminated nodes.
+    numbers : Numbers                           The network's rows.
+    offsets : dict                              Boundary -> constant part of its temperature. [K]
+    """
+
+    coefficients: Array
+    jacobian: tuple[Array, Array, Array] | None
+    initial: Array
+    initial_gradient: Array
+    reduced: Reduced
+    numbers: Numbers
+    offsets: Mapping[str, Number]
+
+
+@dataclass
+class _Builder:
+    """Collects coefficients, and for the first assembly the index arrays that name them."""
+
+    inputs: Mapping[str, int]
+    values: list[Number] = field(default_factory=list)
+    coefficient_input: list[int] = field(default_factory=list)
+
+    def add(self, number: Number, signal: str = "") -> int:
+        self.values.append(number)
+        self.coefficient_input.append(self.inputs[signal] if signal else -1)
+        return len(self.values) - 1
+
+
+class Wiring:
+    """A network and a scenario, with names to be freed.
+
+    Parameters
+    ----------
+    network : Network
+    scenario : Scenario
+    free : tuple of str     Parameter paths, boundaries (a constant added to their signal), ``initial.<node>``, and ``scale.<load>``
+                            (a factor on its power).
+
+    Raises
+    ------
+    ThermidError   When names do not fit, or a boundary has no temperature.
+    """
+
+    def __init__(self, network: Network, scenario: Scenario, free: Sequence[str] = ()) -> None:
+        self.network = network
+        self.scenario = normalised(network, scenario)
+        self.free = tuple(free)
+        self.parameters = tuple(n for n in self.free if n in network.flat.parameters.table)
+        for name in self.free:
+            self._check_free(name)
+        self.schedule = read_schedule(network, self.scenario)
+        base = network.numbers()
+        self.signals: dict[str, Signal] = {f"boundary {b}": s for b, s in self.scenario.boundaries.items()}
+        self.signals |= load_inputs(network, self.scenario, base) | network.media.signals()
+        self._follow: dict[tuple[str, int, int], str] = {}
+        numbers = self._numbers({})
+        self.gone = eliminable(self._marked(numbers))
+        self.used: dict[str, int] = {}
+        self._structure: dict[str, Any] = {}
+        self._start: Number | str = ""
+        self._initial: dict[str, Number | str] = {}
+        self._read_start()
+
+    def _check_free(self, name: str) -> None:
+        head, _, node = name.partition(".")
+        if name in self.parameters or name in self.network.boundaries or (head == "initial" and node in self.network.nodes):
+            return
+        if head == "scale" and node in {load.path for load in self.network.flat.loads}:
+            return
+        known = [*self.network.flat.parameters.table, *self.network.boundaries, *(f"initial.{n}" for n in self.network.nodes)]
+        raise ScenarioError(f"nothing named '{name}' can be freed.{nearest(name, known)}", self.network.title)
+
+    def _numbers(self, free: Mapping[str, Number]) -> Numbers:
+        if self.schedule is None:
+            return self.network.numbers(free)
+        numbers, follow = scheduled(self.network, self.schedule, free)
+        for key, given in follow.items():
+            name = f"schedule {' '.join(map(str, key))}"
+            self.signals[name] = given
+            self._follow[key] = name
+        return numbers
+
+    def _marked(self, numbers: Numbers) -> Numbers:
+        """Mark scheduled conductors as changing in time, so that elimination leaves them alone."""
+        scheduled_rows = {name for name, _, _ in self._follow}
+        rows = tuple(replace(r, signal=r.signal or MARK) if r.name in scheduled_rows else r for r in numbers.conductors)
+        return replace(numbers, conductors=rows)
+
+    def _read_start(self) -> None:
+        start = self.scenario.start
+        if start == "":
+            if len(self.network.boundaries) != 1:
+                raise ScenarioError("there is no start: give a temperature, the name of a boundary, or 'steady'.", self.scenario.title)
+            start = self.network.boundaries[0]
+        self._start = self._temperature(start, "start") if start != STEADY else STEADY
+        self._initial = {n: self._temperature(v, f"initial.{n}") for n, v in self.scenario.initial.items()}
+
+    def _temperature(self, value: Any, key: str) -> Number | str:
+        """Return an initial temperature: a number, or the canonical name of a boundary."""
+        if isinstance(value, str):
+            path = self.network.flat.names.model.canonical(value)
+            if path in self.network.boundaries:
+                return path
+            if path.replace(".", "").replace("_", "").isalnum() and not path[0].isdigit():
+                known = [*self.network.boundaries, STEADY]
+                raise ScenarioError(f"'{value}' is no temperature and no boundary.{nearest(value, known)}", f"{self.scenario.title}, {key}")
+        return literal(value, TEMPERATURE, f"{self.scenario.title}, {key}") if isinstance(value, str) else float(value)
+
+    def assemble(self, x: Array | None = None) -> Assembled:
+        """Return the numbers at values of the free names, in their order. [SI]"""
+        values = np.zeros(0) if x is None else np.asarray(x, dtype=float)
+        eye = np.eye(values.size)
+        given = {name: Dual(float(values[k]), eye[k]) for k, name in enumerate(self.free)} if values.size else {}
+        numbers = self._numbers({p: given[p] for p in self.parameters if p in given})
+        reduced = reduce_network(self.network, self._marked(numbers), self.gone)
+        return self._build(numbers, reduced, given, values.size)
+
+    def _build(self, numbers: Numbers, reduced: Reduced, given: Mapping[str, Dual], free: int) -> Assembled:
+        first = not self._structure
+        if first:
+            self.used = {name: k for k, name in enumerate(self.signals)}
+        make = _Builder(self.used)
+        structure: dict[str, Any] = {"nodes": reduced.nodes}
+        structure["capacity"] = [-1 if c is None else make.add(c) for c in (reduced.capacitances[n] for n in reduced.nodes)]
+        gain, offset, offsets = [], [], {}
+        for b in self.network.boundaries:
+            signal = self.signals[f"boundary {b}"]
+            constant = isinstance(signal, Constant)
+            shift: Number = signal.value if isinstance(signal, Constant) else 0.0
+            if b in given:
+                shift = given[b] if constant else given[b] + shift
+            gain.append(-1 if constant else make.add(1.0, f"boundary {b}"))
+            offset.append(make.add(shift))
+            offsets[b] = shift
+        structure["gain"], structure["offset"] = gain, offset
+        index = {n: k for k, n in enumerate((*reduced.nodes, *self.network.boundaries))}
+        structure["conductors"] = self._conductors(reduced.conductors, make, index)
+        structure["loads"] = self._loads(numbers, make, index, given)
+        structure["coefficient_input"] = make.coefficient_input
+        if first:
+            self._structure = structure
+        initial = [self._initial_of(n, offsets, given) for n in reduced.nodes]
+        start = np.array([value_of(v) for v in initial])
+        gradient = np.array([gradient_of(v, free) for v in initial]).reshape(len(initial), free)
+        jacobian = _csr(make.values, free) if free else None
+        return Assembled(np.array([value_of(v) for v in make.values]), jacobian, start, gradient, reduced, numbers, offsets)
+
+    def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> list[Any]:
+        out = []
+        for row, position in _numbered(rows):
+            places = []
+            for c, number in enumerate(row.coefficients):
+                places.append(make.add(number, self._conductor_signal(row, position, c)))
+            out.append((row.form, index[row.ends[0]], index[row.ends[1]], places, row.curve, row.name))
+        return out
+
+    def _conductor_signal(self, row: ConductorRow, position: int, c: int) -> str:
+        """Return the input that a conductor's coefficient is multiplied by; empty for none."""
+        follow = self._follow.get((row.name, position, c), "")
+        own = row.signal if c == 0 and row.signal != MARK else ""
+        if follow and own:
+            raise ScenarioError(f"'{row.name}' cannot follow a schedule while the pressure of its gas changes.", self.scenario.title)
+        return follow or own
+
+    def conductor_flows(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array) -> dict[str, Array]:
+        """Return conductor -> heat flow (times,) for temperatures by node; rows of one conductor are summed. [W]"""
+        out: dict[str, Array] = {}
+        for row, position in _numbered(numbers.conductors):
+            a, b = (temperatures[end] for end in row.ends)
+            coefficients = []
+            for c, number in enumerate(row.coefficients):
+                signal = self._conductor_signal(row, position, c)
+                coefficients.append(value_of(number) * (self.signals[signal].at(times) if signal else np.ones(times.shape)))
+            flow = law_conductance(row.form, coefficients, row.curve, a, b) * (a - b)
+            out[row.name] = out.get(row.name, 0.0) + flow
+        return out
+
+    def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], given: Mapping[str, Dual]) -> list[Any]:
+        out = []
+        for row, position in _numbered(numbers.loads):
+            if row.node in self.network.boundaries:
+                continue  # heat into a given temperature changes nothing
+            places = [make.add(number, signal) for number, signal in self._load_coefficients(row, position, numbers, given)]
+            out.append((row.form, index[row.node], index[row.sensor], places, row.curve, row.name))
+        return out
+
+    def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, given: Mapping[str, Dual]) -> list[tuple[Number, str]]:
+        """Return the coefficients of a load row, each with the input that it is multiplied by."""
+        out = []
+        for c, own in enumerate(row.coefficients):
+            follow = self._follow.get((row.name, position, c), "")
+            signal, number = row.signal if c == 0 else "", own
+            if follow and signal and self.signals[signal] != Constant(1.0):
+                raise ScenarioError(f"load '{row.name}' follows both a command and a schedule; put both into one.", self.scenario.title)
+            if c == 0 and signal.startswith("load "):
+                number = self._power(row.name, own, numbers, given)
+            out.append((number, follow or signal))
+        return out
+
+    def _power(self, load: str, own: Number, numbers: Numbers, given: Mapping[str, Dual]) -> Number:
+        """Return what multiplies a load's input: the deck's power, a gain in its place, or 1 where the input is in watts."""
+        if load in self.scenario.gains:
+            gain: Number = numbers.values[self.scenario.gains[load]]
+            return gain * given[f"scale.{load}"] if f"scale.{load}" in given else gain
+        if f"watts {load}" in self.signals:
+            return given.get(f"scale.{load}", 1.0)
+        return own * given[f"scale.{load}"] if f"scale.{load}" in given else own
+
+    def _initial_of(self, node: str, offsets: Mapping[str, Number], given: Mapping[str, Dual]) -> Number:
+        """Return the initial temperature of a node; NaN stands for one that is still to be solved for. [K]"""
+        if f"initial.{node}" in given:
+            return given[f"initial.{node}"]
+        value = self._initial.get(node, self._start)
+        if value == STEADY:
+            return float("nan")
+        if isinstance(value, str):
+            return offsets[value] + self._signal_start(value)
+        return value
+
+    def _signal_start(self, boundary: str) -> float:
+        signal = self.signals[f"boundary {boundary}"]
+        return 0.0 if isinstance(signal, Constant) else float(signal.at(np.zeros(1))[0])
+
+    def structure(self) -> dict[str, Any]:
+        """Return the index arrays of the network, fixed for all values."""
+        if not self._structure:
+            self.assemble(np.zeros(0))
+        return self._structure
+
+    def boundary(self, name: str, times: Array, offsets: Mapping[str, Number]) -> Array:
+        """Return the temperature (times,) of a boundary. [K]"""
+        signal = self.signals[f"boundary {name}"]
+        varying = np.zeros(times.shape) if isinstance(signal, Constant) else signal.at(times)
+        return varying + value_of(offsets[name])
+
+
+def _csr(values: Sequence[Number], free: int) -> tuple[Array, Array, Array]:
+    """Return the derivatives of coefficients as CSR arrays."""
+    indptr, indices, data = [0], [], []  # type: tuple[list[int], list[int], list[float]]
+    for number in values:
+        if isinstance(number, Dual):
+            (where,) = np.nonzero(number.gradient)
+            indices += where.tolist()
+            data += number.gradient[where].tolist()
+        indptr.append(len(indices))
+    return np.array(indptr, dtype=np.int32), np.array(indices, dtype=np.int32), np.array(data)  # type: ignore[return-value]
+
+
+def _numbered(rows: Sequence[Row]) -> Iterator[tuple[Row, int]]:
+    """Yield each row with its position among the rows of its name."""
+    seen: dict[str, int] = {}
+    for row in rows:
+        position = seen.get(row.name, 0)
+        seen[row.name] = position + 1
+        yield row, position
+
+
+def curve_arrays(given: Curve) -> tuple[Array, Array, Array]:
+    """Return knots, values and slopes of a table for the kernel."""
+    return given.x, given.y, slopes(given)
+
+

@@ -1,0 +1,190 @@
+"""Text with a unit in, SI number out, and back.
+
+Numbers are SI inside (R3 of the design): kelvin, watt, metre, kilogram, second. A unit is text at the border only. Conversion is
+exact (fractions) and rounded to a float once, so that ``25.4 [mm]`` and ``1 [in]`` are the same number. About 80 common units come from a
+generated table; pint, which takes half a second to load, is asked for the rest.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from typing import Final
+
+from thermid._units_table import TABLE
+from thermid.errors import UnitError, nearest
+
+__all__ = ["DIMENSIONLESS", "TEMPERATURE", "Dimension", "Unit", "describe", "format_value", "require", "to_si", "unit"]
+
+Dimension = tuple[Fraction, ...]
+"""Exponents of metre, kilogram, second, ampere and kelvin."""
+
+TEMPERATURE: Final = "temperature"
+"""The slot of a temperature on the scale (``24 [degC]`` or ``297.15 [K]``); the slot ``K`` is a difference of temperatures."""
+
+NAMES: Final = {
+    "1": "a plain number",
+    "m": "a length",
+    "m^2": "an area",
+    "m^3": "a volume",
+    "kg": "a mass",
+    "s": "a time",
+    "K": "a temperature difference",
+    "W": "a power",
+    "J": "an energy",
+    "Pa": "a pressure",
+    "W/(m^2 K)": "a heat transfer coefficient",
+    "W/(m K)": "a conductivity",
+    "W/K": "a conductance",
+    "K/W": "a thermal resistance",
+    "J/K": "a capacitance",
+    "J/(kg K)": "a specific heat",
+    "kg/m^3": "a density",
+    "kg/s": "a mass flow",
+    "W/m^2": "a heat flux",
+    "1/K": "a temperature coefficient",
+    "1/K^2": "a quadratic temperature coefficient",
+    "m/s^2": "an acceleration",
+    "K/s": "a rate of temperature change",
+    "m^2 K/W": "an area resistance",
+}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit as text, with its exact factor and offset to SI and its dimension."""
+
+    text: str
+    factor: Fraction
+    offset: Fraction
+    dimension: Dimension
+
+    @property
+    def absolute(self) -> bool:
+        """Whether the unit is a temperature scale with an offset, such as degC."""
+        return self.offset != 0
+
+
+def _normalised(text: str) -> str:
+    """Write products with one sign: ``W/(m^2 K)`` -> ``W/(m^2*K)``."""
+    for old, new in (("**", "^"), ("·", "*"), ("²", "^2"), ("³", "^3"), ("°C", "degC"), ("℃", "degC"), ("°F", "degF"), ("℉", "degF"), ("percent", "%")):
+        text = text.replace(old, new)
+    parts = text.replace("(", " ( ").replace(")", " ) ").replace("/", " / ").replace("*", " ").split()
+    out = ""
+    for part in parts:
+        if out and part not in ")/" and out[-1] not in "(/":
+            out += "*"
+        out += part
+    return out
+
+
+@lru_cache(maxsize=512)
+def unit(text: str) -> Unit:
+    """Return the unit that a text names.
+
+    Raises
+    ------
+    UnitError   When nobody knows the unit, or a temperature scale stands inside a compound unit.
+
+    Examples
+    --------
+    >>> unit("mm").factor
+    Fraction(1, 1000)
+    """
+    key = _normalised(text) or "1"
+    row = TABLE.get(key)
+    if row is not None:
+        return Unit(text.strip() or "1", Fraction(row[0], row[1]), Fraction(row[2], row[3]), tuple(Fraction(d) for d in row[4]))
+    for scale, instead in (("degC", "K"), ("degF", "degR")):
+        if scale in key:
+            raise UnitError(f"'[{text}]' multiplies or divides the scale {scale}, which has an offset. Write {instead}: a difference of 1 {scale} is 1 {instead}.")
+    return _from_pint(text, key)
+
+
+# names with small powers, * / and parentheses: pint would compute a tower of powers, or read other text as code to be parsed
+_READABLE = re.compile(r"(?:[^\W\d]\w*(?:\^-?\d{1,2}(?:\.\d)?)?|1(?=/)|%|[*/()])+\Z")
+_LONGEST = 80
+
+
+def _from_pint(text: str, key: str) -> Unit:
+    """Ask pint for a unit that the table does not hold."""
+    from tokenize import TokenError
+
+    import pint
+
+    dimensions = ("[length]", "[mass]", "[time]", "[current]", "[temperature]")
+    unknown = UnitError(f"'[{text[:_LONGEST]}]' is no unit that is known here.{nearest(key[:_LONGEST], TABLE).replace('*', ' ')}")
+    if len(key) > _LONGEST or not _READABLE.match(key) or key.count("(") != key.count(")"):
+        raise unknown
+    try:
+        name = key.replace("^", "**").replace("%", "percent")
+        zero, quantity, two = (_registry().Quantity(Fraction(n), name).to_base_units() for n in (0, 1, 2))
+        factor, offset = Fraction(quantity.magnitude) - Fraction(zero.magnitude), Fraction(zero.magnitude)
+        if Fraction(two.magnitude) - Fraction(quantity.magnitude) != factor:
+            raise ValueError("a logarithmic unit")
+        dimension = tuple(Fraction(quantity.dimensionality.get(d, 0)) for d in dimensions)
+        strange = set(map(str, quantity.dimensionality)) - set(dimensions)
+    except (pint.PintError, TokenError, AssertionError, AttributeError, ArithmeticError, LookupError, SyntaxError, TypeError, ValueError) as error:
+        raise unknown from error
+    if strange:
+        raise UnitError(f"'[{text}]' has a dimension that a thermal network has no use for: {', '.join(sorted(strange))}.")
+    return Unit(text.strip(), factor, offset, dimension)
+
+
+@lru_cache(maxsize=1)
+def _registry():  # type: ignore[no-untyped-def]  # pint's registry type is dynamic
+    import pint
+
+    return pint.UnitRegistry(non_int_type=Fraction)
+
+
+DIMENSIONLESS: Final = unit("1").dimension
+
+
+def describe(dimension: Dimension) -> str:
+    """Return a dimension in words, such as 'an area', or in base units where it has no name."""
+    for text, name in NAMES.items():
+        if unit(text).dimension == dimension:
+            return name
+    bases = ("m", "kg", "s", "A", "K")
+    return "a quantity in " + " ".join(f"{b}^{e}" if e != 1 else b for b, e in zip(bases, dimension, strict=True) if e)
+
+
+def require(dimension: Dimension, slot: str, given: str = "", absolute: bool = False) -> None:
+    """Check a dimension against a slot.
+
+    Parameters
+    ----------
+    dimension : Dimension   What was given.
+    slot : str              A unit text, or `TEMPERATURE` for a temperature on the scale.
+    given : str             The unit text as written, for the message.
+    absolute : bool         Whether it was written on a temperature scale with an offset.
+
+    Raises
+    ------
+    UnitError   When they differ, or a temperature on the scale is given where a difference is needed.
+    """
+    wanted = unit("K" if slot == TEMPERATURE else slot)
+    if dimension != wanted.dimension:
+        what = f"'[{given}]' is {describe(dimension)}" if given and given != "1" else f"this is {describe(dimension)}"
+        need = "a temperature [degC] or [K]" if slot == TEMPERATURE else f"{describe(wanted.dimension)} [{slot}]"
+        raise UnitError(f"{what}; {need} is needed here.")
+    if absolute and slot != TEMPERATURE:
+        raise UnitError(f"'[{given}]' is a temperature on the scale; a difference is needed here. Write it in [K].")
+
+
+def to_si(value: Fraction, of: Unit) -> float:
+    """Return an exact number of some unit as an SI float, rounded once."""
+    return float(value * of.factor + of.offset)
+
+
+def format_value(value: float, text: str, digits: int = 6) -> str:
+    """Return an SI value in a unit, as text with the unit.
+
+    >>> format_value(297.15, "degC")
+    '24 [degC]'
+    """
+    of = unit(text)
+    return f"{(value - float(of.offset)) / float(of.factor):.{digits}g} [{of.text}]"

@@ -1,0 +1,103 @@
+"""What the architecture tests look at: every module of the package as a syntax tree, and every import in it."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "src"
+
+
+@dataclass(frozen=True)
+class Import:
+    """One imported module; `names` are those taken from it (empty for `import x`)."""
+
+    target: str
+    names: tuple[str, ...]
+    line: int
+    lazy: bool
+    typing: bool
+
+
+@dataclass(frozen=True)
+class Module:
+    """A module of the package, by its dotted name."""
+
+    name: str
+    text: str
+    package: bool = False
+
+    @property
+    def tree(self) -> ast.Module:
+        return ast.parse(self.text)
+
+    @property
+    def room(self) -> str:
+        """First name below `thermid`; empty for the package's own `__init__`."""
+        return room_of(self.name)
+
+    def imports(self) -> Iterator[Import]:
+        """Every import, wherever it stands: at the top, inside a function, for the type checker only, or by text."""
+        yield from self._imports(self.tree, lazy=False, typing=False)
+
+    def _imports(self, node: ast.AST, lazy: bool, typing: bool) -> Iterator[Import]:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.Import):
+                for alias in child.names:
+                    yield Import(alias.name, (), child.lineno, lazy, typing)
+            elif isinstance(child, ast.ImportFrom):
+                names = tuple(alias.name for alias in child.names)
+                yield Import(self._absolute(child), names, child.lineno, lazy, typing)
+            elif isinstance(child, ast.Call) and (text := _imported_by_text(child)):
+                yield Import(text, (), child.lineno, lazy, typing)
+            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
+                yield from self._imports(ast.Module(child.body, []), lazy, typing=True)
+                yield from self._imports(ast.Module(child.orelse, []), lazy, typing)
+            else:
+                inside = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+                yield from self._imports(child, lazy or inside, typing)
+
+    def _absolute(self, node: ast.ImportFrom) -> str:
+        if not node.level:
+            return node.module or ""
+        parts = self.name.split(".")
+        base = parts[: len(parts) - node.level + self.package]
+        return ".".join([*base, *([node.module] if node.module else [])])
+
+
+def room_of(name: str) -> str:
+    """First name below `thermid` in a dotted name."""
+    return name.split(".")[1] if "." in name else ""
+
+
+def _imported_by_text(call: ast.Call) -> str:
+    name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+    if name in {"import_module", "__import__"} and call.args and isinstance(call.args[0], ast.Constant):
+        return str(call.args[0].value)
+    return ""
+
+
+def within(imported: Import, known: set[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Modules of the package that one import reaches, each with the names taken from it; a submodule taken by name counts as itself."""
+    if imported.target.partition(".")[0] != "thermid":
+        return
+    plain = tuple(name for name in imported.names if f"{imported.target}.{name}" not in known)
+    for name in imported.names:
+        if name not in plain:
+            yield f"{imported.target}.{name}", ()
+    if plain or not imported.names:
+        yield imported.target, plain
+
+
+def read_modules() -> dict[str, Module]:
+    """Every Python module below src/thermid by its dotted name."""
+    found = {}
+    for path in sorted((SOURCE / "thermid").rglob("*.py")):
+        parts = path.relative_to(SOURCE).with_suffix("").parts
+        package = parts[-1] == "__init__"
+        name = ".".join(parts[:-1] if package else parts)
+        found[name] = Module(name, path.read_text(encoding="utf-8"), package)
+    return found

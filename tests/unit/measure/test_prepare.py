@@ -1,0 +1,328 @@
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from thermid.errors import NameNotFoundError, RecordError, ThermidError, UnitError
+from thermid.measure import Channel, Record
+from thermid.measure.windows import low_pass, moving_median
+
+
+def made(times, **channels) -> Record:
+    return Record.from_arrays("bench", times, channels)
+
+
+def ramp(count=41, step=0.5) -> Record:
+    times = step * np.arange(count)
+    power = Channel.of("heater", np.where(times < 5, 2.0, 0.0), quantity="power", role="load", target="heater")
+    return made(times, case=300 + 0.1 * times, heater=power)
+
+
+def test_trim_keeps_times_and_origin():
+    record = ramp()
+    cut = record.trim("2 [s]", "end")
+    assert (cut.times[0], cut.times[-1], cut.times.size) == (2, 20, 37)
+    assert cut.origin is record.origin
+    assert cut.steps == ("trim: 2 [s] to 20 [s], 37 of 41 samples kept",)
+    assert cut.trim(3.0, "10 [s]").times[[0, -1]].tolist() == [3, 10]
+    assert record.times.size == 41
+    assert record.steps == ()
+    assert cut.shift_start().times[[0, -1]].tolist() == [0, 18]
+
+
+def test_trim_meets_a_time_written_with_few_digits():
+    record = made(np.arange(7) * 0.1, case=np.full(7, 300.0))
+    assert record.trim("0.3 [s]").times.size == 4  # 3 * 0.1 is a little above 0.3, 6 * 0.1 above 0.6
+    assert record.trim("start", "0.6 [s]").times.size == 7
+
+
+def test_trim_counts_masks_of_what_is_left():
+    record = ramp().mask("case", 0, 3, "bad").mask("case", 10, 11, "worse")
+    assert record["case"].flags == {"bad": 7, "worse": 3}
+    assert record.trim(2, 10)["case"].flags == {"bad": 3, "worse": 1}
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        (lambda r: r.trim(3, 2), "trim: its end lies before its start: 3 [s] to 2 [s]."),
+        (lambda r: r.trim(30, 40), "trim: no sample lies from 30 [s] to 40 [s]; record 'bench' runs from 0 [s] to 20 [s]."),
+        (lambda r: r.trim(3, 3), "trim: only 1 sample lies from 3 [s] to 3 [s]; two are needed."),
+        (
+            lambda r: r.trim("fin"),
+            "trim: 'fin' is no number. Write a number with its unit, such as '4 [s]'. 'start' and 'end' are known too.",
+        ),
+        (lambda r: r.median("0 [s]"), "median, window: 0 [s] is not above zero."),
+        (lambda r: r.filter(-1), "filter, window: -1 [s] is not above zero."),
+        (lambda r: r.median("21 [s]"), "median, window: 21 s is longer than record 'bench', which lasts 20 s."),
+        (lambda r: r.resample("1 [min]"), "resample, window: 60 s is longer than record 'bench', which lasts 20 s."),
+        (lambda r: r.resample(0), "resample, window: 0 [s] is not above zero."),
+        (lambda r: r.resample(1, max_gap=0), "max_gap: 0 [s] is not above zero."),
+        (lambda r: r.flag_spikes(3, "1 [h]"), "spikes, window: 3600 s is longer than record 'bench', which lasts 20 s."),
+        (lambda r: r.flag_spikes(0, 2), "spikes, threshold: 0 is not above zero."),
+        (lambda r: r.flag_spikes("0 [K]", 2), "spikes, threshold: '0 [K]' is not above zero."),
+        (lambda r: r.flag_spikes(3, 2, ["heater"]), "spikes: channel 'heater' is a power, not a temperature."),
+        (lambda r: r.filter("1 [s]"), "filter, window: 1 s is not above two steps of 0.5 s, so there is nothing to filter out."),
+        (lambda r: r.select("heater").median(2), "median: record 'bench' has no temperature channel to act on."),
+        (lambda r: r.flag_faults(low="30 [degC]", high="20 [degC]"), "faults: low (30 [degC]) is not below high (20 [degC])."),
+        (
+            lambda r: r.mask("case", 0, 20, "bad"),
+            "channel 'case': all 41 samples are masked (bad 41). Leave the channel out, or keep a part where it works.",
+        ),
+        (
+            lambda r: r.mask("case", 2, 20, "bad").trim(3, 9),
+            "channel 'case': all 13 samples are masked (bad 13). Leave the channel out, or keep a part where it works.",
+        ),
+        (
+            lambda r: r.masked_where("case", np.arange(41), "x"),
+            "masked_where: an array of 41 truth values is needed; this one has shape (41,) and type int64.",
+        ),
+        (
+            lambda r: made([0, 1, 2.5, 3], case=[300.0] * 4).filter(3),
+            "filter: the times of record 'bench' are uneven (intervals from 0.5 to 1.5 s); this filter needs an even grid. "
+            "Resample first, for example to '1 [s]', or use median.",
+        ),
+    ],
+)
+def test_messages(action, message):
+    with pytest.raises(RecordError, match=re.escape(message) + r"\Z"):
+        action(ramp())
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        (lambda r: r.median("4 [K]"), "median, window: '[K]' is a temperature difference; a time [s] is needed here."),
+        (lambda r: r.trim("4 [m]"), "trim: '[m]' is a length; a time [s] is needed here."),
+        (lambda r: r.flag_spikes("3 [degC]", 2), "'[degC]' is a temperature on the scale; a difference is needed here. Write it in [K]."),
+        (lambda r: r.flag_faults(low="3 [W]"), "faults, low: '[W]' is a power; a temperature [degC] or [K] is needed here."),
+    ],
+)
+def test_units(action, message):
+    with pytest.raises(UnitError, match=re.escape(message)):
+        action(ramp())
+
+
+def test_median_removes_a_single_spike_and_keeps_a_slope():
+    record = ramp()
+    values = record["case"].values.copy()
+    values[[0, 20, 40]] += [40, -30, 25]
+    smooth = record.with_channels(Channel.of("case", values)).median("4 [s]")
+    assert smooth["case"].values[4:-4] == pytest.approx(record["case"].values[4:-4], abs=0.05 + 1e-9)  # at most one sample of the slope
+    # at the ends the window is cut to half: a quarter of the window times the slope, and the spike moves it by one sample of the slope
+    assert abs(smooth["case"].values - record["case"].values).max() <= 0.1 * 4 / 4 + 0.1 * 0.5 + 1e-9
+    assert np.array_equal(smooth["heater"].values, record["heater"].values)
+    assert smooth.steps == ("median: centred window of 4 s on case",)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.data())
+def test_moving_median_is_the_median_of_the_valid_samples_of_each_window(data):
+    steps = data.draw(st.lists(st.sampled_from([1, 1, 1, 2, 7, 30]), min_size=1, max_size=60))
+    times = np.cumsum([0, *steps]).astype(float)
+    values = np.array(data.draw(st.lists(st.integers(-9, 9), min_size=times.size, max_size=times.size)), float)
+    valid = np.array(data.draw(st.lists(st.booleans(), min_size=times.size, max_size=times.size)))
+    window = data.draw(st.sampled_from([0.5, 2, 3, 8, 1000]))
+    expected = []
+    for t in times:
+        near = values[valid & (np.abs(times - t) <= window / 2)]
+        expected.append(np.median(near) if near.size else np.nan)
+    assert np.array_equal(moving_median(times, values, valid, window), expected, equal_nan=True)
+
+
+def test_median_leaves_masked_samples_out_and_masked():
+    values = np.full(21, 300.0)
+    values[5:8] = 400
+    record = made(np.arange(21.0), case=values).mask("case", 5, 7, "fault").median(4)
+    assert record["case"].values[record["case"].valid].tolist() == [300.0] * 18
+    assert record["case"].values[5:8].tolist() == [400.0] * 3
+    assert record["case"].flags == {"fault": 3}
+
+
+def test_powers_are_filtered_only_when_asked_and_commands_never():
+    record = ramp().with_channels(Channel.of("u", (np.arange(41) % 2).astype(float), quantity="command"))
+    for name in ("median", "filter"):
+        plain, asked = getattr(record, name)("4 [s]"), getattr(record, name)("4 [s]", powers=True)
+        assert np.array_equal(plain["heater"].values, record["heater"].values)
+        assert np.array_equal(asked["u"].values, record["u"].values)
+        assert np.array_equal(plain["u"].values, record["u"].values)
+    assert not np.array_equal(asked["heater"].values, record["heater"].values)
+
+
+def test_filter_halves_its_period_and_does_not_shift():
+    times = 0.5 * np.arange(4001)
+    for period, left in ((20.0, 0.5), (400.0, 1.0), (2.0, 0.0)):
+        wave = np.sin(2 * np.pi * times / period)
+        smooth = made(times, case=300 + wave).filter("20 [s]")["case"].values - 300
+        inside = slice(500, -500)
+        gain = smooth[inside] @ wave[inside] / (wave[inside] @ wave[inside])
+        # the bilinear transform, prewarped at the cut-off, leaves the gain there exact
+        assert gain == pytest.approx(left, abs=1e-3)
+        quadrature = np.cos(2 * np.pi * times / period)[inside]
+        assert smooth[inside] @ quadrature / (quadrature @ quadrature) == pytest.approx(0, abs=1e-3)
+
+
+def test_filter_keeps_a_slope_and_bridges_masked_samples():
+    record = ramp(201).masked_where("case", np.arange(201) % 40 == 7, "bad")
+    smooth = record.filter("6 [s]")
+    good = smooth["case"].valid
+    assert smooth["case"].values[good] == pytest.approx(record["case"].values[good], abs=1e-7)
+    assert smooth["case"].flags == {"bad": 5}
+    assert smooth.steps[-1].startswith("filter: zero-phase Butterworth low-pass of second order, half amplitude at 6 s, on case")
+
+
+def test_filter_is_split_by_a_long_masked_stretch():
+    values = np.where(np.arange(200) < 100, 300.0, 350.0)
+    valid = (np.arange(200) < 90) | (np.arange(200) > 110)
+    out = low_pass(values, valid, 1.0, 8.0)
+    assert out[valid] == pytest.approx(values[valid], abs=1e-9)
+
+
+def test_resample_holds_commands_and_joins_temperatures():
+    record = ramp().resample("0.75 [s]")
+    assert record.times == pytest.approx(0.75 * np.arange(27))
+    assert record["case"].values == pytest.approx(300 + 0.1 * record.times)
+    assert record["heater"].values.tolist() == [2.0 if t < 5 else 0.0 for t in record.times]
+    assert record.steps == ("resample: 41 samples to 27 at 0.75 s; powers and commands held, others linear",)
+    coarse = ramp().resample(5)
+    assert coarse.steps[-1].endswith("no filter before it, so single samples were picked")
+    assert not ramp().median(2).resample(5).steps[-1].endswith("picked")
+
+
+def test_resample_does_not_cross_a_gap():
+    times = np.array([0, 1, 2, 3, 4, 20, 21, 22, 23, 24, 25.0])
+    power = Channel.of("p", np.arange(11.0), quantity="power")
+    record = made(times, case=300 + times, p=power).resample(1)
+    inside = (record.times > 4) & (record.times < 20)
+    assert (~record["case"].valid).tolist() == inside.tolist()
+    assert (~record["p"].valid).tolist() == inside.tolist()
+    assert record["case"].flags == {"gap": 15}
+    assert record.steps[-1].endswith("masked as gaps: case 15, p 15")
+    across = made(times, case=300 + times).resample(1, max_gap="16 [s]")
+    assert across["case"].values == pytest.approx(300 + across.times)
+    short = made(times, case=300 + times).resample(1, max_gap="15.9 [s]")
+    assert short["case"].flags == {"gap": 15}
+
+
+def test_resample_leaves_out_masked_samples_and_does_not_go_beyond_valid_ones():
+    record = ramp().mask("case", 0, 1, "bad").mask("case", 7, 7, "bad").mask("heater", 0, 2, "off")
+    out = record.resample("0.5 [s]")
+    assert np.flatnonzero(~out["case"].valid).tolist() == [0, 1, 2]
+    assert out["case"].values[14] == pytest.approx(300.7)
+    assert np.flatnonzero(~out["heater"].valid).tolist() == [0, 1, 2, 3, 4]
+
+
+def test_a_log_that_changes_its_rate_has_no_gap_for_that():
+    times = np.concatenate([np.arange(0, 10, 0.1), np.arange(10, 60, 1.0)])
+    record = made(times, case=300 + times).resample("0.5 [s]")
+    assert record["case"].flags == {}
+
+
+def test_spikes_of_a_quantised_sensor():
+    rng = np.random.default_rng(11)
+    step = 0.48876
+    truth = 320 + 10 * np.sin(np.arange(2000) / 400)
+    values = np.round((truth + rng.normal(0, 0.25, 2000)) / step) * step
+    at = np.array([3, 500, 501, 900, 1999])
+    values[at] += [9, -30, 12, 5, 8]
+    record = made(0.25 * np.arange(2000), case=values).flag_spikes(5, "10 [s]")
+    assert np.flatnonzero(~record["case"].valid).tolist() == at.tolist()
+    assert record["case"].values[500] < 300  # a masked sample keeps its number
+    assert record["case"].flags == {"spike": 5}
+    assert record.steps == ("spikes: masked case 5; further than 5 robust standard deviations from the median of 10 s",)
+
+
+def test_spikes_further_than_a_difference():
+    values = 300 + 0.01 * np.arange(100)
+    values[[10, 50]] += [2.9, 3.1]
+    record = made(np.arange(100.0), case=values).flag_spikes("3 [K]", "20 [s]")
+    assert np.flatnonzero(~record["case"].valid).tolist() == [50]
+
+
+def test_a_quiet_channel_has_no_spike_of_one_level():
+    values = np.full(100, 300.0)
+    values[[20, 60]] += [0.0625, 0.5]
+    for channel in (values, Channel.of("case", values, resolution=0.0625)):
+        flagged = made(np.arange(100.0), case=channel).flag_spikes(3, 20)
+        assert np.flatnonzero(~flagged["case"].valid).tolist() == [60]
+    coarse = made(np.arange(100.0), case=Channel.of("case", values, resolution=0.5)).flag_spikes(3, 20)
+    assert coarse["case"].valid.all()
+
+
+def test_fault_codes_of_a_one_wire_sensor():
+    celsius = np.array([85, 20, 20.5, -127, 21, 85, 21.5, 22, 140, 22])
+    record = made(np.arange(10.0), case=celsius + 273.15).flag_faults(high="125 [degC]")
+    assert np.flatnonzero(~record["case"].valid).tolist() == [0, 3, 5, 8]
+    assert record["case"].flags == {"fault": 4}
+    assert record.steps == ("faults: masked case 4; codes 85 [degC], -127 [degC], high 125 [degC]",)
+
+
+def test_85_degrees_on_the_way_is_no_fault():
+    celsius = np.array([83, 84, 84.5, 85, 85, 85.5, 87, 86, 85, 84])
+    record = made(np.arange(10.0), case=celsius + 273.15).flag_faults()
+    assert record["case"].valid.all()
+    assert made(np.arange(4.0), case=[358.15, 293.15, 293.15, 300.0]).flag_faults(codes=())["case"].valid.all()
+
+
+def test_mask_by_hand():
+    record = ramp().mask("case", "5 [s]", "6 [s]", "door open")
+    assert np.flatnonzero(~record["case"].valid).tolist() == [10, 11, 12]
+    assert record.steps == ("mask: case from 5 [s] to 6 [s] (3 samples), door open",)
+    with pytest.raises(NameNotFoundError, match=r"record 'bench': no channel 'cas'; it has case, heater. Did you mean 'case'\?"):
+        ramp().mask("cas", 0, 1)
+
+
+def test_campaign_steps():
+    steps = [
+        {"trim": ["2 [s]", "end"]},
+        {"faults": {"codes": ["85 [degC]"]}},
+        {"spikes": {"threshold": 5, "window": "5 [s]"}},
+        {"mask": {"channel": "case", "start": "3 [s]", "end": "4 [s]", "reason": "door"}},
+        {"median": "4 [s]"},
+        {"filter": {"window": "3 [s]", "powers": True}},
+        {"resample": ["1 [s]", "5 [s]"]},
+        {"shift_start": True},
+    ]
+    record = ramp()
+    one = record.prepare(steps)
+    two = record.trim("2 [s]").flag_faults(["85 [degC]"]).flag_spikes(5, "5 [s]").mask("case", 3, 4, "door").median(4)
+    two = two.filter(3, powers=True).resample(1, 5).shift_start()
+    assert one.steps == two.steps
+    assert [step.split(":")[0] for step in one.steps] == [next(iter(step)) for step in steps]
+    assert np.array_equal(one["case"].values, two["case"].values)
+    assert one.origin == record.origin
+    assert record.prepare([]) is record
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        (
+            {"medain": 3},
+            "record 'bench', prepare[2]: no step 'medain'; there are trim, median, filter, resample, spikes, faults, mask, shift_start. "
+            "Did you mean 'median'?",
+        ),
+        (
+            {"spikes": {"treshold": 3, "window": 2}},
+            "record 'bench', prepare[2], spikes: no option 'treshold'; there are threshold, window, channels. Did you mean 'threshold'?",
+        ),
+        ({"spikes": 5}, "record 'bench', prepare[2], spikes: it needs window."),
+        ({"spikes": {}}, "record 'bench', prepare[2], spikes: it needs threshold and window."),
+        ({"trim": ["1 [s]", "2 [s]", "3 [s]"]}, "record 'bench', prepare[2], trim: 3 values are given; it takes start, end."),
+        ({"shift_start": "now"}, "record 'bench', prepare[2], shift_start: 1 values are given; it takes none: write true."),
+        ({"median": True}, "record 'bench', prepare[2], median, window: True is neither a number nor a text with a unit, such as '4 [s]'."),
+        ({"median": "4 [m]"}, "record 'bench', prepare[2], median, window: '[m]' is a length; a time [s] is needed here."),
+        (
+            {"median": 1, "trim": 2},
+            "record 'bench', prepare[2]: {'median': 1, 'trim': 2} is no step. Write one step in each table, such as {median = '4 [s]'}.",
+        ),
+        ("median", "record 'bench', prepare[2]: 'median' is no step. Write one step in each table, such as {median = '4 [s]'}."),
+    ],
+)
+def test_campaign_step_messages(step, message):
+    with pytest.raises(ThermidError, match=re.escape(message) + r"\Z"):
+        ramp().prepare([{"trim": "1 [s]"}, step])

@@ -1,0 +1,205 @@
+from __future__ import annotations
+
+import gzip
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from thermid.measure import Record, read_record
+
+PLAIN = "time_s,T1,Q1\n0,20.5,50\n1,21.25,50\n2,22,0\n"
+BOTH = {"T1": {"node": "h1.sensor"}, "Q1": {"load": "h1.heater", "gain": "h1.alpha"}}
+
+
+def kelvin(record: Record, name: str = "T1") -> list[float]:
+    return np.round(record[name].values, 9).tolist()
+
+
+def test_target_to_column(log):
+    record = read_record(log(PLAIN), {"case": "T1"}, noise={"case": "0.1 [K]"}, accuracy={"case": "0.5 [K]"})
+    channel = record["case"]
+    assert record.name == "bench"
+    assert record.times.tolist() == [0, 1, 2]
+    assert kelvin(record, "case") == [293.65, 294.4, 295.15]
+    assert (channel.role, channel.target, channel.column, channel.quantity) == ("auto", "case", "T1", "temperature")
+    assert (channel.noise, channel.accuracy) == (0.1, 0.5)
+
+
+def test_column_to_table(log):
+    table = {
+        "T1": {"node": "h1.sensor", "noise": "0.3 [K]", "accuracy": "1 [K]", "resolution": "0.0625 [K]", "unit": "K"},
+        "Q1": {"load": "h1.heater", "gain": "h1.alpha", "noise": "1 [%]"},
+    }
+    record = read_record(log(PLAIN), table, name="bench_1")
+    assert record.name == "bench_1"
+    assert record["T1"].values.tolist() == [20.5, 21.25, 22.0]
+    assert (record["T1"].role, record["T1"].target, record["T1"].resolution) == ("node", "h1.sensor", 0.0625)
+    # a load with a gain is in percent by default, and a percentage is a fraction in SI
+    assert record["Q1"].values.tolist() == [0.5, 0.5, 0.0]
+    assert (record["Q1"].quantity, record["Q1"].gain, record["Q1"].noise) == ("command", "h1.alpha", 0.01)
+
+
+def test_default_units(log):
+    text = "t,T,P,U\n0,20,5,40\n1,20,6,50\n"
+    record = read_record(log(text), {"T": {"boundary": "room"}, "P": {"load": "box"}, "U": {"command": "heater"}})
+    assert kelvin(record, "T") == [293.15, 293.15]
+    assert record["P"].values.tolist() == [5, 6]
+    assert record["U"].values.tolist() == [0.4, 0.5]
+    assert [each.quantity for each in record.channels.values()] == ["temperature", "power", "command"]
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "expected", "quantity"),
+    [("P [mW]", None, 0.02, "power"), ("P [hPa]", None, 2000.0, "pressure"), ("P", "degF", 266.4833333333333, "temperature")],
+)
+def test_unit_of_header_or_argument_tells_the_quantity(log, header, unit, expected, quantity):
+    record = read_record(log(f"t,{header}\n0,20\n1,20\n"), {"x": "P"}, units={"x": unit} if unit else {})
+    assert record["x"].values[0] == pytest.approx(expected, rel=1e-14)
+    assert record["x"].quantity == quantity
+
+
+def test_a_suffix_is_part_of_the_name(log):
+    path = log("time_s,T1_C\n0,20\n1,21\n")
+    assert kelvin(read_record(path, {"case": "T1_C"}), "case") == [293.15, 294.15]
+    with pytest.raises(Exception, match=r"no column 'T1'; there are time_s, T1_C\. Did you mean 'T1_C'"):
+        read_record(path, {"case": "T1"})
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        PLAIN,
+        PLAIN.replace(",", ";"),
+        PLAIN.replace(",", "\t"),
+        PLAIN.replace(",", ";").replace(".", ","),
+        PLAIN.replace(",", "\t").replace(".", ","),
+        PLAIN.replace("\n", "\r\n"),
+        "\ufeff" + PLAIN,
+        "# logger 7; v1,2\n\n" + PLAIN.replace("1,21", "# note\n\n1,21"),
+        '"time_s","T1","Q1"\n"0","20.5","50"\n1,"21.25",50\n2,22,0\n',
+        '"time_s","T1","Q1"\n0,"20,5",50\n1,"21,25",50\n2,22,0\n',
+        "time_s , T1, Q1\n0 , 20.5, 50\n1 , 2.125e1, 50\n2, +22., 0\n",
+        "time_s,T1,Q1\n0,20.5,50\n1,21.25,50\n2,22,0",
+        PLAIN.replace(",", "\t").encode("utf-16"),
+    ],
+    ids="comma semicolon tab semicolon-comma tab-comma crlf bom comments quoted quoted-comma spaces no-end utf-16".split(),
+)
+def test_forms_of_one_log_are_one_record(log, text):
+    plain = read_record(log(PLAIN, "plain.csv"), BOTH)
+    data = text if isinstance(text, bytes) else text.encode()
+    for each in (log(data), log(gzip.compress(data), "bench.csv.gz")):
+        record = read_record(each, BOTH)
+        assert record.origin.sha256 == plain.origin.sha256
+        assert kelvin(record) == kelvin(plain)
+        assert record.name == "bench"
+
+
+def test_hash_is_of_all_numbers_and_not_of_what_is_asked_for(log):
+    text = "time_s,T1,phase,Q1\n0,20.5,idle,50\n1,21.25,run,\n"
+    one = read_record(log(text), {"case": "T1"})
+    assert one.origin.sha256 == read_record(log(text), {"Q1": {"command": "y"}}).origin.sha256
+    assert one.origin.sha256 == read_record(log(text.replace("idle", "boot")), {"case": "T1"}).origin.sha256
+    for change in (("20.5", "20.6"), ("T1", "T2"), ("Q1", "Q2"), ("1,21.25", "2,21.25"), (",50", ",51")):
+        other = read_record(log(text.replace(*change)), {"case": "T2" if change[0] == "T1" else "T1"})
+        assert other.origin.sha256 != one.origin.sha256
+    assert one.origin.columns == ("time_s", "T1", "phase", "Q1")
+    assert (one.origin.file, one.origin.rows, one.origin.start, one.origin.synthetic) == ("bench.csv", 2, None, False)
+
+
+def test_latin_1_degree_sign_is_read_and_noted(log):
+    record = read_record(log("t;T [°C]\n0;20,5\n1;21\n".encode("latin-1")), {"case": "T"})
+    assert kelvin(record, "case") == [293.65, 294.15]
+    assert record.steps == ("read as Latin-1, because it is not UTF-8", "read with decimal ','")
+
+
+@pytest.mark.parametrize(
+    ("stamps", "clock", "times"),
+    [
+        (["2024-03-30T23:59:59Z", "2024-03-31T00:00:00.500Z", "2024-03-31T02:00:01+02:00"], None, [0, 1.5, 2]),
+        (["2024-03-30 23:59:59", "2024-03-31 00:00:01", "2024-03-31 00:01"], None, [0, 2, 61]),
+        (["23:59:58", "23:59:59.5", "00:00:01"], None, [0, 1.5, 3]),
+        (["00:00:00", "12:00:00", "23:59:59", "00:00:01", "23:00:00", "01:00:00"], None, [0, 43200, 86399, 86401, 169200, 176400]),
+        (["22:00:00", "23:59:59", "24:00:01", "101:00:00"], None, [0, 7199, 7201, 284400]),
+        (["24.12.2024 23:59", "25.12.2024 00:01"], "%d.%m.%Y %H:%M", [0, 120]),
+        (["23:59", "00:01"], "%H:%M", [0, 120]),
+        (["-0.5", "0", "1e1"], None, [-0.5, 0, 10]),
+    ],
+)
+def test_times(log, stamps, clock, times):
+    record = read_record(log("time;T\n" + "".join(f"{stamp};20\n" for stamp in stamps)), {"T": "T"}, clock=clock)
+    assert record.times.tolist() == times
+    assert record.origin.start == (None if stamps[0] == "-0.5" else stamps[0])
+
+
+def test_unit_of_the_time_column(log):
+    assert read_record(log("time [min],T\n0,20\n1,20\n"), {"T": "T"}).times.tolist() == [0, 60]
+    assert read_record(log("time_ms,T\n0,20\n500,20\n"), {"T": "T"}, time="time_ms", units={"time_ms": "ms"}).times.tolist() == [0, 0.5]
+
+
+def test_missing_cells_are_masked(log):
+    record = read_record(log("t,T\n0,20\n1,\n2,NaN\n3,nan\n4,NA\n5,n/a\n6, \n7,inf\n8,21\n"), {"T": "T"})
+    assert record["T"].valid.tolist() == [True] + 7 * [False] + [True]
+    assert record["T"].flags == {"not a number": 6, "infinite": 1}
+
+
+def test_samples_of_one_stamp_become_one(log):
+    text = "t,T,U\n0,20,10\n1,21,10\n1,23,90\n1,,\n2,24,20\n2,25,\n"
+    record = read_record(log(text), {"T": {"node": "a"}, "U": {"command": "b"}})
+    assert record.times.tolist() == [0, 1, 2]
+    assert kelvin(record, "T") == [293.15, 295.15, 297.65]
+    assert np.round(record["U"].values, 9).tolist() == [0.1, 0.9, 0.2]
+    assert record.origin.rows == 6
+    assert record.steps == ("3 of 6 rows repeat a stamp: temperatures are averaged, of powers and commands the last holds",)
+
+
+@pytest.mark.parametrize("end", ["3,2", "3,22,", "3,22,5e-", "3"])
+def test_a_cut_last_line(log, end):
+    path = log(PLAIN.replace("2,22,0", "2,22.5,0.5") + end)
+    record = read_record(path, BOTH)
+    if end == "3,22,":  # all columns are there; the last sample is missing
+        assert record.times.size == 4
+        assert record["Q1"].flags == {"not a number": 1}
+    else:
+        assert record.times.tolist() == [0, 1, 2]
+        assert record.steps == ("line 5, the last one, is cut short and was dropped",)
+
+
+def test_gaps_are_in_the_summary(log):
+    rows = "".join(f"{t},{20 + t}\n" for t in (*range(20), *range(80, 100)))
+    text = read_record(log("t,T\n" + rows), {"case": "T"}, noise={"case": "0.3 [K]"}).summary()
+    assert "1 gaps of more than 5 s, the longest 61 s at 19 [s]" in text
+    assert "case: temperature, auto case; 20 [degC] to 119 [degC]; noise 0.3 [K]; 0 of 40 masked" in text
+
+
+def test_unnamed_index_column(log):
+    assert kelvin(read_record(log(",t,T\n0,0,20\n1,1,21\n"), {"T": "T"}), "T") == [293.15, 294.15]
+
+
+def test_explicit_arguments_decide(log):
+    path = log("a;b,c\n0;1,5\n1;2,5\n")
+    assert kelvin(read_record(path, {"x": "b,c"}, time="a", separator=";"), "x") == [274.65, 275.65]
+
+
+def test_18000_rows_of_10_columns_within_half_a_second(log):
+    rng = np.random.default_rng(7)
+    samples = np.round(rng.normal(50, 10, (18000, 9)), 3)
+    head = "time_s," + ",".join(f"c{i}" for i in range(9)) + "\n"
+    path = log(head + "".join(f"{0.25 * i}," + ",".join(map(str, row)) + "\n" for i, row in enumerate(samples.tolist())))
+    spent = []
+    for _ in range(5):
+        # time on the processor, so that a busy machine does not decide
+        start = time.process_time()
+        record = read_record(path, {f"c{i}": f"c{i}" for i in range(9)})
+        spent.append(time.process_time() - start)
+    assert np.array_equal(np.round(record["c8"].values - 273.15, 3), samples[:, 8])
+    assert min(spent) < 0.5
+
+
+def test_reading_loads_no_heavy_package(log):
+    read = f"from thermid.measure import read_record; read_record({str(log(PLAIN))!r}, {{'case': 'T1'}})"
+    code = f"import sys; {read}; print(sorted(sys.modules))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env={"PYTHONPATH": ":".join(sys.path)})
+    assert not {"'pandas'", "'scipy'", "'pint'", "'xarray'"} & set(found.stdout.strip("[]\n").split(", "))

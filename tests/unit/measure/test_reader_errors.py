@@ -1,0 +1,250 @@
+from __future__ import annotations
+
+import gzip
+import re
+
+import pytest
+
+from thermid.errors import MissingDataError, NameNotFoundError, RecordError, UnitError
+from thermid.measure import read_record
+
+ANY = {"case": "T1"}
+TEXT = "is no number. Missing samples are written empty, NaN or NA; with decimal commas, give decimal=','."
+BACK = "Sort the log, or read its parts as records of their own."
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "bench.csv: the file is empty."),
+        (" \n\n", "bench.csv: the file is empty."),
+        ("# a\n# b\n", "bench.csv: the file has only comments."),
+        ("time_s,T1\n", "bench.csv: there is a header and no samples below it."),
+        ("time_s,T1\n0,20\n", "bench.csv: the log has one sample; a record needs two times."),
+        ("0,20\n1,21\n", "bench.csv:1: the first line holds numbers; a header line with the names of the columns is needed above it."),
+        ("time_s T1\n0 20\n1 21\n", "bench.csv:1: no comma, semicolon or tab divides the header 'time_s T1'. Give separator='...'."),
+        (
+            "a;b,c\n0;1,5\n1;2,5\n",
+            "bench.csv: the separator is ambiguous: comma (2 columns) and semicolon (2 columns) both fit. Give separator=',' or the other.",
+        ),
+        (
+            "t;T1;T2\n0;1,5;20.5\n1;2,5;21\n",
+            "bench.csv: the decimal sign is ambiguous: '1,5' (line 2) and '20.5' (line 2). Give decimal=',' or decimal='.'.",
+        ),
+        (
+            "t,T1,T2\n0,20,1\n1,21\n2,22,3\n3,23,4\n",
+            "bench.csv:3: 2 columns stand in this line, 3 in the header. Mend it, put '#' before it, or give the separator.",
+        ),
+        (
+            "t,T1,T2\n0,20,1\n# x\n\n1,21,2,9\n2,22,3\n3,22,3\n",
+            "bench.csv:5: 4 columns stand in this line, 3 in the header. Mend it, put '#' before it, or give the separator.",
+        ),
+        (
+            "t,T1\n0,20\n\n1,ERR\n2,22\n",
+            f"bench.csv:4, column 'T1': 'ERR' {TEXT}",
+        ),
+        (
+            "t,T1\n0,20\n1,2_1\n2,22\n",
+            f"bench.csv:3, column 'T1': '2_1' {TEXT}",
+        ),
+        (
+            "t,T1\n0,20\n1,NA\n2,-\n3,1\n",
+            f"bench.csv:4, column 'T1': '-' {TEXT}",
+        ),
+        (
+            "t,T1\n0,\n1,NaN\n",
+            "bench.csv, column 'T1': all 2 samples are masked (not a number 2). Leave the channel out, or keep a part where it works.",
+        ),
+        (
+            "t,T1\n0,20\n2,21\n1,22\n3,23\n",
+            f"bench.csv:4, column 't': time runs back here, from 2 to 1. {BACK}",
+        ),
+        (
+            "time,T1\n10:00:00,20\n09:59:00,21\n",
+            f"bench.csv:3, column 'time': time runs back here, from 10:00:00 to 09:59:00. {BACK}",
+        ),
+        ("t,T1\n0,20\n,21\n2,22\n", "bench.csv:3, column 't': this line has no time. Take it out, or mend the log."),
+        ("t,T1\n0,20\nx,21\n2,22\n", "bench.csv:3, column 't': 'x' is text; the lines above it have times in numbers."),
+        ("t,T1\n0,20\ninf,21\n", "bench.csv:3, column 't': 'inf' is no time."),
+        ("t,T1\n0,20\n0,21\n", "bench.csv: the log has 2 samples of one stamp; a record needs two times."),
+        (
+            "time,T1\n24.12.2024 10:00,20\n24.12.2024 10:01,21\n",
+            "bench.csv:2, column 'time': '24.12.2024 10:00' is no time that is known: seconds, an ISO 8601 stamp, or HH:MM:SS. "
+            "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'.",
+        ),
+        ("time,T1\n10:00:00,20\n10:61:00,21\n", "bench.csv:3, column 'time': '10:61:00' is no clock time HH:MM:SS, as the first line has."),
+        (
+            "time,T1\n2024-01-01T00:00:00Z,20\n2024-01-01T00:00:01,21\n",
+            "bench.csv:3, column 'time': '2024-01-01T00:00:01' and the first stamp differ in that one has a time zone. "
+            "Write all with it, or none.",
+        ),
+        ("time,t,T1\n0,0,20\n1,1,21\n", "bench.csv: time and t could each be the time column. Give time='...'."),
+        ('t,T1\n0,20\n1,"21\n2,22\n3,23\n', "bench.csv:3: a quotation mark is out of place (unexpected end of data). Mend the line."),
+        ("t,T1,T1\n0,1,2\n1,1,2\n", "bench.csv, channels.case: 2 columns are called 'T1'. Rename them."),
+    ],
+)
+def test_message(log, text, message):
+    with pytest.raises(RecordError, match=re.escape(message) + r"\Z"):
+        read_record(log(text), ANY)
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "message"),
+    [
+        (
+            "u,T1\n0,20\n1,21\n",
+            {},
+            "bench.csv: no time column: none of u, T1 is called time, time_s, t, t_s, timestamp, datetime, seconds. Give time='...'.",
+        ),
+        (
+            "time_s,T1\n0,20\n1,21\n",
+            {"time": "times_s"},
+            "bench.csv, time: no column 'times_s'; there are time_s, T1. Did you mean 'time_s'?",
+        ),
+        ("t,T1_C\n0,20\n1,21\n", {}, "bench.csv, channels.case: no column 'T1'; there are t, T1_C. Did you mean 'T1_C'?"),
+        (
+            "t,T1\n0,20\n1,21\n",
+            {"noise": {"cas": 0.1}},
+            "bench.csv: noise is given for 'cas', which is no channel; there are case. Did you mean 'case'?",
+        ),
+    ],
+)
+def test_unknown_name_offers_the_nearest(log, text, arguments, message):
+    with pytest.raises(NameNotFoundError, match=re.escape(message) + r"\Z"):
+        read_record(log(text), ANY, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"clock": "%H:%M"}, "bench.csv:2, column 't': '0' does not have the form clock='%H:%M'"),
+        ({"separator": "ab"}, "bench.csv: separator 'ab' is not one character, such as ',' or ';' or '\\t'."),
+        ({"decimal": "x"}, "bench.csv: decimal='x' is neither '.' nor ','."),
+        ({"decimal": ","}, "bench.csv:2, column 'T1': '20.5' is no number."),
+        ({"noise": {"case": "x"}}, "bench.csv, column 'T1', noise: 'x' is no number. Write a number with its unit, such as '4 [s]'."),
+        ({"noise": {"case": 0}}, "channel 'case': its noise is 0; a finite number above zero is needed."),
+        ({"accuracy": {"case": -1}}, "channel 'case': its accuracy is -1; a finite number not below zero is needed."),
+        ({"noise": {"case": float("nan")}}, "bench.csv, column 'T1', noise: nan is not finite."),
+        ({"noise": {"case": True}}, "bench.csv, column 'T1', noise: True is neither a number nor a text with a unit, such as '4 [s]'."),
+    ],
+)
+def test_arguments(log, arguments, message):
+    with pytest.raises(RecordError, match=re.escape(message)):
+        read_record(log("t,T1\n0,20.5\n1,21\n"), ANY, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("channels", "message"),
+    [
+        ({}, "bench.csv: no channel is asked for. Give channels={'node': 'column'}."),
+        ({"T1": 3}, "bench.csv, channels.T1: 3 is neither the name of a column nor a table."),
+        (
+            {"T1": {"nod": "a"}},
+            "bench.csv, channels.T1: no key 'nod'; there are node, boundary, load, command, gain, noise, accuracy, resolution, unit. "
+            "Did you mean 'node'?",
+        ),
+        ({"T1": {"node": "a", "boundary": "b"}}, "bench.csv, channels.T1: it has the roles node and boundary; a channel has one."),
+        ({"T1": {"node": ""}}, "bench.csv, channels.T1: node = '' is no text."),
+        (
+            {"T1": {"node": "a", "gain": "b"}},
+            "bench.csv, channels.T1: a gain turns a command into a power, so it needs load = '...' or command = '...' beside it.",
+        ),
+        (
+            {"T1": {"node": "a"}, "T2": {"node": "a"}},
+            "record 'bench': channels 'T1' and 'T2' are both bound to node 'a'. "
+            "Bind one of them, or give the model a node for each sensor.",
+        ),
+        (
+            {"T1": {"load": "a", "unit": "W"}, "T2": {"command": "a"}},
+            "record 'bench': channels 'T1' and 'T2' are both bound to load 'a'. "
+            "Bind one of them, or give the model a node for each sensor.",
+        ),
+    ],
+)
+def test_bindings(log, channels, message):
+    with pytest.raises(RecordError, match=re.escape(message) + r"\Z"):
+        read_record(log("t,T1,T2\n0,20,1\n1,21,2\n"), channels)
+
+
+def test_noise_given_twice(log):
+    with pytest.raises(RecordError, match=r"bench.csv, channels.T1: its noise is given twice. Give it in the table or beside it."):
+        read_record(log("t,T1\n0,20\n1,21\n"), {"T1": {"node": "a", "noise": "1 [K]"}}, noise={"T1": "1 [K]"})
+
+
+@pytest.mark.parametrize(
+    ("header", "channel", "arguments", "message"),
+    [
+        ("T1 [W]", {"node": "a"}, {}, "bench.csv, column 'T1': '[W]' is a power; a temperature [degC] or [K] is needed here."),
+        (
+            "T1",
+            {"load": "a", "unit": "degC"},
+            {},
+            "bench.csv, column 'T1': '[degC]' is a temperature difference; a power [W] is needed here.",
+        ),
+        ("T1 [grad]", {"node": "a"}, {}, "bench.csv, column 'T1': '[grad]' is a plain number; a temperature [degC] or [K] is needed here."),
+        ("T1 [left]", {"node": "a"}, {}, "bench.csv, column 'T1': '[left]' is no unit that is known here."),
+        (
+            "T1",
+            {"node": "a"},
+            {"noise": {"T1": "0.3 [degC]"}},
+            "bench.csv, column 'T1', noise: '[degC]' is a temperature on the scale; a difference is needed here. Write it in [K].",
+        ),
+        (
+            "T1",
+            {"node": "a"},
+            {"noise": {"T1": "0.3 [W]"}},
+            "bench.csv, column 'T1', noise: '[W]' is a power; a temperature difference [K] is needed here.",
+        ),
+        (
+            "T1",
+            {"node": "a"},
+            {"units": {"t": "K"}},
+            "bench.csv, column 't': '[K]' is a temperature difference; a time [s] is needed here.",
+        ),
+    ],
+)
+def test_units(log, header, channel, arguments, message):
+    with pytest.raises(UnitError, match=re.escape(message)):
+        read_record(log(f"t,{header}\n0,20\n1,21\n"), {"T1": channel}, **arguments)
+
+
+def test_unit_given_must_agree_with_the_header(log):
+    path = log("t,T1 [K]\n0,20\n1,21\n")
+    with pytest.raises(RecordError, match=r"its header says \[K\] and its unit is given as 'degC'. Correct one of them."):
+        read_record(path, {"T1": {"node": "a", "unit": "degC"}})
+    named = log("t,T1 [left]\n0,20\n1,21\n")
+    assert read_record(named, {"T1": {"node": "a"}}, units={"T1": "K"})["T1"].values.tolist() == [20, 21]
+
+
+def test_time_in_milliseconds_is_not_read_as_seconds(log):
+    with pytest.raises(RecordError, match=r"its name ends in '_ms', and without a unit it would be read in seconds. Give units="):
+        read_record(log("t_ms,T1\n0,20\n1,21\n"), ANY, time="t_ms")
+
+
+def test_missing_file(log):
+    path = log("t,T1\n0,20\n1,21\n")
+    with pytest.raises(
+        MissingDataError, match=r"benhc.csv: there is no such file. Did you mean 'bench.csv'\? Check the path, or fetch the log first."
+    ):
+        read_record(path.with_name("benhc.csv"), ANY)
+    with pytest.raises(MissingDataError, match="Its folder does not exist either"):
+        read_record(path.parent / "x" / "bench.csv", ANY)
+    with pytest.raises(RecordError, match="this is a folder"):
+        read_record(path.parent, ANY)
+
+
+@pytest.mark.parametrize("data", [b"\x89PNG\r\n\x1a\n\0\0\0", b"t,T1\n0,20\n1,\x00\n", bytes(range(256))])
+def test_binary_file(log, data):
+    with pytest.raises(RecordError, match=r"bench.csv: this is a binary file, not a text log. Export it as CSV."):
+        read_record(log(data), ANY)
+
+
+def test_workbook(log):
+    with pytest.raises(RecordError, match=r"not a text log \(a workbook or archive\). Export it as CSV."):
+        read_record(log(b"PK\x03\x04\x14\0\x06\0"), ANY)
+
+
+def test_damaged_gzip(log):
+    whole = gzip.compress(b"t,T1\n0,20\n1,21\n" * 50)
+    with pytest.raises(RecordError, match="the gzip file is damaged or cut short"):
+        read_record(log(whole[: len(whole) // 2]), ANY)

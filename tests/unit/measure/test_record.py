@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import pickle
+import re
+
+import numpy as np
+import pytest
+
+from thermid.errors import NameNotFoundError, RecordError
+from thermid.measure import Channel, Origin, Record
+
+
+def made(**fields) -> Record:
+    return Record.from_arrays("bench", np.arange(5.0), {"case": [300.0, 301, np.nan, 303, 304], **fields})
+
+
+def test_from_arrays_is_synthetic_and_has_an_identity():
+    one, two = made(), made()
+    assert one.origin.synthetic
+    assert one.origin.sha256 == two.origin.sha256
+    assert one.origin.columns == ("time", "case")
+    assert one["case"].flags == {"not a number": 1}
+    other = Record.from_arrays("x", np.arange(5.0), {"case": [300.0, 301, np.nan, 303, 304.0000001]})
+    assert other.origin.sha256 != one.origin.sha256
+    assert repr(one) == "Record 'bench': synthetic, 5 samples over 4 s, step 1 s; channels case"
+
+
+def test_hash_has_one_form_of_nan_and_zero():
+    sha = {Record.from_arrays("x", [0.0, 1, 2], {"a": [1.0, zero, nan]}).origin.sha256 for zero in (0.0, -0.0) for nan in (np.nan, -np.nan)}
+    assert len(sha) == 1
+
+
+def test_the_samples_cannot_be_changed():
+    given = np.array([300.0, 301, 302])
+    record = Record.from_arrays("x", [0, 1, 2], {"a": given})
+    given[0] = 0
+    assert record["a"].values[0] == 300
+    for array in (record.times, record["a"].values, record["a"].valid):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    with pytest.raises(AttributeError):
+        record.name = "y"
+
+
+def test_channel_by_name():
+    with pytest.raises(NameNotFoundError, match=r"record 'bench': no channel 'cas'; it has case. Did you mean 'case'\?"):
+        made().channel("cas")
+
+
+def test_with_channels_and_select():
+    record = made().with_channels(Channel.of("air", np.full(5, 295.0), role="boundary", target="room"))
+    assert list(record.channels) == ["case", "air"]
+    assert list(record.select("air").channels) == ["air"]
+    assert record.origin == made().origin
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: Record.from_arrays("r", [0, 1, 1, 2], {"a": np.ones(4)}),
+            "record 'r': its times do not increase: 1 s is followed by 1 s (sample 3).",
+        ),
+        (
+            lambda: Record.from_arrays("r", [0.0], {"a": [1.0]}),
+            "record 'r': its times have shape (1,); at least two finite times in one row are needed.",
+        ),
+        (
+            lambda: Record.from_arrays("r", [0, np.nan], {"a": [1.0, 2]}),
+            "record 'r': its times have shape (2,); at least two finite times in one row are needed.",
+        ),
+        (lambda: Record.from_arrays("r", [0, 1], {"a": [1.0]}), "record 'r': channel 'a' has 1 samples for 2 times."),
+        (lambda: Record.from_arrays("r", [0], {"b": Channel.of("a", [1.0])}), "record 'r': its times have shape (1,)"),
+        (
+            lambda: Record.from_arrays("r", [0, 1], {"b": Channel.of("a", [1.0, 2])}),
+            "record 'r': channel 'a' stands under the name 'b'. Use one name.",
+        ),
+        (lambda: Channel.of("a", [[1.0]]), "channel 'a': values, valid and masks must be one-dimensional and of one length."),
+        (
+            lambda: Channel("a", np.ones(2), np.ones(3, bool)),
+            "channel 'a': values, valid and masks must be one-dimensional and of one length.",
+        ),
+        (lambda: Channel("a", np.array([1.0, np.nan]), np.ones(2, bool)), "channel 'a': a valid sample is not finite. Mask it."),
+        (
+            lambda: Channel.of("a", [1.0], role="nod"),
+            "channel 'a': no role 'nod'; it is one of auto, node, boundary, load, command. Did you mean 'node'?",
+        ),
+        (lambda: Channel.of("a", [1.0], resolution=0.0), "channel 'a': its resolution is 0; a finite number above zero is needed."),
+    ],
+)
+def test_messages(make, message):
+    with pytest.raises(RecordError, match=re.escape(message)):
+        make()
+
+
+def test_table_of_a_temperature_bridges_by_lines():
+    record = made()
+    times, values, bridged = record.table("case")
+    assert times.tolist() == [0, 1, 3, 4]
+    assert values.tolist() == [300, 301, 303, 304]
+    assert bridged == pytest.approx(0.5)
+
+
+def test_table_covers_the_whole_record():
+    channel = Channel.of("case", [np.nan, 301, 302, 303, np.nan])
+    times, values, bridged = made(case=channel).table("case")
+    assert times.tolist() == [0, 1, 2, 3, 4]
+    assert values.tolist() == [301, 301, 302, 303, 303]
+    assert bridged == pytest.approx(0.5)
+
+
+def test_table_of_a_held_channel_and_of_a_gap():
+    power = Channel.of("p", [1.0, np.nan, 2, 3, 4], quantity="power")
+    assert made(p=power).table("p").bridged == pytest.approx(0.25)
+    assert made(p=power).table("p").times.tolist() == [0, 2, 3, 4]
+    record = Record.from_arrays("gap", [0.0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 89, 90], {"case": np.arange(14.0) + 300})
+    assert record.table("case").bridged == pytest.approx(78 / 90)
+    assert record.table("case", max_gap="2 [min]").bridged == 0
+
+
+def test_summary():
+    power = Channel.of("p", np.ones(5), quantity="power", role="load", target="heater", noise=0.1, accuracy=0.05)
+    text = made(p=power).trim(0, 3).summary()
+    sha = made(p=power).origin.sha256[:16]
+    assert text.split("\n") == [
+        "Record 'bench': synthetic, 4 samples over 3 s, step 1 s; channels case, p",
+        f"  origin bench, 5 rows, sha256 {sha}",
+        "  case: temperature, auto; 300 [K] to 303 [K]; 1 of 4 masked (not a number 1)",
+        "  p: power, load heater; 1 [W] to 1 [W]; noise 0.1 [W]; accuracy 0.05 [W]; 0 of 4 masked",
+        "  - trim: 0 [s] to 3 [s], 4 of 5 samples kept",
+    ]
+
+
+def test_xarray_has_units_and_masks_as_nan():
+    pytest.importorskip("xarray")
+    power = Channel.of("p", np.ones(5), quantity="power", role="load", target="heater", noise=0.1)
+    heat = Channel.of("q", np.ones(5), quantity="heat flux", unit="W/m^2")
+    data = made(p=power, q=heat).mask("case", 0, 0).to_xarray()
+    assert np.isnan(data["case"].values).tolist() == [True, False, True, False, False]
+    assert data["case"].attrs["units"] == "K"
+    assert data["time"].attrs["units"] == "s"
+    assert data["p"].attrs == {"units": "W", "quantity": "power", "role": "load", "target": "heater", "noise": 0.1}
+    assert data["q"].attrs["units"] == "kg s^-3"
+    assert data.attrs["sha256"] == made(p=power, q=heat).origin.sha256
+
+
+def test_a_record_can_go_to_another_process():
+    record = made().mask("case", 0, 0, "bad")
+    copy = pickle.loads(pickle.dumps(record))
+    assert copy.origin == record.origin == Origin(**record.origin.__dict__)
+    assert copy["case"].flags == record["case"].flags
+    assert np.array_equal(copy["case"].values, record["case"].values, equal_nan=True)
