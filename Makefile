@@ -7,7 +7,7 @@ COMPILE = uv pip compile pyproject.toml --universal --fork-strategy fewest --pyt
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --quiet $(UPGRADE)
 
 # uv where it is present; it does not read pip's settings, so pip has the last word.
-install = { command -v uv >/dev/null && uv pip install --python $(BIN)/python --require-hashes -r $(1); } \
+install = { command -v uv >/dev/null && uv pip install --quiet --python $(BIN)/python --require-hashes -r $(1); } \
 	|| $(BIN)/python -m pip install --disable-pip-version-check --quiet --require-hashes -r $(1)
 
 .PHONY: help setup setup-test demo test test-all lint format lengths lock clean

@@ -35,8 +35,10 @@ double Integrator::input_error() {
     return total;
 }
 
-// Sensitivities of b and of A b, while the evaluation still stands at the step's start.
-void Integrator::input_sensitivity() {
+// What the dense output of the sensitivities needs of the step's start, while the evaluation still stands there.
+void Integrator::dense_start() {
+    slope_sensitivity(0, d0_, sd0_);
+    rate_sensitivity(massless_, e_, J0_.data(), d0_.data(), uder0_.data(), S_.data(), sd0_.data(), dd0_.data(), sdd0_.data());
     for (int k = 0; k < nk_; ++k) {
         Noise& z = noise_[k];
         if (!z.active) continue;
@@ -74,7 +76,7 @@ void Integrator::dense(bool inside) {
         double* c = poly_.data() + i;
         c[0] = T_[i];
         c[n] = a;
-        if (cap_[i] > -0.1 * h_ * J0_[i * n + i]) {
+        if (gentle(i)) {
             const double p = h_ * h_ * dd0_[i], q = h_ * h_ * dd1_[i], z = y - a - 0.5 * p, z1 = b - a - p, z2 = q - p;
             c[2 * n] = 0.5 * p;
             c[3 * n] = 10.0 * z - 4.0 * z1 + 0.5 * z2;
@@ -101,16 +103,18 @@ void Integrator::dense(bool inside) {
         if (p_.inputs[k].sampled()) cursor_[k].begin(&p_.inputs[k], t_);
     at_ = 0.0;
     if (np == 0) return;
-    // dS/dt and d2S/dt2 at both ends.
-    const double* ends[2] = {FS_.data(), FS_.data() + (STAGES - 1) * m};
-    for (int end = 0; end < 2; ++end) {
-        std::vector<double>& sd = end ? sd1_ : sd0_;
-        std::copy(ends[end], ends[end] + m, sd.begin());
-        capacity_term(sd.data(), (end ? d1_ : d0_).data(), -1.0);
-        for (int i = 0; i < n_; ++i) {
-            const double c = cap_[i] > 0.0 ? 1.0 / cap_[i] : 0.0;
-            for (size_t q = i * np; q < (i + 1) * np; ++q) sd[q] *= c;
-        }
+    slope_sensitivity(STAGES - 1, d1_, sd1_);
+    rate_sensitivity(massless_, e_, J1_.data(), d1_.data(), uder1_.data(), S1_.data(), sd1_.data(), dd1_.data(), sdd1_.data());
+}
+
+// dS/dt of the nodes with capacity, from the heats of a stage.
+void Integrator::slope_sensitivity(int stage, const std::vector<double>& slope, std::vector<double>& out) {
+    const size_t np = np_, m = static_cast<size_t>(n_) * np;
+    std::copy(FS_.data() + stage * m, FS_.data() + (stage + 1) * m, out.data());
+    capacity_term(out.data(), slope.data(), -1.0);
+    for (int i = 0; i < n_; ++i) {
+        const double c = cap_[i] > 0.0 ? 1.0 / cap_[i] : 0.0;
+        for (size_t q = i * np; q < (i + 1) * np; ++q) out[q] *= c;
     }
 }
 
@@ -164,11 +168,12 @@ void Integrator::write(double s, const int* obs, int nobs, long k) {
 // Many rows of outputs of nodes with a delay: weights (rows, terms) times terms (terms, observed).
 void Integrator::write_block(const double* times, long first, long last, const int* obs, int nobs) {
     int terms = STAGES;
+    const size_t stride = padded(nobs);
     for (const Noise& z : noise_) terms += z.active ? 4 : 0;
     auto fill = [&](int row, const double* v) {
-        for (int j = 0; j < nobs; ++j) block_[row * nobs + j] = v[obs[j]];
+        for (int j = 0; j < nobs; ++j) block_[row * stride + j] = v[obs[j]];
     };
-    block_.resize((STAGES + 4 * static_cast<size_t>(nk_)) * nobs);
+    block_.resize((STAGES + 4 * static_cast<size_t>(nk_)) * stride);
     for (int m = 0; m < STAGES; ++m) fill(m, poly_.data() + m * static_cast<size_t>(n_));
     int at = STAGES;
     for (const Noise& z : noise_)
@@ -209,10 +214,20 @@ void Integrator::write_sensitivity(double s, const int* obs, int nobs, bool plai
             from[m] = v.data() + i * np;
             w[m++] = weight;
         };
-        term(S_, y * y * (1.0 + 2.0 * x));
-        term(sd0_, h_ * x * y * y);
-        term(S1_, x * x * (3.0 - 2.0 * x));
-        term(sd1_, -h_ * x * x * y);
+        if (gentle(i)) {
+            const double p = x * x * x, end = p * (10.0 - x * (15.0 - 6.0 * x));
+            term(S_, 1.0 - end);
+            term(sd0_, h_ * x * (1.0 - x * x * (6.0 - x * (8.0 - 3.0 * x))));
+            term(sdd0_, 0.5 * h_ * h_ * x * x * (1.0 - x * (3.0 - x * (3.0 - x))));
+            term(S1_, end);
+            term(sd1_, -h_ * p * (4.0 - x * (7.0 - 3.0 * x)));
+            term(sdd1_, 0.5 * h_ * h_ * p * (1.0 - x * (2.0 - x)));
+        } else {
+            term(S_, y * y * (1.0 + 2.0 * x));
+            term(sd0_, h_ * x * y * y);
+            term(S1_, x * x * (3.0 - 2.0 * x));
+            term(sd1_, -h_ * x * x * y);
+        }
         for (const Noise& z : noise_)
             if (z.active) {
                 term(z.sb, z.w);

@@ -67,38 +67,38 @@ double Input::next_knot(double t, int hint) const {
     return i < static_cast<int>(seg.size()) ? seg[i].t : std::numeric_limits<double>::infinity();
 }
 
+void Cursor::enter(double t) {
+    const auto& seg = in_->seg;
+    from_ = t;
+    s_ = seg_ < 0 ? 0.0 : seg[seg_].s;
+    u_ = seg_ < 0 ? seg[0].u : seg[seg_].u + s_ * (t - seg[seg_].t);
+    next_ = seg_ + 1 < static_cast<int>(seg.size()) ? seg[seg_ + 1].t : std::numeric_limits<double>::infinity();
+}
+
 void Cursor::begin(const Input* input, double t) {
     in_ = input;
     seg_ = input->segment(t, seg_);
-    from_ = t;
     base_ = Integrals();
-    level_ = seg_ < 0 ? input->seg[0].u : input->seg[seg_].u + input->seg[seg_].s * (t - input->seg[seg_].t);
+    enter(t);
     sum = base_;
+    level_ = u_;
 }
 
-void Cursor::move(double t) {
+void Cursor::advance(double t) {
     const auto& seg = in_->seg;
     const int m = static_cast<int>(seg.size());
-    while (seg_ + 1 < m && seg[seg_ + 1].t <= t) {
-        const bool whole = seg_ >= 0 && seg_ % Input::BLOCK == 0 && from_ == seg[seg_].t && seg_ + Input::BLOCK < m &&
-                           seg[seg_ + Input::BLOCK].t <= t;
-        if (whole) {
+    while (next_ <= t) {
+        const int jump = seg_ + Input::BLOCK;
+        if (seg_ >= 0 && seg_ % Input::BLOCK == 0 && jump < m && from_ == seg[seg_].t && seg[jump].t <= t) {
             const Integrals& b = in_->block[seg_ / Input::BLOCK];
-            base_.append(seg[seg_ + Input::BLOCK].t - from_, b.i1, b.i2, b.i3);
-            seg_ += Input::BLOCK;
+            base_.append(seg[jump].t - from_, b.i1, b.i2, b.i3);
+            seg_ = jump;
         } else {
-            const double s = seg_ < 0 ? 0.0 : seg[seg_].s;
-            const double u = seg_ < 0 ? seg[0].u : seg[seg_].u + s * (from_ - seg[seg_].t);
-            base_.append_line(seg[seg_ + 1].t - from_, u, s);
+            base_.append_line(next_ - from_, u_, s_);
             ++seg_;
         }
-        from_ = seg[seg_].t;
+        enter(seg[seg_].t);
     }
-    const double s = seg_ < 0 ? 0.0 : seg[seg_].s;
-    const double u = seg_ < 0 ? seg[0].u : seg[seg_].u + s * (from_ - seg[seg_].t);
-    sum = base_;
-    sum.append_line(t - from_, u, s);
-    level_ = u + s * (t - from_);
 }
 
 double StepInput::project(const Input& input, double t, double end, int& hint) {

@@ -44,16 +44,23 @@ class Input {
 class Cursor {
   public:
     void begin(const Input* input, double t);
-    void move(double t);  // to a later time
+    void move(double t) {  // to a later time
+        if (next_ <= t) advance(t);
+        const double l = t - from_;
+        sum = base_;
+        sum.append_line(l, u_, s_);
+        level_ = u_ + s_ * l;
+    }
     double value() const { return in_->mean + level_; }
-    int hint() const { return seg_; }
     Integrals sum;
 
   private:
     const Input* in_ = nullptr;
     int seg_ = -1;
-    double from_ = 0.0, level_ = 0.0;
+    double from_ = 0.0, next_ = 0.0, u_ = 0.0, s_ = 0.0, level_ = 0.0;  // u_ + s_ (t - from_) up to next_
     Integrals base_;
+    void enter(double t);
+    void advance(double t);
 };
 
 // An input over one step of length h: mean + p0 + p1 s + p2 s^2 with s from the step's start.

@@ -22,7 +22,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     for (int i = 0; i < n_; ++i)
         if (p.capacity[i] >= 0) cap_[i] = coef[p.capacity[i]];
     for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &delta_, &guess_, &err_, &g_, &dir_, &bb_, &xa_}) v->assign(n, 0.0);
-    for (auto* v : {&S_, &S1_, &CS_, &comb_, &sd0_, &sd1_, &G_, &dirS_, &fp_, &SO_}) v->assign(m, 0.0);
+    for (auto* v : {&S_, &S1_, &CS_, &comb_, &sd0_, &sd1_, &sdd0_, &sdd1_, &G_, &dirS_, &fp_, &SO_}) v->assign(m, 0.0);
     F_.assign(STAGES * n, 0.0);
     FS_.assign(STAGES * m, 0.0);
     poly_.assign(STAGES * n, 0.0);
@@ -41,8 +41,8 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     lu_.resize(n_);
     for (auto* v : {&acc_con_, &E_con_}) v->assign(rows, 0.0);
     for (auto* v : {&acc_load_, &E_load_}) v->assign(loads, 0.0);
-    rows_.assign(6 + 2 * nk_, nullptr);
-    weights_.assign(6 + 2 * nk_, 0.0);
+    rows_.assign(8 + 2 * nk_, nullptr);
+    weights_.assign(8 + 2 * nk_, 0.0);
     when_.assign(np, 0.0);
     massless_.nodes = p.massless;
     index_slaved(massless_);
@@ -169,7 +169,7 @@ bool Integrator::attempt(Outputs& out, double& next) {
     }
     if (np_ > 0) {
         start_sensitivity();
-        if (inside_) input_sensitivity();
+        if (inside_) dense_start();
     }
     if (!stages()) {
         next = 0.25 * h_;

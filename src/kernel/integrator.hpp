@@ -79,7 +79,7 @@ class Integrator {
     std::vector<double> F_, FS_, CS_, comb_;      // stage heats (6, n), their sensitivities (6, n, np)
     std::vector<double> J0_, J1_, d0_, d1_, dd0_, dd1_, sd0_, sd1_, sdd0_, sdd1_, fu_, g_, G_, dirS_, unit_, dir_, bb_, base_, delta_, guess_, err_;
     Lu lu_;
-    double rho_ = 0.1;
+    double rho_ = 0.1, last_size_ = 0.0;  // of the Newton iteration: contraction, last change
     Slaved massless_, fast_;
     std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
     std::vector<double> xa_, fp_, row_;
@@ -126,7 +126,10 @@ class Integrator {
     void move_cursors(double s);
     void nodes_at(double s, bool slaved);
     double smooth(int i, double x) const;
-    void input_sensitivity();
+    void dense_start();
+    void slope_sensitivity(int stage, const std::vector<double>& slope, std::vector<double>& out);
+    // Second derivatives serve the dense output; of a stiff node they would only amplify its error.
+    bool gentle(int i) const { return cap_[i] > -0.1 * h_ * J0_[static_cast<size_t>(i) * n_ + i]; }
     void write(double s, const int* obs, int nobs, long k);
     void write_block(const double* times, long first, long last, const int* obs, int nobs);
     std::vector<double> block_, blend_;

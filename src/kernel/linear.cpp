@@ -15,23 +15,19 @@ THERMID_CLONES void combine(double* __restrict out, const double* const* rows, c
 }
 
 THERMID_CLONES void blend(double* __restrict out, const double* __restrict w, int rows, const double* __restrict x, int k, int m) {
-    constexpr int W = 8;
+    constexpr int W = 4;
+    const int stride = padded(m);
     for (int j0 = 0; j0 < m; j0 += W) {
         const int len = m - j0 < W ? m - j0 : W;
-        if (len == W) {
-            for (int r = 0; r < rows; ++r) {
-                double acc[W] = {0.0};
-                for (int i = 0; i < k; ++i)
-                    for (int j = 0; j < W; ++j) acc[j] += w[r * k + i] * x[i * m + j0 + j];
-                for (int j = 0; j < W; ++j) out[static_cast<long>(r) * m + j0 + j] = acc[j];
-            }
-        } else {
-            for (int r = 0; r < rows; ++r)
-                for (int j = 0; j < len; ++j) {
-                    double acc = 0.0;
-                    for (int i = 0; i < k; ++i) acc += w[r * k + i] * x[i * m + j0 + j];
-                    out[static_cast<long>(r) * m + j0 + j] = acc;
-                }
+        for (int r = 0; r < rows; ++r) {
+            double acc[W] = {0.0};
+            for (int i = 0; i < k; ++i)
+                for (int j = 0; j < W; ++j) acc[j] += w[r * k + i] * x[i * stride + j0 + j];
+            double* to = out + static_cast<long>(r) * m + j0;
+            if (len == W)
+                for (int j = 0; j < W; ++j) to[j] = acc[j];
+            else
+                for (int j = 0; j < len; ++j) to[j] = acc[j];
         }
     }
 }
@@ -63,52 +59,88 @@ THERMID_CLONES static int lu_factor(double* a, int* piv, double* inv, int n) {
     return -1;
 }
 
-int Lu::factor() { return lu_factor(a_.data(), piv_.data(), inv_.data(), n_); }
+void Lu::resize(int n) {
+    n_ = n;
+    const size_t m = n, half = m * (m > 0 ? m - 1 : 0) / 2;
+    a_.assign(m * m, 0.0);
+    inv_.assign(m, 0.0);
+    for (auto* v : {&piv_, &low_end_, &up_end_}) v->assign(m, 0);
+    for (auto* v : {&low_, &up_}) v->assign(half, 0.0);
+    for (auto* v : {&low_at_, &up_at_}) v->assign(half, 0);
+}
 
-void Lu::solve(double* b) const {
-    const double* a = a_.data();
-    for (int k = 0; k < n_; ++k)
-        if (piv_[k] != k) std::swap(b[k], b[piv_[k]]);
-    for (int i = 1; i < n_; ++i) {
-        double s = b[i];
-        for (int j = 0; j < i; ++j) s -= a[i * n_ + j] * b[j];
-        b[i] = s;
+int Lu::factor() {
+    const int bad = lu_factor(a_.data(), piv_.data(), inv_.data(), n_);
+    if (bad >= 0) return bad;
+    int l = 0, u = 0;
+    swapped_ = false;
+    for (int i = 0; i < n_; ++i) {
+        const double *row = a_.data() + static_cast<size_t>(i) * n_;
+        for (int j = 0; j < i; ++j)
+            if (row[j] != 0.0) { low_[l] = row[j]; low_at_[l++] = j; }
+        low_end_[i] = l;
+        swapped_ = swapped_ || piv_[i] != i;
     }
     for (int i = n_ - 1; i >= 0; --i) {
+        const double *row = a_.data() + static_cast<size_t>(i) * n_;
+        for (int j = i + 1; j < n_; ++j)
+            if (row[j] != 0.0) { up_[u] = row[j]; up_at_[u++] = j; }
+        up_end_[i] = u;
+    }
+    return -1;
+}
+
+void Lu::solve(double* b) const {
+    if (swapped_)
+        for (int k = 0; k < n_; ++k)
+            if (piv_[k] != k) std::swap(b[k], b[piv_[k]]);
+    int k = 0;
+    for (int i = 0; i < n_; ++i) {
         double s = b[i];
-        for (int j = i + 1; j < n_; ++j) s -= a[i * n_ + j] * b[j];
+        for (const int end = low_end_[i]; k < end; ++k) s -= low_[k] * b[low_at_[k]];
+        b[i] = s;
+    }
+    k = 0;
+    for (int i = n_ - 1; i >= 0; --i) {
+        double s = b[i];
+        for (const int end = up_end_[i]; k < end; ++k) s -= up_[k] * b[up_at_[k]];
         b[i] = s * inv_[i];
     }
 }
 
-THERMID_CLONES static void lu_solve_many(const double* a, const double* inv, double* b, int n, int m) {
-    for (int i = 1; i < n; ++i) {
+namespace {
+struct Factors { const double *low, *up, *inv; const int *low_at, *low_end, *up_at, *up_end; };
+}
+
+THERMID_CLONES static void substitute(const Factors f, double* b, int n, int m) {
+    int e = 0;
+    for (int i = 0; i < n; ++i) {
         double* __restrict bi = b + static_cast<size_t>(i) * m;
-        for (int j = 0; j < i; ++j) {
-            const double l = a[i * n + j];
-            if (l == 0.0) continue;
-            const double* __restrict bj = b + static_cast<size_t>(j) * m;
+        for (const int end = f.low_end[i]; e < end; ++e) {
+            const double l = f.low[e];
+            const double* __restrict bj = b + static_cast<size_t>(f.low_at[e]) * m;
             for (int k = 0; k < m; ++k) bi[k] -= l * bj[k];
         }
     }
+    e = 0;
     for (int i = n - 1; i >= 0; --i) {
         double* __restrict bi = b + static_cast<size_t>(i) * m;
-        for (int j = i + 1; j < n; ++j) {
-            const double u = a[i * n + j];
-            if (u == 0.0) continue;
-            const double* __restrict bj = b + static_cast<size_t>(j) * m;
+        for (const int end = f.up_end[i]; e < end; ++e) {
+            const double u = f.up[e];
+            const double* __restrict bj = b + static_cast<size_t>(f.up_at[e]) * m;
             for (int k = 0; k < m; ++k) bi[k] -= u * bj[k];
         }
-        const double r = inv[i];
+        const double r = f.inv[i];
         for (int k = 0; k < m; ++k) bi[k] *= r;
     }
 }
 
 void Lu::solve_many(double* b, int m) const {
-    for (int k = 0; k < n_; ++k)
-        if (piv_[k] != k)
-            for (int j = 0; j < m; ++j) std::swap(b[static_cast<size_t>(k) * m + j], b[static_cast<size_t>(piv_[k]) * m + j]);
-    lu_solve_many(a_.data(), inv_.data(), b, n_, m);
+    if (swapped_)
+        for (int k = 0; k < n_; ++k)
+            if (piv_[k] != k)
+                for (int j = 0; j < m; ++j) std::swap(b[static_cast<size_t>(k) * m + j], b[static_cast<size_t>(piv_[k]) * m + j]);
+    substitute({low_.data(), up_.data(), inv_.data(), low_at_.data(), low_end_.data(), up_at_.data(), up_end_.data()}, b, n_, m);
 }
 
 }  // namespace thermid

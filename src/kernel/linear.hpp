@@ -15,7 +15,8 @@ namespace thermid {
 
 // out[i] = sum_k w[k] * rows[k][i], for i < m.
 void combine(double* out, const double* const* rows, const double* w, int k, int m);
-// out (rows, m) = w (rows, k) x (k, m)
+// out (rows, m) = w (rows, k) x (k, padded(m))
+inline int padded(int m) { return (m + 3) / 4 * 4; }
 void blend(double* out, const double* w, int rows, const double* x, int k, int m);
 // y[i] += a * x[i]
 inline void axpy(double* y, double a, const double* x, int m) {
@@ -24,10 +25,8 @@ inline void axpy(double* y, double a, const double* x, int m) {
 
 class Lu {
   public:
-    void resize(int n) { n_ = n; a_.assign(static_cast<size_t>(n) * n, 0.0); piv_.assign(n, 0); inv_.assign(n, 0.0); }
+    void resize(int n);
     double* data() { return a_.data(); }
-    int size() const { return n_; }
-    void shrink(int n) { n_ = n; }  // use a smaller leading size without allocating
     // Returns -1, or the column at which no usable pivot was found.
     int factor();
     void solve(double* b) const;
@@ -37,6 +36,10 @@ class Lu {
     int n_ = 0;
     std::vector<double> a_, inv_;
     std::vector<int> piv_;
+    // The factors' entries off the diagonal, row by row: lower from the top, upper from the bottom.
+    std::vector<double> low_, up_;
+    std::vector<int> low_at_, up_at_, low_end_, up_end_;
+    bool swapped_ = false;
 };
 
 }  // namespace thermid

@@ -56,6 +56,16 @@ void Problem::prepare() {
     for (int k = 0; k <= CONDUCTOR_KINDS; ++k)
         kind_begin[k] = static_cast<int>(std::lower_bound(con.kind.begin(), con.kind.end(), k) - con.kind.begin());
 
+    meet_begin.assign(n + 1, 0);
+    for (int i = 0; i < n; ++i) {
+        for (int r = 0; r < m; ++r) {
+            if (con.b[r] != i && (con.a[r] != i || con.kind[r] == FLOW)) continue;
+            meet_row.push_back(r);
+            meet_sign.push_back(con.b[r] == i ? 1.0 : -1.0);
+        }
+        meet_begin[i + 1] = static_cast<int>(meet_row.size());
+    }
+
     auto boundary_entries = [&](std::vector<Entry>& list, int row, int node, int what) {
         if (node < n) return;
         for (int c : {gain[node - n], offset[node - n]})
@@ -134,20 +144,33 @@ void Evaluation::rows() {
         qb[r] = -qa[r];
         q[r] = g * phi[r];
     }
-    for (int r = p1; r < c.size(); ++r) {
+    const int r1 = first[RADIATION + 1];
+    for (int r = first[RADIATION]; r < r1; ++r) {
+        const double ta = tt[a[r]], tb = tt[b[r]], a2 = ta * ta, b2 = tb * tb, g = ce[c0[r]];
+        phi[r] = (a2 + b2) * (ta + tb) * (ta - tb);
+        qa[r] = 4.0 * g * a2 * ta;
+        qb[r] = -4.0 * g * b2 * tb;
+        q[r] = g * phi[r];
+    }
+    for (int r = r1; r < c.size(); ++r) {
         const auto x = conductor<double>(c.kind[r], tt[a[r]], tt[b[r]], ce[c0[r]], 0.0, c.table[r] >= 0 ? &p->tables[c.table[r]] : nullptr);
         q[r] = x.q;
         phi[r] = x.phi;
         qa[r] = x.qa;
         qb[r] = x.qb;
     }
-    std::fill(f.begin(), f.end(), 0.0);
-    for (int r = 0; r < c.size(); ++r) {
-        f[b[r]] += q[r];
-        if (c.kind[r] != FLOW) f[a[r]] -= q[r];
+    const int* begin = p->meet_begin.data();
+    for (int i = 0; i < p->n; ++i) {
+        double s = 0.0;
+        for (int k = begin[i]; k < begin[i + 1]; ++k) s += p->meet_sign[k] * q[p->meet_row[k]];
+        f[i] = s;
     }
     const Loads& ld = p->load;
     for (int r = 0; r < ld.size(); ++r) {
+        if (ld.kind[r] == SIGNAL) {
+            f[ld.node[r]] += power[r] = ce[ld.c[0][r]];
+            continue;
+        }
         const double cs[4] = {ce[ld.c[0][r]], ce[ld.c[1][r]], ce[ld.c[2][r]], ce[ld.c[3][r]]};
         const auto x = thermid::load<double>(ld.kind[r], tt[ld.sensor[r]], cs, ld.table[r] >= 0 ? &p->tables[ld.table[r]] : nullptr, on[r]);
         power[r] = x.p;

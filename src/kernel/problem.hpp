@@ -35,6 +35,8 @@ struct Problem {
     std::vector<Entry> con_entry, load_entry;
     std::vector<int> timed, massless, thermostats;
     int kind_begin[CONDUCTOR_KINDS + 1] = {};  // conductors of a kind stand together
+    std::vector<int> meet_begin, meet_row;       // conductors that bring heat to (sign 1) or take it from (-1) a node
+    std::vector<double> meet_sign;
 
     int nodes() const { return n + nb; }
     void prepare();  // checks everything, sorts and derives; throws std::invalid_argument
@@ -58,7 +60,7 @@ struct Evaluation {
     std::vector<double> power, slope;   // loads
     std::vector<uint8_t> on;            // thermostat states (loads)
     std::vector<double> work;           // of POWER rows
-    std::vector<double> f;              // heat into each node, boundaries included
+    std::vector<double> f;              // heat into each unknown node
 
     Evaluation(const Problem& problem, const double* coefficients);
     void set_inputs();       // u -> ceff, boundary temperatures

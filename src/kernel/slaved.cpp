@@ -59,8 +59,8 @@ void Integrator::slaved_rows(const Slaved& s, Evaluation& e) const {
         e.phi[r] = x.phi;
         e.qa[r] = x.qa;
         e.qb[r] = x.qb;
-        e.f[c.b[r]] += x.q;
-        if (c.kind[r] != FLOW) e.f[c.a[r]] -= x.q;
+        if (s.is[c.b[r]]) e.f[c.b[r]] += x.q;
+        if (s.is[c.a[r]] && c.kind[r] != FLOW) e.f[c.a[r]] -= x.q;
     }
     const Loads& l = p_.load;
     for (int r : s.load_rows) {

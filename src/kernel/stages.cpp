@@ -106,11 +106,9 @@ bool Integrator::newton(int s) {
             size = std::max(size, std::fabs(delta_[i]));
         }
         if (!std::isfinite(size) || size > 1e6) return false;
+        last_size_ = size;
         double rate = rho_;
-        if (it > 0 && last > 1e-11) {
-            rate = size / last;
-            rho_ = std::min(0.9, std::max(rate, 1e-8));
-        }
+        if (it > 0 && last > 1e-10) rho_ = std::min(0.9, rate = std::max(size, 1e-12) / last);
         if (size <= 1e-13 || 4.0 * std::min(rate, 0.9) * size <= NEWTON_TOL || size <= 0.1 * NEWTON_TOL) return true;
         fresh = it > 0 && rate > 0.05;
         if (it > 3 && rate > 1.5 && !fresh) return false;
@@ -182,6 +180,8 @@ bool Integrator::stages() {
         for (int i = 0; i < n_; ++i) F_[s * n + i] = cap_[i] > 0.0 ? (cap_[i] * (e_.t[i] - T_[i]) - base_[i]) / hg : 0.0;
         if (o_.energy) add_energy(s, true);
         if (np_ > 0) {
+            // The rows stand at the last iterate; the derivative of the scheme is wanted at the solution.
+            if (last_size_ > 1e-8) e_.rows();
             e_.jacobian(J1_.data());
             iteration_matrix(J1_.data());
             rho_ = std::min(rho_, 0.05);

@@ -1,1 +1,85 @@
-"""Lumped-parameter thermal models: build, fit, predict."""
+"""thermid: thermal identification. Lumped thermal models built part by part, fitted to logs level by level, and asked about the rest.
+
+The five types to know are `Model`, `Scenario`, `Solution`, `Record` and `Calibration`.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from thermid.errors import ThermidError, ThermidWarning
+    from thermid.identify.calibrate import calibrate
+    from thermid.identify.calibration import Calibration
+    from thermid.identify.compare import compare
+    from thermid.identify.stages import Campaign, run_stages
+    from thermid.identify.validate import Criteria, Verdict, validate
+    from thermid.identify.values import load_values
+    from thermid.measure import Channel, Record, read_record
+    from thermid.model.areas import ledger
+    from thermid.model.model import Model
+    from thermid.model.modelfile import load_model, model_from_dict, save_model
+    from thermid.network.linear import modes, state_space
+    from thermid.network.medium import Environment
+    from thermid.network.network import compile_network
+    from thermid.reporting.page import report
+    from thermid.simulation.engine import Options
+    from thermid.simulation.scenario import Scenario, load_scenario
+    from thermid.simulation.solution import Solution
+    from thermid.simulation.steady import steady
+    from thermid.simulation.transient import simulate
+
+# in reading order: what the hardware is, what is done to it, what was measured, what a fit says, what is shown
+_PUBLIC = {
+    "Model": "model.model",
+    "load_model": "model.modelfile",
+    "model_from_dict": "model.modelfile",
+    "save_model": "model.modelfile",
+    "ledger": "model.areas",
+    "compile_network": "network.network",
+    "state_space": "network.linear",
+    "modes": "network.linear",
+    "Environment": "network.medium",
+    "Scenario": "simulation.scenario",
+    "load_scenario": "simulation.scenario",
+    "Options": "simulation.engine",
+    "simulate": "simulation.transient",
+    "steady": "simulation.steady",
+    "Solution": "simulation.solution",
+    "Channel": "measure",
+    "Record": "measure",
+    "read_record": "measure",
+    "compare": "identify.compare",
+    "calibrate": "identify.calibrate",
+    "Calibration": "identify.calibration",
+    "load_values": "identify.values",
+    "Campaign": "identify.stages",
+    "run_stages": "identify.stages",
+    "Criteria": "identify.validate",
+    "validate": "identify.validate",
+    "Verdict": "identify.validate",
+    "report": "reporting.page",
+    "ThermidError": "errors",
+    "ThermidWarning": "errors",
+}
+
+__all__ = list(_PUBLIC)
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name when it is first asked for, so that ``import thermid`` stays quick."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("thermid")
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'thermid' has no attribute '{name}'")
+    value = getattr(import_module(f"thermid.{_PUBLIC[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return [*__all__, "__version__"]

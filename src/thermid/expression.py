@@ -91,6 +91,8 @@ def parse(text: str) -> Expression:
     if len(text) > _LONGEST:
         raise ExpressionError(f"the expression has {len(text)} characters; at most {_LONGEST} are read.")
     bracket = _BRACKET.match(text)
+    if bracket is None and "[" in text:
+        raise ExpressionError(f"'{_short(text)}': a unit stands in brackets once, at the end: '(0.5 + 1) [m]'.")
     body = bracket["number"] if bracket else text
     try:
         tree = ast.parse(body.strip(), mode="eval").body

@@ -104,7 +104,7 @@ def unit(text: str) -> Unit:
 
 
 # names with small powers, * / and parentheses: pint would compute a tower of powers, or read other text as code to be parsed
-_READABLE = re.compile(r"(?:[^\W\d]\w*(?:\^-?\d{1,2}(?:\.\d)?)?|1(?=/)|%|[*/()])+\Z")
+_READABLE = re.compile(r"(?:[^\W\d]\w*+(?:\^-?\d{1,2}(?:\.\d)?)?+|1(?=/)|%|[*/()])+\Z")
 _LONGEST = 80
 
 
@@ -168,7 +168,7 @@ def require(dimension: Dimension, slot: str, given: str = "", absolute: bool = F
     """
     wanted = unit("K" if slot == TEMPERATURE else slot)
     if dimension != wanted.dimension:
-        what = f"'[{given}]' is {describe(dimension)}" if given and given != "1" else f"this is {describe(dimension)}"
+        what = f"'[{given}]' is {'a temperature' if absolute else describe(dimension)}" if given and given != "1" else f"this is {describe(dimension)}"
         need = "a temperature [degC] or [K]" if slot == TEMPERATURE else f"{describe(wanted.dimension)} [{slot}]"
         raise UnitError(f"{what}; {need} is needed here.")
     if absolute and slot != TEMPERATURE:

@@ -1,17 +1,10 @@
-"""The package and the repository, as the architecture tests see them."""
+"""The package, as the architecture tests see it."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from .source import ROOT, Module, read_modules
-
-
-@pytest.fixture(scope="session")
-def root() -> Path:
-    return ROOT
+from .source import Module, read_modules
 
 
 @pytest.fixture(scope="session")

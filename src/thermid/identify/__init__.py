@@ -1,1 +1,1 @@
-"""."""
+"""A model meets measurements: comparison, calibration, identifiability, stages, validation."""

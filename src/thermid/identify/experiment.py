@@ -14,11 +14,13 @@ from thermid.measure import Channel, Record
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Table
 from thermid.network.network import Network, compile_network
-from thermid.simulate.scenario import STEADY, Scenario
+from thermid.simulation.scenario import Scenario
 
 __all__ = ["Experiment", "Observation", "first_reading", "meet"]
 
 Array = NDArray[np.float64]
+MEASURED = "measured"
+"""`start = "measured"`: observed nodes start at their own readings, all others at the mean of these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,10 @@ class Experiment:
     scenario : Scenario         What the log says was done; times count from its first sample.
     times : array (times,)      Times at which any sensor has a valid sample, from the first sample of the record. [s]
     observations : tuple        The measured temperatures.
-    shared : dict               Nuisance -> (name in the wiring, sd in its unit, sensor): errors of logged boundaries and powers.
+    shared : dict               Channel -> (name in the wiring, sd in its unit): constant errors of logged boundaries and powers.
+    readings : dict             Node or boundary -> channel whose first reading, less its constant error, stands for its temperature at the
+                                start (of a boundary: throughout).
+    loose : tuple of str        Observed nodes whose start nothing gives but their own readings.
     """
 
     record: Record
@@ -63,6 +68,8 @@ class Experiment:
     times: Array
     observations: tuple[Observation, ...]
     shared: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    readings: Mapping[str, str] = field(default_factory=dict)
+    loose: tuple[str, ...] = ()
 
 
 def first_reading(record: Record, name: str, window: float = 0.0) -> float:
@@ -141,12 +148,13 @@ def meet(model: Model, record: Record, scenario: Scenario | None = None, window:
     grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
     times = record.times[grid] - zero
     observations = tuple(_observation(c, path, grid) for c, path in observed)
-    start, initial = _starts(record, base, observations, window)
+    first = {o.node: first_reading(record, o.sensor, window) for o in observations}
+    start, initial, readings, loose = _starts(record, base, network, first, window)
     duration = float(record.times[-1]) - zero
     made = replace(
         base, title=record.name, boundaries=boundaries, loads=loads, commands=commands, gains=gains, start=start, initial=initial, duration=duration
     )
-    return Experiment(record, network, made, times, observations, shared)
+    return Experiment(record, network, made, times, observations, shared, readings, loose)
 
 
 def _values(signal: Signal) -> Array:
@@ -164,17 +172,34 @@ def _observation(channel: Channel, path: str, grid: NDArray[np.int64]) -> Observ
     return Observation(channel.name, path, np.flatnonzero(valid), channel.values[grid][valid], channel.noise, channel.accuracy)
 
 
-def _starts(record: Record, base: Scenario, observations: tuple[Observation, ...], window: float) -> tuple[Any, dict[str, Any]]:
-    """Return start and initial temperatures, with names of channels replaced by their first readings."""
+def _starts(
+    record: Record, base: Scenario, network: Network, first: Mapping[str, float], window: float
+) -> tuple[Any, dict[str, Any], dict[str, str], tuple[str, ...]]:
+    """Return start, initial temperatures, nodes that start at a channel's first reading, and nodes that start at their own."""
+    initial: dict[str, Any] = {}
+    readings: dict[str, str] = {}
 
-    def reading(value: Any) -> Any:
-        return first_reading(record, value, window) if isinstance(value, str) and value in record.channels else value
+    def lay(node: str, value: Any) -> None:
+        if isinstance(value, str) and value in record.channels:
+            readings[node] = value
+            initial[node] = first_reading(record, value, window)
+        else:
+            initial[node] = value
 
-    initial = {node: reading(value) for node, value in base.initial.items()}
-    if base.start not in ("", "measured"):
-        return reading(base.start) if base.start != STEADY else STEADY, initial
-    for o in observations:
-        initial.setdefault(o.node, first_reading(record, o.sensor, window))
-    if base.start == "measured":
-        return float(np.mean([initial[o.node] for o in observations])), initial
-    return "", initial
+    for raw, value in base.initial.items():
+        lay(network.find(raw), value)
+    if isinstance(base.start, str) and base.start in record.channels:
+        for node in network.nodes:
+            if node not in initial and _massive(network, node):
+                lay(node, base.start)
+        return first_reading(record, base.start, window), initial, readings, ()
+    if base.start not in ("", MEASURED):
+        return base.start, initial, readings, ()
+    loose = tuple(n for n in first if n not in initial)
+    initial |= {n: first[n] for n in loose}
+    mean = float(np.mean(list(first.values())))
+    return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose
+
+
+def _massive(network: Network, node: str) -> bool:
+    return any(n.path == node and n.fields for n in network.flat.nodes)

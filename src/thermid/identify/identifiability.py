@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.residuals import Problem
+from thermid.simulation.engine import Options
 
 __all__ = ["Blind", "blind_spots"]
 
 Array = NDArray[np.float64]
 RANK_TOLERANCE = 1e-6
 SHARE = 0.05
+EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-7)
+"""Tight enough that a direction without information shows as such and not as the integrator's error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +45,8 @@ def blind_spots(problem: Problem, fitted: Array) -> tuple[Blind, ...]:
     The weighted Jacobian with the rows of the priors, its columns scaled to one length, is split into singular values; a value below
     1e-6 of the largest is a direction without information (Belsley, Kuh and Welsch, Regression Diagnostics, Wiley 1980, chapter 3).
     """
-    rows = np.concatenate([problem.jacobian(fitted), problem.prior_rows(fitted)[1]])
+    exact = replace(problem, options=EXACT)
+    rows = np.concatenate([exact.jacobian(fitted), problem.prior_rows(fitted)[1]])
     length = np.linalg.norm(rows, axis=0)
     out = []
     largest = float(length.max(initial=0.0))

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from thermid.dual import gradient_of, value_of
 from thermid.errors import SolverError
 from thermid.identify.experiment import Experiment, Observation
-from thermid.identify.unknowns import Unknown
-from thermid.simulate.engine import Engine, Options
-from thermid.simulate.wiring import Assembled, Wiring
+from thermid.identify.unknowns import Target, Unknown
+from thermid.simulation.engine import Engine, Options
+from thermid.simulation.wiring import Assembled, Wiring
 
 __all__ = ["Bench", "Block", "Problem"]
 
@@ -134,12 +134,13 @@ class Problem:
         """Return one bench per experiment, made once."""
         if not self._benches:
             for i, experiment in enumerate(self.experiments):
-                names = [name for u in self.unknowns for k, name in u.targets if k == i]
+                names = [target.name for _, target in self._acting(i)]
                 self._benches.append(Bench.of(experiment, names))
         return self._benches
 
-    def _positions(self, i: int) -> list[int]:
-        return [k for k, u in enumerate(self.unknowns) for e, _ in u.targets if e == i]
+    def _acting(self, i: int) -> list[tuple[int, Target]]:
+        """Return position and target of every unknown that acts in an experiment."""
+        return [(k, target) for k, u in enumerate(self.unknowns) for target in u.targets if target.experiment == i]
 
     def _bias(self, sensor: str, fitted: Array) -> tuple[float, int | None]:
         """Return the constant error of a sensor and its position among the unknowns."""
@@ -150,9 +151,9 @@ class Problem:
 
     def _inputs(self, i: int, fitted: Array) -> tuple[Array, Array]:
         """Return the values of an experiment's free names and their slopes to the fitted form."""
-        at = self._positions(i)
-        values = np.array([self.unknowns[k].to_value(float(fitted[k])) for k in at])
-        slopes = np.array([self.unknowns[k].slope(float(fitted[k])) for k in at])
+        acting = self._acting(i)
+        values = np.array([t.offset + t.factor * self.unknowns[k].to_value(float(fitted[k])) for k, t in acting])
+        slopes = np.array([t.factor * self.unknowns[k].slope(float(fitted[k])) for k, t in acting])
         return values, slopes
 
     def blocks(self, fitted: Array) -> list[Block]:
@@ -188,14 +189,14 @@ class Problem:
     def _bench_jacobian(self, i: int, bench: Bench, fitted: Array) -> Array:
         x, slopes = self._inputs(i, fitted)
         _, derivatives = bench.temperatures(x, True, self.options)
-        at = self._positions(i)
+        at = [k for k, _ in self._acting(i)]
         rows = []
         for k, o in enumerate(bench.experiment.observations):
             part = np.zeros((o.index.size, len(self.unknowns)))
             np.add.at(part.T, at, -(derivatives[o.index, k, :] * slopes / self.noise[o.sensor]).T)
             _, position = self._bias(o.sensor, fitted)
             if position is not None:
-                part[:, position] = -1.0 / self.noise[o.sensor]
+                part[:, position] -= 1.0 / self.noise[o.sensor]
             rows.append(part)
         return np.concatenate(rows)
 

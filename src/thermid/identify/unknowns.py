@@ -13,7 +13,7 @@ from thermid.errors import DeckError
 from thermid.model.parameter import Parameter
 from thermid.units import Dimension, unit
 
-__all__ = ["Prior", "Unknown", "parameter_unknown"]
+__all__ = ["Prior", "Target", "Unknown", "parameter_unknown"]
 
 Array = NDArray[np.float64]
 
@@ -30,6 +30,16 @@ class Prior:
 
 
 @dataclass(frozen=True)
+class Target:
+    """Where an unknown acts: the value of `name` in the wiring of an experiment is ``offset + factor * unknown``."""
+
+    experiment: int
+    name: str
+    offset: float = 0.0
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
 class Unknown:
     """One number that a fit looks for.
 
@@ -37,7 +47,7 @@ class Unknown:
     ----------
     name : str              As reported: a parameter's path, ``record: room``, ``sensor T1``.
     kind : str              'parameter', 'local', 'sensor' or 'shared'.
-    targets : tuple         (experiment, name in its wiring) pairs; empty for a sensor's constant error.
+    targets : tuple         Where it acts.
     start : float           [SI]
     log : bool              Whether it is fitted by its logarithm.
     low, high : float       Bounds. [SI]
@@ -47,7 +57,7 @@ class Unknown:
 
     name: str
     kind: str
-    targets: tuple[tuple[int, str], ...]
+    targets: tuple[Target, ...]
     start: float
     log: bool = False
     low: float = -math.inf
@@ -85,7 +95,7 @@ class Unknown:
         return low, math.log(self.high) if math.isfinite(self.high) else math.inf
 
 
-def parameter_unknown(path: str, given: Parameter, dimension: Dimension, value: float, targets: Sequence[tuple[int, str]], prior: Prior | None) -> Unknown:
+def parameter_unknown(path: str, given: Parameter, dimension: Dimension, value: float, targets: Sequence[Target], prior: Prior | None) -> Unknown:
     """Return the unknown that a freed parameter is.
 
     A value that cannot be negative is fitted by its logarithm, unless its minimum is zero, which a logarithm could not reach.

@@ -146,7 +146,7 @@ class FittedValues(Mapping[str, FittedValue]):
             entry.add("start", v.start)
             entry.add("bounds", [_finite(b) for b in v.bounds])
             entry.add("origin", v.origin)
-            table.add(tomlkit.key(name) if "." not in name and " " not in name else tomlkit.SingleKey(name, tomlkit.items.KeyType.Basic), entry)
+            table.add(name, entry)
         document.add("values", table)
         document.add("covariance", [[float(x) for x in row] for row in self.covariance])
         Path(path).write_text(tomlkit.dumps(document), encoding="utf-8")

@@ -69,11 +69,11 @@ def numbers(cells: tuple[str, ...], decimal: str) -> FloatArray | int:
         try:
             return np.array(list(map(float, plain)))
         except ValueError:
-            pass  # some cell is missing, or is text
+            pass  # some cell is empty, which is the usual sign of a missing one
         try:
-            return np.array([float(cell) if cell.strip().lower() not in MISSING else np.nan for cell in plain])
+            return np.array([float(cell) if cell else np.nan for cell in plain])
         except ValueError:
-            pass  # the loop below finds it
+            pass  # another sign, or text
     out = np.full(len(plain), np.nan)
     for row, cell in enumerate(plain):
         word = cell.strip()

@@ -47,8 +47,10 @@ def to_csv(record: Record, path: str | Path) -> None:
     """
     columns = [_texts(record.times, "s")]
     header = [f"{record.origin.time} [s]"]
+    taken = [record.origin.time, *(each.column for each in record.channels.values())]
     for each in record.channels.values():
-        header.append(f"{each.column or each.name} [{each.unit}]")
+        # a column that feeds two channels is written twice, under their own names
+        header.append(f"{each.column if each.column and taken.count(each.column) == 1 else each.name} [{each.unit}]")
         cells = _texts(np.where(each.valid, each.values, 0.0), each.unit)
         columns.append([cell if good else "" for cell, good in zip(cells, each.valid.tolist(), strict=True)])
     with Path(path).open("w", encoding="utf-8", newline="") as file:
@@ -108,7 +110,7 @@ def summary(record: Record) -> str:
     if gaps.size:
         worst = int(np.argmax(intervals))
         longest, place = duration_text(float(intervals[worst])), format_value(record.times[worst], "s")
-        lines.append(f"  {gaps.size} gaps of more than {limit:.4g} s, the longest {longest} at {place}")
+        lines.append(f"  gaps longer than {limit:.4g} s: {gaps.size}, the longest {longest} at {place}")
     lines += [f"  {_channel_line(each)}" for each in record.channels.values()]
     return "\n".join([*lines, *(f"  - {step}" for step in record.steps)])
 

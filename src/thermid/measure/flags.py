@@ -54,8 +54,8 @@ def flag_spikes(record: Record, threshold: str | float, window: str | float, cha
     """Return the record with temperatures masked that stand out from the moving median (Hampel's identifier).
 
     A sample is a spike when it is further from the median of its window than `threshold`: a temperature difference such as ``"3 [K]"``,
-    or a number of robust standard deviations of the window. A quantised sensor shows
-    no deviation smaller than half a step, so it is never taken below that.
+    or a number of robust standard deviations of the window. A quantised sensor shows no
+    deviation smaller than half a step, so it is never taken below that.
 
     Raises
     ------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -168,7 +169,7 @@ def _one_per_stamp(times: FloatArray, channels: list[Channel]) -> tuple[FloatArr
     out = []
     for each in channels:
         values, valid = _last_valid(each, group, last) if each.held else _mean_valid(each, group, first)
-        out.append(Channel(**{**each.__dict__, "values": values, "valid": valid, "masks": {}}))
+        out.append(replace(each, values=values, valid=valid, masks={}))
     note = (
         f"{times.size - first.size} of {times.size} rows repeat a stamp: temperatures are averaged, of powers and commands the last holds"
     )

@@ -94,9 +94,9 @@ def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
     kind = KINDS[table["kind"]]
     given = _fields(table, tuple(dict.fromkeys(s.partition(".")[0] for k in KINDS.values() for s in k.slots)), where, key)
     if set(given) not in [set(a) for a in kind.alternatives]:
-        wanted = " or ".join(" and ".join(sorted(a)) for a in kind.alternatives if a)
+        wanted = ", or ".join(" and ".join(s for s in kind.slots if s in a) for a in kind.alternatives if a)
         strange = sorted(set(given) - set(kind.slots))
-        also = f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}" if strange else ""
+        also = f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}" if strange else f" Given: {', '.join(given) or 'nothing'}."
         raise DeckError(f"a conductor of kind '{table['kind']}' needs {wanted}.{also}", where(key))
     shape = _points(table, "W/K", where(key))
     if (shape is not None) != kind.needs_curve:
@@ -112,6 +112,8 @@ def _joint(name: str, table: Mapping[str, Any], where: Where) -> Joint:
     own = {f for f in fields if not f.startswith("gap.")}
     if own not in ({"area", "contact_conductance"}, {"area", "conductivity", "thickness"}):
         raise DeckError("a joint needs area and contact_conductance, or area, conductivity and thickness, of each half.", where(key))
+    if table["between"][0] == table["between"][1]:
+        raise DeckError("a joint needs two surfaces; both ends are the same one.", where(key))
     return Joint((table["between"][0], table["between"][1]), fields, table["mid"], table.get("gap", {}).get("to", ""), table["test_only"])
 
 
@@ -137,13 +139,21 @@ def _load(name: str, table: Mapping[str, Any], where: Where) -> HeatLoad:
 
 def written(given: Parameter) -> Any:
     """Return what a deck writes for a parameter: a text, or a table where more is known."""
-    table: dict[str, Any] = {"value": given.text}
+    table: dict[str, Any] = {"value": _plain(given.text)}
     of = given.expression.literal.unit if given.expression.literal else unit("1")
     for key, bound in (("min", given.minimum), ("max", given.maximum)):
         if bound is not None:
             table[key] = _in_unit(bound, float(of.factor), float(of.offset))
     table |= {k: v for k, v in (("source", given.source), ("note", given.note), ("basis", given.basis)) if v}
-    return table if len(table) > 1 else given.text
+    return table if len(table) > 1 else table["value"]
+
+
+def _plain(text: str) -> str | float:
+    """Return the number that a text without a unit is, or the text."""
+    try:
+        return float(text) if repr(float(text)) == text else text
+    except ValueError:
+        return text
 
 
 def _in_unit(value: float, factor: float, offset: float) -> float:

@@ -10,7 +10,8 @@ from thermid.model.curves import Curve
 from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, Surface
 from thermid.model.kinds import KINDS
 from thermid.model.model import Model
-from thermid.model.resolve import Names, ParameterSet
+from thermid.model.names import Names
+from thermid.model.resolve import ParameterSet
 from thermid.units import require
 
 __all__ = ["Flat", "FlatConductor", "FlatLoad", "FlatNode", "Take", "flatten"]

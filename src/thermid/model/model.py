@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["Layer", "Model", "Submodel"]
 
 Element = Node | Conductor | Surface | Joint | HeatLoad
+TABLES = ("nodes", "surfaces", "conductors", "joints", "loads")
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ class Model:
 
     def elements(self) -> Iterator[tuple[str, str, Element]]:
         """Yield table, name and element of every own element."""
-        for table in ("nodes", "surfaces", "conductors", "joints", "loads"):
+        for table in TABLES:
             for name, element in getattr(self, table).items():
                 yield table, name, element
 
@@ -124,7 +126,8 @@ class Model:
 
     def canonical(self, path: str) -> str:
         """Return the canonical path of a name: aliases resolved, here and in every submodel it passes."""
-        path = self.aliases.get(path, path)
+        while path in self.aliases:
+            path = self.aliases[path]
         head, _, rest = path.partition(".")
         if rest and head in self.aliases:
             return self.canonical(f"{self.aliases[head]}.{rest}")
@@ -141,15 +144,19 @@ class Model:
         """
         path = self.canonical(path)
         head, _, rest = path.partition(".")
-        if head in self.submodels:
-            return self.submodels[head].model.at(rest) if rest else self.submodels[head].model
+        if head in self.submodels and not rest:
+            return self.submodels[head].model
         for _, name, element in self.elements():
             if path == name:
                 return element
-        for name, _, given in self.own_parameters():
-            if path == name:
-                return given
-        known = [*self.submodels, *(n for _, n, _ in self.elements()), *(n for n, _, _ in self.own_parameters())]
+        from thermid.model.resolve import parameter_table
+
+        table = parameter_table(self)
+        if path in table:
+            return table[path].parameter
+        if head in self.submodels:
+            return self.submodels[head].model.at(rest)
+        known = [*self.submodels, *(n for _, n, _ in self.elements()), *table]
         raise NameNotFoundError(f"nothing at '{path}'.{nearest(path, known)}", self.title)
 
     def with_values(self, values: Mapping[str, Any], origin: str = "caller") -> Model:
@@ -190,10 +197,11 @@ class Model:
             raise NameNotFoundError(f"no submodel '{head}'.{nearest(head, self.submodels)}", self.title)
         old = self.submodels[head]
         if rest:
-            return replace(self, submodels={**self.submodels, head: replace(old, model=old.model.replace(rest, new))})
-        from thermid.model.resolve import used_offers
+            changed = old.model.replace(rest, new)
+            return replace(self, submodels={**self.submodels, head: Submodel(changed, old.bind, changed.identity())})
+        from thermid.model.names import used_offers
 
-        gone = sorted(used_offers(self, head) - set(new.offers))
+        gone = sorted(used_offers(self, head) - {new.canonical(offer) for offer in new.offers})
         unbound = sorted(set(new.needs) - set(old.bind))
         if gone or unbound:
             has, new_has = (", ".join(sorted({*m.needs, *m.offers})) for m in (old.model, new))
@@ -214,13 +222,24 @@ class Model:
         return findings(self)
 
     def identity(self) -> str:
-        """Return a hash of what the model means: not of its file, comments or layout."""
+        """Return a hash of what the model means: not of its file, comments, layout or the order of its tables."""
         from thermid.model.modelfile import to_dict
 
-        return hashlib.sha256(repr(to_dict(self)).encode()).hexdigest()[:16]
+        return hashlib.sha256(json.dumps(to_dict(self), sort_keys=True).encode()).hexdigest()[:16]
 
     def without_test_only(self) -> Model:
         """Return the flight model: every element tagged `test_only` is dropped, at every depth."""
-        tables = {t: {n: e for n, e in getattr(self, t).items() if not e.test_only} for t in ("nodes", "surfaces", "conductors", "joints", "loads")}
+        from thermid.model.names import local_names
+        from thermid.model.resolve import parameter_table
+
+        tables: dict[str, Any] = {t: {n: e for n, e in getattr(self, t).items() if not e.test_only} for t in TABLES}
         inner = {n: replace(s, model=s.model.without_test_only()) for n, s in self.submodels.items()}
-        return replace(self, **tables, submodels=inner)
+        bare = replace(self, **tables, submodels=inner, settings={}, layers=())
+        values, names = parameter_table(bare), local_names(bare)
+        return replace(
+            bare,
+            offers=tuple(o for o in self.offers if bare.canonical(o) in names),
+            aliases={a: p for a, p in self.aliases.items() if bare.canonical(p) in names},
+            settings={p: v for p, v in self.settings.items() if bare.canonical(p) in values},
+            layers=tuple(Layer(x.origin, {p: v for p, v in x.values.items() if bare.canonical(p) in values}) for x in self.layers),
+        )

@@ -5,18 +5,16 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Mapping
+from keyword import iskeyword
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from thermid.errors import DeckError, ThermidError, nearest
+from thermid.errors import DeckError, nearest
 from thermid.expression import NAME
 from thermid.model.build import elements_from
 from thermid.model.lines import line_numbers
 from thermid.model.model import Model, Submodel
 from thermid.model.parameter import Parameter, parameter
-
-if TYPE_CHECKING:
-    from pydantic import ValidationError
 
 __all__ = ["load_model", "model_from_dict", "project_root", "resolve_inside", "save_model", "to_dict"]
 
@@ -38,6 +36,8 @@ def resolve_inside(folder: Path, name: str, where: str, roots: tuple[Path, ...] 
     DeckError   When it leaves them, symbolic links resolved.
     """
     root = project_root(folder)
+    if "\0" in name:
+        raise DeckError(f"{name!r} is no file name.", where)
     path = (folder / name).resolve()
     if not any(path.is_relative_to(r) for r in (root, *(r.resolve() for r in roots))):
         raise DeckError(f"'{name}' leaves the project ({MARKER} marks its root). Copy the file into the project.", where)
@@ -88,7 +88,7 @@ def _load(path: Path, trail: tuple[Path, ...]) -> Model:
     def use(name: str, where: str) -> tuple[Model, str]:
         target = resolve_inside(path.parent, name, where)
         model = _load(target, deeper)
-        return model, f"{target.stem}:{model.identity()}"
+        return model, model.identity()
 
     return model_from_dict(data, file=path.name, lines=lines, use=use)
 
@@ -114,8 +114,7 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
     deck = _validated(plain, file, places)
 
     def where(key: str) -> str:
-        place = f"{file}:{places[key]}" if file and key in places else file or str(data.get("title", ""))
-        return f"{place}, {key}" if place else key
+        return _place(key, file or str(data.get("title", "")), places)
 
     submodels = {}
     for name, table in deck["submodels"].items():
@@ -126,6 +125,7 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
         else:
             part, definition = use(table["use"], where(f"submodels.{name}.use"))
         submodels[name] = Submodel(part, table["bind"], definition)
+    elements: dict[str, Any] = elements_from(deck, where)
     model = Model(
         title=deck["title"],
         box=deck["box"],
@@ -138,7 +138,7 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
         aliases=deck["aliases"],
         file=file,
         lines=dict(places),
-        **elements_from(deck, where),
+        **elements,
     )
     _check_names(model)
     return model
@@ -152,64 +152,54 @@ def _validated(data: Mapping[str, Any], file: str, lines: Mapping[str, int]) -> 
     """Check a dictionary against the grammar and return it with defaults filled in."""
     from pydantic import ValidationError
 
+    from thermid.model.faults import deck_error
     from thermid.model.schema import Deck
 
     try:
         return Deck.model_validate(dict(data)).model_dump(exclude_none=True)
     except ValidationError as error:
-        raise _deck_error(error, file or str(data.get("title", "")), lines) from None
+        raise deck_error(error, data, lambda key: _place(key, file or str(data.get("title", "deck")), lines), Deck) from None
 
 
-def _deck_error(error: ValidationError, file: str, lines: Mapping[str, int]) -> DeckError:
-    """Turn pydantic's list of faults into one message, a line per fault, each with its key path."""
-    from thermid.model.schema import Deck
-
-    faults: dict[str, str] = {}
-    for fault in error.errors():
-        location = [str(p) for p in fault["loc"]]
-        key = ".".join(p for p in location if p not in ("str", "float", "ValueTable", "PowerLaw"))
-        if fault["type"] == "extra_forbidden":
-            table = location[0] if len(location) > 1 else ""
-            text = f"'{location[-1]}' is no field here.{nearest(location[-1], _fields(Deck, table))}"
-        elif fault["type"] == "missing":
-            text = "is missing."
-        else:
-            text = f"{fault['msg'][0].lower()}{fault['msg'][1:]}."
-        faults.setdefault(key, text)
-    shown = []
-    for key, text in faults.items():
-        line = next((lines[k] for k in (key, key.rpartition(".")[0]) if k in lines), None)
-        shown.append(f"{f'{file}:{line}' if line else file}, {key}: {text}")
-    head, *rest = shown
-    where, _, message = head.partition(": ")
-    return DeckError("\n  ".join([message, *rest]), where)
-
-
-def _fields(deck: Any, table: str) -> list[str]:
-    if not table:
-        return list(deck.model_fields)
-    schema = deck.model_json_schema()
-    reference = schema["properties"].get(table, {}).get("additionalProperties", {}).get("$ref", "").rpartition("/")[2]
-    return list(schema.get("$defs", {}).get(reference, {}).get("properties", {}))
+def _place(key: str, file: str, lines: Mapping[str, int]) -> str:
+    """Return file, line of the key or of the table around it, and key path."""
+    steps = key.split(".")
+    line = next((lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in lines), None)
+    place = f"{file}:{line}" if line else file
+    return f"{place}, {key}" if place else key
 
 
 def _check_names(model: Model) -> None:
-    """Refuse names that are no names, and one name for two things."""
+    """Refuse names that are no names, one name for two things, and aliases that lead in a circle."""
     seen: dict[str, str] = {}
     tables = ("parameters", "nodes", "surfaces", "conductors", "joints", "loads", "submodels")
-    for table in tables:
-        for name in getattr(model, table):
-            if not NAME.match(name) or "." in name:
-                raise DeckError(f"'{name}' is no name: letters, digits and _ only, not starting with a digit.", model.where(f"{table}.{name}"))
-            if name in seen:
-                raise DeckError(f"'{name}' is already the name of one of {seen[name]}. A model has one namespace.", model.where(f"{table}.{name}"))
-            seen[name] = table
-    for need in model.needs:
-        if need in seen:
-            raise DeckError(f"need '{need}' is also the name of one of {seen[need]}.", model.where("needs"))
-    for mid in (j.mid for j in model.joints.values() if j.mid):
-        if mid in seen or not NAME.match(mid):
-            raise DeckError(f"mid '{mid}' is already a name here, or is no name.", model.where("joints"))
+    given = [(name, f"{table}.{name}", f"one of {table}") for table in tables for name in getattr(model, table)]
+    given += [(need, "needs", "a need") for need in model.needs]
+    given += [(joint.mid, f"joints.{name}.mid", "the mid of a joint") for name, joint in model.joints.items() if joint.mid]
+    for name, key, what in given:
+        if not NAME.match(name) or "." in name:
+            raise DeckError(f"'{name}' is no name: letters, digits and _ only, not starting with a digit.", model.where(key))
+        if iskeyword(name) or name == "inf":
+            raise DeckError(f"'{name}' is a word that expressions cannot hold as a name. Choose another one.", model.where(key))
+        if name in seen:
+            raise DeckError(f"'{name}' is already the name of {seen[name]}. A model has one namespace.", model.where(key))
+        seen[name] = what
+    for alias in model.aliases:
+        key = f"aliases.{alias}"
+        if not NAME.match(alias):
+            raise DeckError(f"'{alias}' is no name: letters, digits and _ only, not starting with a digit.", model.where(key))
+        if alias in seen:
+            raise DeckError(f"'{alias}' is already the name of {seen[alias]}; an alias would hide it.", model.where(key))
+        trail = [alias]
+        while (step := _alias_in(model, model.aliases[trail[-1]])) is not None:
+            if step in trail:
+                raise DeckError(f"the alias '{alias}' leads in a circle: {' -> '.join([*trail, step])}.", model.where(key))
+            trail.append(step)
+
+
+def _alias_in(model: Model, path: str) -> str | None:
+    """Return the alias that a path is or starts with, or None."""
+    return next((a for a in (path, path.partition(".")[0]) if a in model.aliases), None)
 
 
 def to_dict(model: Model) -> dict[str, Any]:

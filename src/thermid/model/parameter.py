@@ -62,11 +62,11 @@ def _bound(value: Any, expression: Expression) -> float | None:
         if expression.literal is not None and literal.unit.dimension != expression.literal.unit.dimension:
             raise UnitError(f"the bound '{value}' is {describe(literal.unit.dimension)}; the value is {describe(expression.literal.unit.dimension)}.")
         return literal.value
-    value = float(_written_number(value))
-    if expression.literal is None:
-        return value
+    number = float(_written_number(value))
+    if expression.literal is None or abs(number) == float("inf"):
+        return number
     own = expression.literal.unit
-    return parse(f"{value!r} [{own.text}]").literal.value if abs(value) < float("inf") else value  # type: ignore[union-attr]  # a pure number
+    return parse(f"{number!r} [{own.text}]").literal.value  # type: ignore[union-attr]  # a pure number is a literal
 
 
 def _written_number(value: Any) -> str:

@@ -10,9 +10,10 @@ import tomlkit
 from tomlkit.container import Container
 from tomlkit.items import InlineTable, Item, Table
 
-from thermid.errors import DeckError
+from thermid.errors import DeckError, ThermidError
+from thermid.expression import parse
 from thermid.model.model import Model
-from thermid.model.modelfile import to_dict
+from thermid.model.modelfile import to_dict, value_to
 
 __all__ = ["write"]
 
@@ -31,7 +32,7 @@ def write(model: Model, path: Path, like: Path | None) -> None:
 
 
 def _collect(model: Model, path: Path, files: dict[Path, Model]) -> None:
-    if path in files and files[path] != model:
+    if path in files and files[path].identity() != model.identity():
         raise DeckError(f"two different submodels would be written to '{path.name}'. Give them different titles.")
     files[path] = model
     for part in model.submodels.values():
@@ -45,30 +46,31 @@ def _text(model: Model, like: Path | None) -> str:
     data.pop("layers", None)
     for layer in model.layers:
         for name, given in layer.values.items():
-            _lay(data, name, given.text)
+            _lay(data, name, value_to(given))
     data = {k: v for k, v in data.items() if v != {}}
     if like is None:
         return tomlkit.dumps(_pretty(data))
     document = tomlkit.parse(like.read_text(encoding="utf-8"))
+    if "box" not in document and model.box == Model(title="").box:
+        del data["box"]
     _update(document, data)
     return tomlkit.dumps(document)
 
 
-def _lay(data: dict[str, Any], path: str, text: str) -> None:
+def _lay(data: dict[str, Any], path: str, value: Any) -> None:
     """Put a value that was laid over a model into its deck: at its own place, or in [set] for a submodel's."""
     head, _, rest = path.partition(".")
     tables = ("nodes", "surfaces", "conductors", "joints", "loads")
     home: Any = next((data[t][head] for t in tables if head in data.get(t, {})), None)
     key = rest
-    if home is None:
+    if path in data.get("set", {}):
+        home, key = data["set"], path
+    elif home is None:
         home, key = (data["parameters"], path) if path in data.get("parameters", {}) else (data.setdefault("set", {}), path)
     elif "." in rest:
         group, _, key = rest.partition(".")
         home = home[group]
-    if isinstance(home.get(key), dict):
-        home[key]["value"] = text
-    else:
-        home[key] = text
+    home[key] = value
 
 
 def _pretty(data: dict[str, Any]) -> tomlkit.TOMLDocument:
@@ -108,9 +110,25 @@ def _update(target: Container | Table | InlineTable | tomlkit.TOMLDocument, data
             for name, entry in value.items():
                 table.add(name, _inline(entry))
             target.add(key, table)
-        elif old is None or _plain(old) != value:
+        elif old is None or not _same(_plain(old), value):
             target[key] = _inline(value)
 
 
 def _plain(value: Any) -> Any:
     return value.unwrap() if isinstance(value, Item | Container) else value
+
+
+def _same(old: Any, new: Any) -> bool:
+    """Whether two entries say the same: 0.25 and "0.25"; points in degC and the same in K."""
+    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        return all(_same(a, b) or _same_value(a, b) for a, b in zip(old, new, strict=True))
+    return bool(old == new) or str(new) == old
+
+
+def _same_value(a: Any, b: Any) -> bool:
+    """Whether two texts of a point are one SI value of one dimension."""
+    try:
+        one, other = parse(a).literal, parse(b).literal
+    except (ThermidError, TypeError):
+        return False
+    return one is not None and other is not None and (one.value, one.unit.dimension) == (other.value, other.unit.dimension)

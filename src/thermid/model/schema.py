@@ -5,7 +5,7 @@ Loaded only when a file is read: pydantic takes a tenth of a second.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
@@ -20,18 +20,22 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
+Real: TypeAlias = Annotated[float, Field(strict=True)]
+"""A number; true and false are none."""
+
+
 class ValueTable(_Strict):
     """A value with its bounds and where it comes from."""
 
-    value: str | float
-    min: str | float | None = None
-    max: str | float | None = None
+    value: str | Real
+    min: str | Real | None = None
+    max: str | Real | None = None
     source: Source | None = None
     note: str = ""
     basis: str = ""
 
 
-Value = str | float | ValueTable
+Value: TypeAlias = str | Real | ValueTable
 
 
 class PowerLaw(_Strict):
@@ -151,13 +155,12 @@ class SubmodelTable(_Strict):
 def _conductor_table() -> type[BaseModel]:
     """Return the conductor's table with the fields of every kind, so that a new kind needs no line here."""
     names = {slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots}
-    fields: dict[str, Any] = {name: (Value | PowerLaw | None if name == "htc" else Value | None, None) for name in sorted(names)}
+    fields: dict[str, Any] = {"kind": (Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")], ...), "between": (tuple[str, str], ...)}
+    fields |= {name: (Value | PowerLaw | None if name == "htc" else Value | None, None) for name in sorted(names)}
     return create_model(
         "ConductorTable",
         __base__=_Strict,
         __doc__="A path of heat between two nodes.",
-        kind=(Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")], ...),
-        between=(tuple[str, str], ...),
         table=(Points | None, None),
         test_only=(bool, False),
         **fields,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, UnitError
 from thermid.measure import Channel, Record
-from thermid.measure.windows import low_pass, moving_median
+from thermid.measure.windows import hampel, low_pass, moving_median
 
 
 def made(times, **channels) -> Record:
@@ -183,11 +183,11 @@ def test_filter_is_split_by_a_long_masked_stretch():
 
 
 def test_resample_holds_commands_and_joins_temperatures():
-    record = ramp().resample("0.75 [s]")
-    assert record.times == pytest.approx(0.75 * np.arange(27))
+    record = ramp().resample("0.7 [s]")  # 4.9 s lies between the last sample of 2 W and the first of 0 W
+    assert record.times == pytest.approx(0.7 * np.arange(29))
     assert record["case"].values == pytest.approx(300 + 0.1 * record.times)
     assert record["heater"].values.tolist() == [2.0 if t < 5 else 0.0 for t in record.times]
-    assert record.steps == ("resample: 41 samples to 27 at 0.75 s; powers and commands held, others linear",)
+    assert record.steps == ("resample: 41 samples to 29 at 0.7 s; powers and commands held, others linear",)
     coarse = ramp().resample(5)
     assert coarse.steps[-1].endswith("no filter before it, so single samples were picked")
     assert not ramp().median(2).resample(5).steps[-1].endswith("picked")
@@ -234,6 +234,14 @@ def test_spikes_of_a_quantised_sensor():
     assert record["case"].values[500] < 300  # a masked sample keeps its number
     assert record["case"].flags == {"spike": 5}
     assert record.steps == ("spikes: masked case 5; further than 5 robust standard deviations from the median of 10 s",)
+
+
+def test_robust_standard_deviation_is_that_of_normal_samples():
+    values = np.random.default_rng(5).normal(300, 0.4, 2001)
+    centre, spread = hampel(np.arange(2001.0), values, np.ones(2001, bool), 4000.0)
+    # the standard error of a median of n normal samples is 1.25 sd / sqrt(n), of a scaled median deviation 1.17 sd / sqrt(n)
+    assert centre[1000] == pytest.approx(300, abs=4 * 1.25 * 0.4 / np.sqrt(2001))
+    assert spread[1000] == pytest.approx(0.4, abs=4 * 1.17 * 0.4 / np.sqrt(2001))
 
 
 def test_spikes_further_than_a_difference():

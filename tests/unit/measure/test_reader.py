@@ -170,7 +170,7 @@ def test_a_cut_last_line(log, end):
 def test_gaps_are_in_the_summary(log):
     rows = "".join(f"{t},{20 + t}\n" for t in (*range(20), *range(80, 100)))
     text = read_record(log("t,T\n" + rows), {"case": "T"}, noise={"case": "0.3 [K]"}).summary()
-    assert "1 gaps of more than 5 s, the longest 61 s at 19 [s]" in text
+    assert "gaps longer than 5 s: 1, the longest 61 s at 19 [s]" in text
     assert "case: temperature, auto case; 20 [degC] to 119 [degC]; noise 0.3 [K]; 0 of 40 masked" in text
 
 

@@ -71,8 +71,7 @@ def test_every_way_to_write_a_log_is_the_same_record(data):
 
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(st.data())
-def test_what_the_reader_finds_out_alone_is_right_or_refused(data):
-    """Without separator and decimal sign the reader gives the same record, or says that it cannot tell."""
+def test_what_the_reader_finds_out_alone_is_right(data):
     times, columns = data.draw(samples())
     text, _ = data.draw(written(times, columns))
     with tempfile.TemporaryDirectory() as folder:
@@ -102,3 +101,11 @@ def test_masked_samples_are_written_empty():
     with tempfile.TemporaryDirectory() as folder:
         record.to_csv(Path(folder) / "made.csv")
         assert (Path(folder) / "made.csv").read_text() == "time [s],case [K]\n0,300\n1,\n2,302\n"
+
+
+def test_one_column_for_two_channels_is_written_under_their_names():
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.csv"
+        path.write_text("t,T\n0,20\n1,21\n")
+        read_record(path, {"case": "T", "skin": "T"}).to_csv(path)
+        assert path.read_text() == "t [s],case [degC],skin [degC]\n0,20,20\n1,21,21\n"

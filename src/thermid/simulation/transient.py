@@ -13,11 +13,11 @@ from thermid.model.model import Model
 from thermid.model.signal import literal
 from thermid.network.network import Network, compile_network
 from thermid.network.reach import unreached
-from thermid.simulate.engine import Engine, Options
-from thermid.simulate.run import Run, expand
-from thermid.simulate.scenario import Scenario
-from thermid.simulate.solution import Solution
-from thermid.simulate.wiring import Wiring
+from thermid.simulation.engine import Engine, Options
+from thermid.simulation.run import Run, expand
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.solution import Solution
+from thermid.simulation.wiring import Wiring
 
 __all__ = ["network_for", "output_times", "simulate"]
 

@@ -13,7 +13,7 @@ from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ScenarioError, nearest
 from thermid.model.signal import Constant, Signal, Sine, Table, signal
 from thermid.network.network import Network, Numbers
-from thermid.simulate.scenario import Scenario
+from thermid.simulation.scenario import Scenario
 from thermid.units import TEMPERATURE, require
 
 __all__ = ["Schedule", "command_curve", "load_inputs", "normalised", "read_schedule", "scheduled"]

@@ -14,7 +14,7 @@ from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError
 from thermid.model.curves import Curve
 from thermid.model.signal import Constant, Signal, Sine, Table
-from thermid.simulate.wiring import Assembled, Wiring, curve_arrays
+from thermid.simulation.wiring import Assembled, Wiring, curve_arrays
 
 __all__ = ["Answer", "Engine", "Options"]
 
@@ -188,7 +188,7 @@ class Engine:
             return a
         if not unknown.all():
             raise ScenarioError("a steady start holds for all nodes; leave 'initial' out.", self.wiring.scenario.title)
-        from thermid.simulate.steady import settle
+        from thermid.simulation.steady import settle
 
         found, slopes = settle(self, a, 0.0, gradients)
         return replace(a, initial=found, initial_gradient=slopes if gradients else a.initial_gradient)

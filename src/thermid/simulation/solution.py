@@ -16,7 +16,7 @@ from thermid.physics.constants import ICE_POINT
 if TYPE_CHECKING:
     import xarray
 
-    from thermid.simulate.run import Run
+    from thermid.simulation.run import Run
 
 __all__ = ["HeatBalance", "Solution", "Trace"]
 

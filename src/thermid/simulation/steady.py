@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from thermid.errors import SolverError
 from thermid.model.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulate.scenario import Scenario
+from thermid.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
-    from thermid.simulate.engine import Engine
-    from thermid.simulate.wiring import Assembled
+    from thermid.simulation.engine import Engine
+    from thermid.simulation.wiring import Assembled
 
 __all__ = ["settle", "steady"]
 
@@ -87,10 +87,10 @@ def steady(model: Model, scenario: Scenario, time: float = 0.0) -> dict[str, flo
     ------
     SolverError   When there is no steady state; the message names the part and its rate.
     """
-    from thermid.simulate.engine import Engine
-    from thermid.simulate.run import expand
-    from thermid.simulate.transient import network_for
-    from thermid.simulate.wiring import Wiring
+    from thermid.simulation.engine import Engine
+    from thermid.simulation.run import expand
+    from thermid.simulation.transient import network_for
+    from thermid.simulation.wiring import Wiring
 
     wiring = Wiring(network_for(model, scenario), scenario.with_(start=scenario.start or ICE_POINT))
     engine = Engine(wiring)

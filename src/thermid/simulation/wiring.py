@@ -17,8 +17,8 @@ from thermid.model.signal import Constant, Signal, literal
 from thermid.network.eliminate import Reduced, eliminable, reduce_network
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow, LoadRow
-from thermid.simulate.inputs import load_inputs, normalised, read_schedule, scheduled
-from thermid.simulate.scenario import STEADY, Scenario
+from thermid.simulation.inputs import load_inputs, normalised, read_schedule, scheduled
+from thermid.simulation.scenario import STEADY, Scenario
 from thermid.units import TEMPERATURE
 
 __all__ = ["Assembled", "Wiring", "curve_arrays"]

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from thermid.dual import value_of
 from thermid.network.network import Network
-from thermid.simulate.engine import Answer, Engine
-from thermid.simulate.solution import HeatBalance
-from thermid.simulate.wiring import Assembled, Wiring
+from thermid.simulation.engine import Answer, Engine
+from thermid.simulation.solution import HeatBalance
+from thermid.simulation.wiring import Assembled, Wiring
 
 __all__ = ["Run", "expand"]
 

@@ -1,0 +1,204 @@
+"""`Calibration`: what a fit found, how well it is known, and what a reader must be told."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.identify.residuals import Block
+from thermid.identify.values import FittedValue, FittedValues
+from thermid.model.model import Model
+
+if TYPE_CHECKING:
+    from thermid.identify.experiment import Experiment
+
+__all__ = ["Calibration", "Local", "SensorStatistics", "statistics_of"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SensorStatistics:
+    """How a model meets one sensor.
+
+    Parameters
+    ----------
+    rmse, mean, largest : float     Of measured less predicted, the sensor's constant error taken off; largest by size. [K]
+    samples : int
+    bias : float                    The sensor's constant error as fitted or given. [K]
+    lag_one : float                 Autocorrelation of neighbouring residuals. [-]
+    """
+
+    rmse: float
+    mean: float
+    largest: float
+    samples: int
+    bias: float
+    lag_one: float
+
+    @property
+    def white(self) -> bool:
+        """Whether neighbouring residuals are uncorrelated, at the 95 % level (1.96 / sqrt n)."""
+        return abs(self.lag_one) < 1.96 / np.sqrt(self.samples)
+
+
+def statistics_of(residuals: Array, bias: float) -> SensorStatistics:
+    """Return the statistics of the residuals (samples,) [K] of one sensor."""
+    centred = residuals - residuals.mean()
+    power = float(centred @ centred)
+    lag = float(centred[1:] @ centred[:-1]) / power if residuals.size > 2 and power > 0 else 0.0
+    largest = float(residuals[np.abs(residuals).argmax()])
+    return SensorStatistics(float(np.sqrt(np.mean(residuals**2))), float(residuals.mean()), largest, residuals.size, bias, lag)
+
+
+@dataclass(frozen=True)
+class Local:
+    """A value fitted for one record alone."""
+
+    record: str
+    name: str
+    value: float
+    error: float
+    unit: str = "K"
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The result of a fit; it changed nothing.
+
+    Parameters
+    ----------
+    stage : str                 Name of the stage, or of the model.
+    model : Model               The model as it was given.
+    values : FittedValues       Parameters and sensors' constant errors, with their joint covariance.
+    local : tuple of Local      What was fitted per record.
+    blocks : tuple of Block     Measured and predicted readings, per record and sensor.
+    bias : dict                 Sensor -> constant error used. [K]
+    records : dict              Record -> checksum of its samples.
+    correlations : dict         (path, path) -> correlation, those above 0.1.
+    chi_square : float          Weighted sum of squares of the data. [-]
+    freedom : int               Samples less unknowns.
+    evaluations : int           How often the records were simulated.
+    loss : str                  The loss.
+    warnings : tuple of str     What a reader must know.
+    synthetic : bool            Whether any record was made and not measured.
+    seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
+    """
+
+    stage: str
+    model: Model
+    values: FittedValues
+    local: tuple[Local, ...]
+    blocks: tuple[Block, ...]
+    bias: Mapping[str, float]
+    records: Mapping[str, str]
+    correlations: Mapping[tuple[str, str], float]
+    chi_square: float
+    freedom: int
+    evaluations: int
+    loss: str
+    warnings: tuple[str, ...]
+    synthetic: bool = False
+    seen: Mapping[str, str] = field(default_factory=dict)
+    experiments: tuple[Experiment, ...] = field(default=(), repr=False)
+
+    @property
+    def fitted_model(self) -> Model:
+        """The model with the fitted values laid over it."""
+        return self.model.with_values(self.values.parameters, self.stage)
+
+    @property
+    def reduced_chi_square(self) -> float:
+        """Weighted sum of squares per degree of freedom; 1 when model and noise are right. [-]"""
+        return self.chi_square / max(self.freedom, 1)
+
+    @property
+    def statistics(self) -> dict[str, dict[str, SensorStatistics]]:
+        """Record -> sensor -> statistics."""
+        out: dict[str, dict[str, SensorStatistics]] = {}
+        for b in self.blocks:
+            out.setdefault(b.record, {})[b.sensor] = statistics_of(b.residuals, self.bias.get(b.sensor, 0.0))
+        return out
+
+    @property
+    def sensors(self) -> dict[str, SensorStatistics]:
+        """Sensor -> statistics over all records together."""
+        names = dict.fromkeys(b.sensor for b in self.blocks)
+        return {n: statistics_of(np.concatenate([b.residuals for b in self.blocks if b.sensor == n]), self.bias.get(n, 0.0)) for n in names}
+
+    def median_rmse(self, sensor: str) -> float:
+        """Return the median over records of a sensor's RMSE. [K]"""
+        return float(np.median([s[sensor].rmse for s in self.statistics.values() if sensor in s]))
+
+    def __getitem__(self, path: str) -> FittedValue:
+        """Return one fitted value."""
+        return self.values[path]
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the fitted values, with covariance and origin, to a file of their own."""
+        self.values.save(path)
+
+    def report(self) -> str:
+        """Return the fit as text."""
+        return str(self)
+
+    def __str__(self) -> str:
+        """Return values with random and total errors, statistics per sensor, correlations and warnings."""
+        fitted = self.values.parameters
+        samples = sum(s.samples for s in self.sensors.values())
+        kind = " (synthetic data)" if self.synthetic else ""
+        count = f"{len(fitted)} free parameter{'s' if len(fitted) != 1 else ''}"
+        records = f" in {len(self.records)} records" if len(self.records) > 1 else ""
+        lines = [f"{self.stage}: {count}, {samples} samples of {len(self.sensors)} channel{'s' if len(self.sensors) != 1 else ''}{records}{kind}"]
+        width = max((len(p) for p in fitted), default=0)
+        lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
+        for name, s in self.sensors.items():
+            lines.append(
+                f"  {name}: RMSE {s.rmse:.3g} K   largest {abs(s.largest):.3g} K   residuals white: {'yes' if s.white else f'no (lag-1 {s.lag_one:.2f})'}"
+                + _bias_text(name, self)
+            )
+        if self.local:
+            lines.append("  per record:")
+            lines += [f"    {i.record}: {i.name} {_local_text(i)}" for i in self.local]
+        if self.correlations:
+            pairs = sorted(self.correlations.items(), key=lambda item: -abs(item[1]))[:10]
+            lines.append("  correlations: " + "; ".join(f"{a} ~ {b} {c:+.2f}" for (a, b), c in pairs))
+        lines.append(f"  reduced chi-square {self.reduced_chi_square:.3g}; {self.evaluations} evaluations")
+        lines += [f"  warning: {w}" for w in self.warnings]
+        return "\n".join(lines)
+
+
+def _digits(value: float, error: float) -> str:
+    """Return a number with as many decimals as its error has two digits."""
+    if not np.isfinite(error) or error <= 0:
+        return f"{value:.6g}"
+    decimals = max(0, 1 - int(np.floor(np.log10(error))))
+    return f"{value:.{decimals}f}" if abs(value) < 1e6 and decimals < 12 else f"{value:.6g}"
+
+
+def _value_line(v: FittedValue, width: int) -> str:
+    total, random = v.shown(v.error), v.shown(v.error_random)
+    low, high = (v.shown(b) if np.isfinite(b) else b for b in v.bounds)
+    bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
+    what = " (constant errors)" if total > 1.05 * random else ""
+    text = f"{v.path:<{width}}  {_digits(v.in_unit, random):>12} {v.unit:<10}  random +- {random:.2g}   total +- {total:.2g}{what}"
+    return f"{text}   start {v.shown(v.start):.5g}{bounds}"
+
+
+def _bias_text(sensor: str, fit: Calibration) -> str:
+    found = fit.values.sensors.get(sensor)
+    if found is None:
+        held = fit.bias.get(sensor, 0.0)
+        return f"   bias {held:+.2g} K (held)" if held else ""
+    return f"   bias {found.value:+.2g} +- {found.error:.2g} K"
+
+
+def _local_text(i: Local) -> str:
+    if i.unit == "degC":
+        return f"{i.value - 273.15:.2f} +- {i.error:.2g} degC"
+    return f"{i.value:.4g} +- {i.error:.2g} {i.unit}"

@@ -1,0 +1,109 @@
+"""The grammar of a campaign file as pydantic models."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+__all__ = ["CampaignFile", "json_schema"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class RecordTable(_Strict):
+    """A log, or a pattern of logs, with what its columns are."""
+
+    file: str | None = None
+    files: str | list[str] | None = None
+    time: str | None = None
+    channels: dict[str, str | dict[str, Any]]
+    prepare: list[dict[str, Any]] = []
+    separator: str | None = None
+    decimal: str | None = None
+    clock: str | None = None
+    get: str = ""
+
+
+class ScenarioTable(_Strict):
+    """What the logs do not say."""
+
+    boundaries: dict[str, Any] = {}
+    loads: dict[str, Any] = {}
+    commands: dict[str, Any] = {}
+    gains: dict[str, str] = {}
+    schedule: dict[str, Any] = {}
+    start: str = ""
+    initial: dict[str, str] = {}
+
+
+class LocalTable(_Strict):
+    """A value that each record has for itself."""
+
+    start: str
+    sd: str | None = None
+
+
+class InheritTable(_Strict):
+    """Values of a stage below, handed to a submodel; ``fixed`` or with their covariance as ``prior``."""
+
+    stage: str
+    as_: Literal["fixed", "prior"] = Field("fixed", alias="as")
+
+
+class PriorTable(_Strict):
+    """A normal prior."""
+
+    mean: str
+    sd: str
+
+
+class StageTable(_Strict):
+    """One level of aggregation."""
+
+    name: str
+    model: str
+    records: list[str]
+    free: list[str] = []
+    bind: dict[str, str | dict[str, str]] = {}
+    ignore: list[str] = []
+    local: dict[str, LocalTable] = {}
+    inherit: dict[str, InheritTable] = {}
+    priors: dict[str, PriorTable] = {}
+    scenario: ScenarioTable = ScenarioTable()
+    readings: dict[str, str] = {}
+    loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"
+    untie: bool = False
+    window: str = "0 [s]"
+    note: str = ""
+
+
+class VerdictTable(_Strict):
+    """A judgement of a stage on a record that no stage used."""
+
+    name: str = ""
+    model: str
+    record: str
+    criteria: dict[str, Any]
+    local: dict[str, LocalTable] = {}
+    scenario: ScenarioTable | None = None
+    readings: dict[str, str] | None = None
+
+
+class CampaignFile(_Strict):
+    """What is asked of the data."""
+
+    title: str
+    use: str = ""
+    note: str = ""
+    checksums: dict[str, str] = {}
+    records: dict[str, RecordTable]
+    stages: list[StageTable]
+    verdicts: list[VerdictTable] = []
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a campaign, for editors."""
+    return CampaignFile.model_json_schema()

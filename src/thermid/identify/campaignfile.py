@@ -1,0 +1,219 @@
+"""Reading a campaign file: records found and checked, stages and verdicts as requests."""
+
+from __future__ import annotations
+
+import fnmatch
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from thermid.errors import DeckError, MissingDataError, RecordError, nearest
+from thermid.measure import Channel, Record, read_record
+from thermid.model.model import Model
+from thermid.model.modelfile import load_model, project_root, read_toml, resolve_inside
+from thermid.simulation.scenario import Scenario
+
+if TYPE_CHECKING:
+    from thermid.identify.campaign_schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
+
+__all__ = ["CampaignSource", "read_campaign"]
+
+DATA = "THERMID_DATA"
+
+
+@dataclass
+class CampaignSource:
+    """A campaign file with the folder it lies in; logs are read when a stage asks for them.
+
+    Parameters
+    ----------
+    path : Path             The file.
+    content : CampaignFile  Its content, checked against the grammar.
+    lines : dict            Key path -> line.
+    data : Path or None     A folder of logs outside the project, where one was given.
+    """
+
+    path: Path
+    content: CampaignFile
+    lines: Mapping[str, int]
+    data: Path | None = None
+    _records: dict[str, Record] = field(default_factory=dict)
+    _files: dict[str, tuple[Path, RecordTable]] = field(default_factory=dict)
+
+    def where(self, key: str) -> str:
+        """Return file, line and key path."""
+        return _place(self.path.name, self.lines, key)
+
+    def names(self) -> dict[str, tuple[Path, RecordTable]]:
+        """Return record name -> file and table; a pattern of files gives one record per file, named after it.
+
+        Raises
+        ------
+        MissingDataError   When a log is not where the campaign says.
+        """
+        if not self._files:
+            for name, table in self.content.records.items():
+                if (table.file is None) == (table.files is None):
+                    raise DeckError("a record has `file`, or `files` with patterns; one of them.", self.where(f"records.{name}"))
+                if table.file is not None:
+                    self._files[name] = (self._find(name, table.file, table)[0], table)
+                    continue
+                patterns = [table.files] if isinstance(table.files, str) else table.files or []
+                for pattern in patterns:
+                    for found in self._find(name, pattern, table):
+                        self._files[found.name.split(".")[0]] = (found, table)
+        return self._files
+
+    def _find(self, name: str, pattern: str, table: RecordTable) -> list[Path]:
+        """Return the files of a pattern, in the data folder where one is given, or beside the campaign."""
+        where = self.where(f"records.{name}")
+        roots = [self.data] if self.data is not None else []
+        for root in (*roots, self.path.parent):
+            if any(mark in pattern for mark in "*?["):
+                inside = resolve_inside(root, str(Path(pattern).parent), where, tuple(roots))
+                hits = sorted(p for p in inside.glob(Path(pattern).name)) if inside.is_dir() else []
+            else:
+                target = resolve_inside(root, pattern, where, tuple(roots))
+                hits = [target] if target.is_file() else []
+            if hits:
+                return hits
+        shown = f" in the folder given by --data or {DATA}" if self.data is None else f" in '{self.data.name}/' nor beside the campaign"
+        get = f" {table.get}" if table.get else ""
+        raise MissingDataError(f"no log '{pattern}'{shown}.{get}", where)
+
+    def pick(self, patterns: Sequence[str], where: str) -> list[str]:
+        """Return the names of records that match patterns, in order.
+
+        Raises
+        ------
+        RecordError   When a pattern matches nothing.
+        """
+        out: dict[str, None] = {}
+        known = list(self.names())
+        for pattern in patterns:
+            hits = [n for n in known if fnmatch.fnmatchcase(n, pattern)]
+            for group, table in self.content.records.items():
+                if group == pattern and table.files is not None:
+                    hits += [n for n, (_, t) in self.names().items() if t is table]
+            if not hits:
+                raise RecordError(f"no record '{pattern}'.{nearest(pattern, [*known, *self.content.records])}", where)
+            out |= dict.fromkeys(hits)
+        return list(out)
+
+    def record(self, name: str) -> Record:
+        """Return a log, read and prepared as the campaign says.
+
+        Raises
+        ------
+        RecordError   When its samples are not those that the campaign knows.
+        """
+        if name not in self._records:
+            path, table = self.names()[name]
+            where = self.where(f"records.{name}")
+            try:
+                raw = read_record(
+                    path, table.channels, time=table.time, name=name, separator=table.separator, decimal=table.decimal, clock=table.clock
+                )
+                known = self.content.checksums.get(name)
+                if known is not None and not raw.origin.sha256.startswith(known):
+                    raise RecordError(
+                        f"its samples have the checksum {raw.origin.sha256[:12]}..., not {known[:12]}...: this is not the log that the campaign was made for.",
+                        where,
+                    )
+                self._records[name] = raw.prepare(table.prepare)
+            except RecordError as error:
+                raise error.located(where) from None
+        return self._records[name]
+
+    def bound(self, name: str, stage: StageTable) -> Record:
+        """Return a record with the bindings of a stage in place of its own."""
+        record = self.record(name)
+        for channel in (*stage.bind, *stage.ignore):
+            record.channel(channel)
+        kept = [_rebound(c, stage.bind[n]) if n in stage.bind else c for n, c in record.channels.items() if n not in stage.ignore]
+        return replace(record, channels={c.name: c for c in kept})
+
+    def model(self, file: str, where: str) -> Model:
+        """Return the model of a stage, by its deck's file name."""
+        return load_model(resolve_inside(self.path.parent, file, where))
+
+
+def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:
+    """Return a channel with another target."""
+    if isinstance(target, str):
+        return replace(channel, target=target)
+    (role, path), *more = [(k, v) for k, v in target.items() if k in ("node", "boundary", "load", "command")] or [("", "")]
+    if not role or more:
+        raise RecordError(f"a binding has one of node, boundary, load and command, not {', '.join(target)}.", channel.name)
+    return replace(channel, role=role, target=path, gain=target.get("gain", channel.gain))
+
+
+def scenario_of(table: ScenarioTable, title: str) -> Scenario:
+    """Return the scenario that a stage or verdict gives for what its logs do not say."""
+    return Scenario(title, **table.model_dump())
+
+
+def local_of(tables: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    """Return local values as `calibrate` takes them."""
+    return {name: t.model_dump(exclude_none=True) for name, t in tables.items()}
+
+
+def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> CampaignSource:
+    """Return a campaign file, checked against the grammar.
+
+    Parameters
+    ----------
+    path : path     The TOML file.
+    data : path     A folder of logs; the environment variable THERMID_DATA by default, if it is set.
+
+    Raises
+    ------
+    DeckError       When it does not follow the grammar, or names a stage that is not there or comes later.
+    """
+    from pydantic import ValidationError
+
+    from thermid.identify.campaign_schema import CampaignFile
+    from thermid.model.faults import deck_error
+
+    target = Path(path)
+    content, lines = read_toml(target)
+    try:
+        checked = CampaignFile.model_validate(content)
+    except ValidationError as error:
+        raise deck_error(error, content, lambda key: _place(target.name, lines, key), CampaignFile) from None
+    given = data if data is not None else os.environ.get(DATA)
+    folder = Path(given).resolve() if given else None
+    if folder is not None and not folder.is_dir():
+        raise MissingDataError(f"the data folder '{folder.name}' is not there. Give another with --data or {DATA}.", target.name)
+    source = CampaignSource(target, checked, lines, folder)
+    _check_order(source, checked.stages, checked.verdicts)
+    return source
+
+
+def _place(file: str, lines: Mapping[str, int], key: str) -> str:
+    """Return file, line and key path; the line of the nearest key above where its own is not known."""
+    steps = key.split(".")
+    line = next((lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in lines), None)
+    return f"{file}:{line}, {key}" if line else f"{file}, {key}"
+
+
+def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts: Sequence[VerdictTable]) -> None:
+    """Refuse stages of one name, and stages that build on what does not come before them."""
+    done: list[str] = []
+    for k, stage in enumerate(stages):
+        if stage.name in done:
+            raise DeckError(f"two stages are named '{stage.name}'.", source.where(f"stages.{k}"))
+        for part, inherit in stage.inherit.items():
+            if inherit.stage not in done:
+                raise DeckError(
+                    f"'{part}' inherits from stage '{inherit.stage}', which does not come before.{nearest(inherit.stage, done)}", source.where(f"stages.{k}.inherit")
+                )
+        done.append(stage.name)
+    for k, verdict in enumerate(verdicts):
+        if verdict.model not in done:
+            raise DeckError(f"no stage '{verdict.model}'.{nearest(verdict.model, done)}", source.where(f"verdicts.{k}.model"))
+
+
+__all__ += ["local_of", "project_root", "scenario_of"]

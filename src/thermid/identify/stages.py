@@ -1,0 +1,248 @@
+"""`run_stages`: component -> submodel -> full, each stage starting from what the ones below found."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from thermid.errors import NameNotFoundError, ThermidError, nearest
+from thermid.identify.calibrate import LocalSpec, Request, fit
+from thermid.identify.calibration import Calibration
+from thermid.identify.campaignfile import CampaignSource, local_of, read_campaign, scenario_of
+from thermid.identify.validate import Criteria, Verdict, validate
+from thermid.identify.values import FittedValues
+from thermid.model.model import Model
+from thermid.model.resolve import parameter_table
+from thermid.model.signal import literal
+
+if TYPE_CHECKING:
+    from thermid.identify.campaign_schema import StageTable, VerdictTable
+
+__all__ = ["Campaign", "run_stages"]
+
+Notice = Callable[[str, int, float], None]
+"""Called with what is running, the number of evaluations and the RMS of the weighted residuals."""
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """The result of a campaign.
+
+    Parameters
+    ----------
+    title : str                 The campaign's.
+    stages : dict               Stage -> Calibration, in order.
+    verdicts : tuple            Verdicts, in order.
+    keys : dict                 Stage -> hash of everything that its result depends on.
+    note : str                  What the author says of it.
+    """
+
+    title: str
+    stages: Mapping[str, Calibration]
+    verdicts: tuple[Verdict, ...]
+    keys: Mapping[str, str]
+    note: str = ""
+
+    def __getitem__(self, stage: str) -> Calibration:
+        """Return the calibration of a stage.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        if stage not in self.stages:
+            raise NameNotFoundError(f"no stage '{stage}'.{nearest(stage, self.stages)}", self.title)
+        return self.stages[stage]
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names of the stages."""
+        return iter(self.stages)
+
+    def table(self, field_name: str) -> dict[str, dict[str, float]]:
+        """Return part -> stage -> value of every parameter of a name, parts down, levels across: the document's Table 2. [SI]"""
+        out: dict[str, dict[str, float]] = {}
+        for stage, calibration in self.stages.items():
+            from thermid.model.resolve import ParameterSet
+
+            values = ParameterSet(calibration.fitted_model).evaluate({})
+            for path in parameter_table(calibration.fitted_model):
+                if path == field_name or path.endswith(f".{field_name}"):
+                    part = path.removesuffix(field_name).rstrip(".") or calibration.model.title
+                    out.setdefault(part, {})[stage] = float(values[path])
+        return out
+
+    @property
+    def passed(self) -> bool:
+        """Whether every verdict passed."""
+        return all(v.passed for v in self.verdicts)
+
+    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write one values file per stage and return their paths."""
+        target = Path(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        out = []
+        for name, calibration in self.stages.items():
+            path = target / f"{_file_name(name)}.values.toml"
+            calibration.save(path)
+            out.append(path)
+        return out
+
+    def __str__(self) -> str:
+        """Return all stages and verdicts as text."""
+        return "\n\n".join([self.title, *map(str, self.stages.values()), *map(str, self.verdicts)])
+
+
+def _file_name(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+
+
+def run_stages(
+    campaign: str | os.PathLike[str] | CampaignSource,
+    *,
+    data: str | os.PathLike[str] | None = None,
+    notice: Notice | None = None,
+    known: Campaign | None = None,
+) -> Campaign:
+    """Return the calibrations and verdicts of a campaign.
+
+    Parameters
+    ----------
+    campaign : path         The campaign file.
+    data : path             A folder of logs outside the project.
+    notice : callable       Called while stages run.
+    known : Campaign        An earlier result; a stage whose model, records, request and version are the same is taken from it.
+
+    Raises
+    ------
+    ThermidError   From reading, fitting or judging; the message says at which stage.
+    """
+    source = campaign if isinstance(campaign, CampaignSource) else read_campaign(campaign, data)
+    done: dict[str, Calibration] = {}
+    keys: dict[str, str] = {}
+    for k, stage in enumerate(source.content.stages):
+        try:
+            request = _request(source, stage, k, done)
+            keys[stage.name] = _key(request, [keys[i.stage] for i in stage.inherit.values()])
+            if known is not None and known.keys.get(stage.name) == keys[stage.name]:
+                done[stage.name] = known[stage.name]
+            else:
+                done[stage.name] = fit(request, _told(notice, stage.name))
+        except ThermidError as error:
+            raise error.located(source.where(f"stages.{k}")) from None
+    used = {sha: user for c in done.values() for sha, user in c.seen.items()}
+    verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, done, used, notice))
+    return Campaign(source.content.title, done, verdicts, keys, source.content.note)
+
+
+def _told(notice: Notice | None, name: str) -> Callable[[int, float], None] | None:
+    return None if notice is None else lambda count, rms: notice(name, count, rms)
+
+
+def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[str, Calibration]) -> Request:
+    """Return what a stage asks, with what it inherits laid under the parent's own [set]."""
+    where = source.where(f"stages.{k}")
+    model = source.model(stage.model, where)
+    handed: list[FittedValues] = []
+    bias: dict[str, float] = {}
+    bias_priors: dict[str, tuple[float, float]] = {}
+    seen: dict[str, str] = {}
+    for part, inherit in stage.inherit.items():
+        below = done[inherit.stage]
+        model = _inherited(model, part, below)
+        seen |= below.seen
+        if inherit.as_ == "prior":
+            handed.append(_prefixed(below.values, "" if part == "." else f"{part}."))
+            bias_priors |= {s: (v.value, v.error) for s, v in below.values.sensors.items()}
+        else:
+            bias |= below.bias
+    records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
+    return Request(
+        model,
+        records,
+        tuple(stage.free),
+        {"*": scenario_of(stage.scenario, stage.name)},
+        {n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(stage.local).items()},
+        {p: (t.mean, t.sd) for p, t in stage.priors.items()},
+        tuple(handed),
+        bias,
+        bias_priors,
+        stage.untie,
+        stage.loss,
+        literal(stage.window, "s", where),
+        stage.name,
+        seen=seen,
+        readings=stage.readings,
+    )
+
+
+def _inherited(model: Model, part: str, below: Calibration) -> Model:
+    """Return the model with the values of a stage below laid over one of its parts; ``.`` is the model itself."""
+    values = {p: v for p, v in below.values.parameters.items()}
+    if part == ".":
+        return model.with_values(values, below.stage)
+    inner = model.submodel(part)
+    known = parameter_table(inner)
+    missing = [p for p in values if p not in known]
+    if missing:
+        raise NameNotFoundError(f"stage '{below.stage}' fitted '{missing[0]}', which '{part}' does not have.{nearest(missing[0], known)}", model.title)
+    return model.replace(part, inner.with_values(values, below.stage))
+
+
+def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
+    """Return fitted values under the paths that they have in the model above."""
+    items = {p if p.startswith("sensor ") else prefix + p: v for p, v in values.items()}
+    return FittedValues(values.stage, items, values.covariance, values.provenance)
+
+
+def _key(request: Request, below: list[str]) -> str:
+    """Return the hash of everything that a stage's result depends on."""
+    content = {
+        "version": version("thermid"),
+        "model": request.model.identity(),
+        "records": {r.name: [r.origin.sha256, list(r.steps), {n: [c.role, c.target, c.gain, c.noise, c.accuracy] for n, c in r.channels.items()}] for r in request.records},
+        "free": request.free,
+        "scenario": repr([(n, s) for n, s in request.scenarios.items()]),
+        "local": repr(sorted(request.local.items())),
+        "priors": repr(sorted(request.priors.items())),
+        "bias": repr(sorted(request.held_bias.items())),
+        "how": [request.untie, request.loss, request.window, repr(request.options), sorted(request.readings.items())],
+        "below": below,
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _judge(
+    source: CampaignSource, table: VerdictTable, k: int, done: Mapping[str, Calibration], used: Mapping[str, str], notice: Notice | None
+) -> Iterator[Verdict]:
+    """Yield one verdict per record of a verdict's pattern."""
+    where = source.where(f"verdicts.{k}")
+    stage = next(s for s in source.content.stages if s.name == table.model)
+    for name in source.pick([table.record], where):
+        record = source.bound(name, stage)
+        if notice is not None:
+            notice(f"verdict on {name}", 0, 0.0)
+        try:
+            if record.origin.sha256 in used:
+                from thermid.errors import IdentificationError
+
+                raise IdentificationError(f"record '{name}' was used by {used[record.origin.sha256]}; a validation needs data that no fit has seen.")
+            yield validate(
+                done[table.model],
+                record,
+                Criteria.read(table.criteria, where),
+                scenario=scenario_of(table.scenario or stage.scenario, table.name or name),
+                local=local_of(table.local),
+                window=literal(stage.window, "s", where),
+                readings=table.readings if table.readings is not None else stage.readings,
+                title=table.name,
+            )
+        except ThermidError as error:
+            raise error.located(where) from None
+
+

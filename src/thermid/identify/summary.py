@@ -1,0 +1,114 @@
+"""From the end of a minimisation to a `Calibration`."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.identify.calibration import Calibration, Local, statistics_of
+from thermid.identify.residuals import Block, Problem
+from thermid.identify.solve import Fit
+from thermid.identify.unknowns import Unknown
+from thermid.identify.values import FittedValue, FittedValues
+
+if TYPE_CHECKING:
+    from thermid.identify.calibrate import Request
+
+__all__ = ["summarise"]
+
+Array = NDArray[np.float64]
+
+
+def summarise(request: Request, problem: Problem, found: Fit, total: Array, random: Array) -> Calibration:
+    """Return the calibration that a fit ended with."""
+    name = request.name or request.model.title
+    origin = f"{name}: {_listed([r.name for r in request.records])}"
+    kept = [k for k, u in enumerate(problem.unknowns) if u.kind in ("parameter", "sensor")]
+    items = {u.name: _value(u, float(found.fitted[k]), total[k, k], random[k, k], origin) for k in kept for u in (problem.unknowns[k],)}
+    records = {r.name: r.origin.sha256 for r in request.records}
+    provenance: dict[str, Any] = {
+        "version": version("thermid"),
+        "date": datetime.now(UTC).date().isoformat(),
+        "model": request.model.identity(),
+        "records": records,
+        "synthetic": any(r.origin.synthetic for r in request.records),
+    }
+    values = FittedValues(name, items, total[np.ix_(kept, kept)], provenance)
+    bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
+    blocks = tuple(problem.blocks(found.fitted))
+    local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
+    freedom = problem.samples - len(problem.unknowns)
+    return Calibration(
+        name,
+        request.model,
+        values,
+        local,
+        blocks,
+        bias,
+        records,
+        _correlations(problem, total),
+        found.chi_square,
+        freedom,
+        found.evaluations,
+        request.loss,
+        tuple(_warnings(problem, found, total, blocks, freedom)),
+        bool(provenance["synthetic"]),
+        {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
+        problem.experiments,
+    )
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names) if len(names) <= 4 else f"{names[0]} ... {names[-1]} ({len(names)} records)"
+
+
+def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
+    slope = u.slope(fitted)
+    errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(random)) if u.kind == "parameter" else 0.0)
+    return FittedValue(u.name, u.to_value(fitted), errors[0], errors[1], u.log, u.unit, u.start, (u.low, u.high), origin)
+
+
+def _local(u: Unknown, fitted: float, variance: float) -> Local:
+    record, _, name = u.name.partition(": ")
+    return Local(record, name, float(fitted), float(np.sqrt(variance)), u.unit)
+
+
+def _correlations(problem: Problem, total: Array) -> dict[tuple[str, str], float]:
+    names = [(k, u.name) for k, u in enumerate(problem.unknowns) if u.kind in ("parameter", "sensor")]
+    out = {}
+    for i, (k, first) in enumerate(names):
+        for m, second in names[i + 1 :]:
+            size = np.sqrt(total[k, k] * total[m, m])
+            value = float(total[k, m] / size) if size > 0 and np.isfinite(size) else 0.0
+            if abs(value) > 0.1:
+                out[first, second] = value
+    return out
+
+
+def _warnings(problem: Problem, found: Fit, total: Array, blocks: tuple[Block, ...], freedom: int) -> list[str]:
+    """Return what a reader must know."""
+    out = []
+    if not found.converged:
+        out.append(f"the fit did not converge: {found.message}")
+    for k, u in enumerate(problem.unknowns):
+        low, high = u.fitted_bounds()
+        error = float(np.sqrt(total[k, k]))
+        for bound, side in ((low, "lower"), (high, "upper")):
+            if np.isfinite(bound) and abs(found.fitted[k] - bound) < max(1e-4 * max(abs(bound), u.scale), 0.02 * error):
+                shown = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
+                out.append(f"'{u.name}' ended at its {side} bound {shown:.6g}; its error is not meaningful. Widen the bound or fix it.")
+        if u.prior is not None and abs(found.fitted[k] - u.prior.mean) > 3 * u.prior.sd:
+            out.append(f"'{u.name}' lies {abs(found.fitted[k] - u.prior.mean) / u.prior.sd:.1f} standard deviations from its prior; one of them is wrong.")
+    reduced = found.chi_square / max(freedom, 1)
+    stated = all(o.noise is not None for o in problem.observations())
+    if stated and freedom > 0 and reduced > 1.5:
+        out.append(f"the residuals are {np.sqrt(reduced):.2g} times the stated noise; the errors were widened by that factor.")
+    coloured = [b for b in blocks if b.measured.size > 20 and not statistics_of(b.residuals, 0.0).white]
+    if coloured:
+        share = f"{len(coloured)} of {len(blocks)} traces" if len(blocks) > 1 else "the trace"
+        out.append(f"residuals of {share} are not white: the model misses something, or the readings were filtered; the random errors are too small.")
+    return out

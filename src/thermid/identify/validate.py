@@ -1,0 +1,170 @@
+"""`validate`: a calibrated model against a record that no fit has seen, with stated criteria, and a verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from thermid.errors import IdentificationError, nearest
+from thermid.identify.calibrate import LocalSpec, Request, fit
+from thermid.identify.calibration import Calibration, SensorStatistics
+from thermid.measure import Record
+from thermid.model.signal import literal
+from thermid.simulation.scenario import Scenario
+
+__all__ = ["Check", "Criteria", "Verdict", "validate"]
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """What a model must meet at every sensor; a text with unit each.
+
+    Parameters
+    ----------
+    rmse : str          Largest root mean square of measured less predicted. [K]
+    max_error : str     Largest single error. [K]
+    mean_error : str    Largest mean error, by size. [K]
+    sensors : dict      Sensor -> table of the same, in place of the above.
+    """
+
+    rmse: str = ""
+    max_error: str = ""
+    mean_error: str = ""
+    sensors: Mapping[str, Mapping[str, str]] | None = None
+
+    @classmethod
+    def read(cls, table: Mapping[str, Any], where: str) -> Criteria:
+        """Return criteria from a table of a campaign."""
+        for key in table:
+            if key not in cls.__dataclass_fields__:
+                raise IdentificationError(f"there is no criterion '{key}'.{nearest(key, cls.__dataclass_fields__)}", where)
+        return cls(**table)
+
+    def limits(self, sensor: str) -> dict[str, float]:
+        """Return criterion -> limit for a sensor. [K]
+
+        Raises
+        ------
+        IdentificationError   When nothing is asked of it.
+        """
+        own = {k: getattr(self, k) for k in ("rmse", "max_error", "mean_error")} | dict((self.sensors or {}).get(sensor, {}))
+        limits = {k: literal(v, "K", f"criteria.{k}") for k, v in own.items() if v}
+        if not limits:
+            raise IdentificationError(f"no criterion is given for '{sensor}'. A verdict needs at least one limit: rmse, max_error or mean_error.")
+        if any(not math.isfinite(v) or v <= 0 for v in limits.values()):
+            raise IdentificationError("a limit must be above zero.", "criteria")
+        return limits
+
+
+@dataclass(frozen=True)
+class Check:
+    """One criterion at one sensor."""
+
+    sensor: str
+    criterion: str
+    found: float
+    limit: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether what was found is within the limit."""
+        return self.found <= self.limit
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """Whether a model is good enough for its intended use, on data that no fit has seen.
+
+    Parameters
+    ----------
+    model : str                     The stage whose values were used.
+    record : str                    The record.
+    checks : tuple of Check
+    statistics : dict               Sensor -> SensorStatistics.
+    fitted_locally : tuple of str   What was fitted to this very record; the verdict is then conditional on it.
+    prediction : Calibration        Measured and predicted readings.
+    title : str                     What it is about.
+    """
+
+    model: str
+    record: str
+    checks: tuple[Check, ...]
+    statistics: Mapping[str, SensorStatistics]
+    fitted_locally: tuple[str, ...]
+    prediction: Calibration
+    title: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every criterion is met."""
+        return all(c.passed for c in self.checks)
+
+    @property
+    def conditional(self) -> bool:
+        """Whether anything was fitted to the record that it judges."""
+        return bool(self.fitted_locally)
+
+    def __str__(self) -> str:
+        """Return the verdict as text, criterion by criterion."""
+        word = "PASSED" if self.passed else "FAILED"
+        condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.conditional else ""
+        about = f" ({self.title})" if self.title else ""
+        lines = [f"{self.model} on {self.record}{about}: {word}{condition}"]
+        for c in self.checks:
+            lines.append(f"  {c.sensor}: {c.criterion.replace('_', ' ')} {c.found:.3g} K, limit {c.limit:.3g} K: {'met' if c.passed else 'NOT met'}")
+        return "\n".join(lines)
+
+
+def validate(
+    calibration: Calibration,
+    record: Record,
+    criteria: Criteria,
+    *,
+    scenario: Scenario | None = None,
+    local: Mapping[str, Any] | None = None,
+    readings: Mapping[str, str] | None = None,
+    window: float = 0.0,
+    title: str = "",
+) -> Verdict:
+    """Return the verdict on a calibrated model from a record that no stage has used.
+
+    Parameters
+    ----------
+    calibration : Calibration   The fit; its values and its sensors' constant errors are held.
+    record : Record             The held-out log.
+    criteria : Criteria         Limits.
+    scenario : Scenario         What the log does not say.
+    local : dict                Values fitted to this record, as in `calibrate`; they make the verdict conditional.
+    readings : dict             Boundary -> channel whose first reading, less its constant error, stands for it.
+    window : float              First readings are medians over this time. [s]
+    title : str                 What the verdict is about, where several judge one record.
+
+    Raises
+    ------
+    IdentificationError   When the record was used by a fit, whatever was cut from it since.
+    """
+    user = calibration.seen.get(record.origin.sha256)
+    if user is not None:
+        raise IdentificationError(f"record '{record.name}' was used by {user}; a validation needs data that no fit has seen.")
+    specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
+    request = Request(
+        calibration.fitted_model,
+        (record,),
+        scenarios={"*": scenario} if scenario else {},
+        local=specs,
+        held_bias=calibration.bias,
+        window=window,
+        name=calibration.stage,
+        fit_start=False,
+        readings=dict(readings or {}),
+    )
+    prediction = fit(request)
+    statistics = prediction.statistics[record.name]
+    checks = []
+    for sensor, s in statistics.items():
+        found = {"rmse": s.rmse, "max_error": abs(s.largest), "mean_error": abs(s.mean)}
+        checks += [Check(sensor, k, found[k], limit) for k, limit in criteria.limits(sensor).items()]
+    locally = tuple(dict.fromkeys(i.name for i in prediction.local))
+    return Verdict(calibration.stage, record.name, tuple(checks), statistics, locally, prediction, title)

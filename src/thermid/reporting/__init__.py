@@ -1,0 +1,1 @@
+"""What a person reads: tables, figures, diagrams, one page per campaign."""

@@ -1,0 +1,165 @@
+"""Imports point one way, room by room, and never in a circle; heavy libraries wait until they are needed."""
+
+from __future__ import annotations
+
+import graphlib
+import json
+import subprocess
+import sys
+from collections.abc import Iterable
+
+import pytest
+
+from .source import Module, room_of, within
+
+FOUNDATION = {"errors", "_units_table", "units", "expression", "dual"}
+
+# Room: the rooms it may import. `thermid/__init__.py` offers the public names of all of them and stands outside.
+ARROWS: dict[str, set[str]] = {
+    "errors": set(),
+    "_units_table": set(),
+    "dual": set(),
+    "units": {"errors", "_units_table"},
+    "expression": {"errors", "units"},
+    "physics": FOUNDATION,
+    "model": FOUNDATION | {"physics"},
+    "network": FOUNDATION | {"physics", "model", "_kernel"},
+    "measure": FOUNDATION,
+    "simulate": FOUNDATION | {"physics", "model", "network", "measure", "_kernel"},
+}
+BELOW_IDENTIFY = FOUNDATION | {"physics", "model", "network", "measure", "simulate"}
+ARROWS |= {
+    "identify": BELOW_IDENTIFY,
+    "qualify": BELOW_IDENTIFY | {"identify"},
+    "report": BELOW_IDENTIFY | {"identify", "qualify"},
+    "acquire": FOUNDATION | {"measure"},
+    "interop": FOUNDATION | {"physics", "model", "network", "simulate"},
+}
+TOP = {"cli", "studio"}
+ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}
+
+# A scenario may take a signal from a column of a log, and that is all that `simulate` may know of measurements.
+ONLY_NAMES = {("simulate", "measure"): {"read_record"}}
+
+HEAVY = ("pandas", "scipy", "matplotlib", "xarray", "pydantic", "pint", "plotly", "jinja2", "h5netcdf", "h5py")
+
+
+def forbidden_imports(modules: Iterable[Module], known: set[str]) -> list[str]:
+    """Every import against the arrows, as a line a person can act on; `known` are the modules that exist."""
+    found = []
+    for module in modules:
+        if module.name == "thermid":
+            continue
+        if module.room not in ARROWS:
+            found.append(f"{module.name}: the room '{module.room}' has no line in ARROWS of {__name__}")
+            continue
+        for imported in module.imports():
+            for target, names in within(imported, {*known, "thermid._kernel"}):
+                room = room_of(target)
+                if room == module.room:
+                    continue
+                if room not in ARROWS[module.room]:
+                    found.append(f"{module.name}:{imported.line} imports {target}; '{module.room}' may not import '{room or 'thermid'}'")
+                    continue
+                only = ONLY_NAMES.get((module.room, room))
+                if only and not (names and only.issuperset(names)):
+                    taken, free = ", ".join(names) or target, ", ".join(only)
+                    found.append(f"{module.name}:{imported.line} takes {taken}; of '{room}' only {free} is open to '{module.room}'")
+    return found
+
+
+def import_circle(modules: dict[str, Module]) -> list[str]:
+    """One circle of imports that run when a module is loaded, or an empty list."""
+    known = set(modules)
+    graph: dict[str, set[str]] = {}
+    for module in modules.values():
+        loaded: set[str] = set()
+        for imported in module.imports():
+            if imported.lazy or imported.typing:
+                continue
+            for target, _ in within(imported, known):
+                parts = target.split(".")
+                loaded |= {".".join(parts[:n]) for n in range(2, len(parts) + 1)}  # loading a.b.c loads a.b first
+        ours = module.name.split(".")
+        packages = {".".join(ours[:n]) for n in range(1, len(ours))}  # being loaded already, unless named on purpose
+        named = {target for i in module.imports() if not (i.lazy or i.typing) for target, _ in within(i, known)}
+        graph[module.name] = (loaded - packages | (named & packages)) & known - {module.name}
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_imports_point_one_way(modules: dict[str, Module]) -> None:
+    assert len(modules) > 10
+    problems = forbidden_imports(modules.values(), set(modules))
+    assert not problems, "\n" + "\n".join(problems)
+
+
+def test_no_module_needs_itself_to_load(modules: dict[str, Module]) -> None:
+    assert import_circle(modules) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "word"),
+    [
+        ("thermid.physics.x", "from thermid.model.model import Model", "may not import 'model'"),
+        ("thermid.measure.x", "def f():\n    import thermid.model.kinds", "may not import 'model'"),
+        ("thermid.model.x", "from .. import simulate", "may not import 'simulate'"),
+        ("thermid.identify.x", "from thermid import _kernel", "may not import '_kernel'"),
+        ("thermid.identify.x", "import thermid as td", "may not import 'thermid'"),
+        ("thermid.report.x", "import importlib\nimportlib.import_module('thermid.cli')", "may not import 'cli'"),
+        ("thermid.units", "if TYPE_CHECKING:\n    from thermid.expression import Expression", "may not import 'expression'"),
+        ("thermid.simulation.x", "from thermid.measure import Record", "only read_record"),
+        ("thermid.kitchen.x", "", "no line in ARROWS"),
+    ],
+)
+def test_an_import_against_the_arrows_is_seen(modules: dict[str, Module], name: str, text: str, word: str) -> None:
+    problems = forbidden_imports([Module(name, text)], set(modules))
+    assert len(problems) == 1
+    assert word in problems[0]
+
+
+def test_a_circle_is_seen() -> None:
+    one = Module("thermid.model.one", "from thermid.model.two import two")
+    two = Module("thermid.model.two", "from .one import one")
+    late = Module("thermid.model.two", "def f():\n    from .one import one")
+    typed = Module("thermid.model.two", "if TYPE_CHECKING:\n    from .one import one")
+    assert set(import_circle({one.name: one, two.name: two})) == {one.name, two.name}
+    assert import_circle({one.name: one, late.name: late}) == []
+    assert import_circle({one.name: one, typed.name: typed}) == []
+
+
+def heavy_after(code: str) -> list[str]:
+    """Names of the heavy libraries that a fresh interpreter holds after running `code`."""
+    script = f"{code}\nimport sys, json\nprint(json.dumps([name for name in {HEAVY!r} if name in sys.modules]))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return list(json.loads(done.stdout.splitlines()[-1]))
+
+
+def test_heavy_libraries_would_be_seen() -> None:
+    assert heavy_after("import pydantic") == ["pydantic"]
+
+
+def test_import_loads_nothing_heavy() -> None:
+    assert heavy_after("import thermid") == []
+
+
+def test_public_names_load_nothing_heavy() -> None:
+    """Only calling them does."""
+    assert heavy_after("import thermid\nassert thermid.__all__\nfor name in thermid.__all__: getattr(thermid, name)") == []
+
+
+def test_help_loads_nothing_heavy() -> None:
+    run = """
+import sys
+from thermid.cli import main
+sys.argv = ['thermid', '--help']
+try:
+    main()
+except SystemExit as end:
+    assert not end.code
+"""
+    assert heavy_after(run) == []

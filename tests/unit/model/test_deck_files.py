@@ -1,0 +1,234 @@
+"""Deck files: what is refused, with file, line and key path; what a deck cannot reach."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from thermid.errors import DeckError, ExpressionError, ThermidError
+from thermid.model.flat import flatten
+from thermid.model.lines import line_numbers
+from thermid.model.model import Model
+from thermid.model.modelfile import load_model, model_from_dict, project_root, resolve_inside
+
+Decks = Callable[..., Model]
+
+BOX = """title = "Box"
+needs = ["air"]
+offers = ["case", "skin"]
+
+[nodes]
+case = { capacitance = "900 [J/K]" }
+
+[surfaces.skin]
+of = "case"
+to = "air"
+area = "0.05 [m^2]"
+htc = "5 [W/(m^2 K)]"
+"""
+
+
+def using(name: str, title: str = "Main") -> str:
+    return f'title = "{title}"\nneeds = ["air"]\n[submodels]\npart = {{ use = "{name}", bind = {{ air = "air" }} }}\n'
+
+
+def test_a_deck_with_a_part(decks: Decks) -> None:
+    model = decks(main=using("box.toml"), box=BOX)
+    assert model.submodel("part").title == "Box"
+    assert model.submodel("part").file == "box.toml"
+    assert [c.path for c in flatten(model).conductors] == ["part.skin"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (BOX.replace("capacitance", "capacitanse"), "main.toml:6, nodes.case.capacitanse: 'capacitanse' is no field here. Did you mean 'capacitance'?"),
+        (BOX.replace("htc =", "hct ="), "main.toml:12, surfaces.skin.hct: 'hct' is no field here. Did you mean 'htc'?"),
+        (BOX.replace("[nodes]", "[nods]"), "main.toml:5, nods: 'nods' is no field here. Did you mean 'nodes'?"),
+        (BOX.replace('title = "Box"\n', ""), "main.toml, title: is missing."),
+        (BOX.replace('area = "0.05 [m^2]"\n', ""), "main.toml:8, surfaces.skin.area: is missing."),
+        (BOX.replace('"5 [W/(m^2 K)]"', '{ value = "5 [W/(m^2 K)]", mn = 2 }'), "main.toml:12, surfaces.skin.htc.mn: 'mn' is no field here. Did you mean 'min'?"),
+        (BOX.replace('"5 [W/(m^2 K)]"', '{ coefficient = "5 [W/(m^2 K)]", exponnt = 0.25 }'), "surfaces.skin.htc.exponnt: 'exponnt' is no field here. Did you mean 'exponent'?"),
+        (BOX.replace('"5 [W/(m^2 K)]"', "true"), "main.toml:12, surfaces.skin.htc: a value is a text with its unit, '2.5 [W]', a number, or a table with value"),
+        (BOX.replace('"5 [W/(m^2 K)]"', "[1, 2]"), "main.toml:12, surfaces.skin.htc: a value is a text with its unit"),
+        (BOX.replace('"5 [W/(m^2 K)]"', "nan"), "main.toml:12, surfaces.skin.htc: nan is no value."),
+        (BOX + 'colour = "red"\n', "main.toml:13, surfaces.skin.colour: 'colour' is no field here."),
+        ('box = "purple"\n' + BOX, "main.toml:1, box: input should be 'white', 'light grey', 'dark grey' or 'black'."),
+        (BOX + '[conductors]\nc = { kind = "conducton", between = ["case", "air"] }\n', "main.toml:14, conductors.c.kind: 'conducton' is none of conduction, contact"),
+        (BOX + '[conductors]\nc = { kind = "conduction", between = ["case"] }\n', 'main.toml:14, conductors.c.between: names two ends: between = ["a", "b"].'),
+        (BOX + '[loads]\nq = { into = "case", power = "1 [W]", periodic = { period = "9 [s]", dty = 1 } }\n', "loads.q.periodic.dty: 'dty' is no field here. Did you mean 'duty'?"),
+    ],
+)
+def test_grammar(decks: Decks, text: str, message: str) -> None:
+    with pytest.raises(DeckError) as caught:
+        decks(main=text)
+    assert message in str(caught.value)
+    assert caught.value.where.startswith("main.toml")
+
+
+def test_every_fault_is_listed(decks: Decks) -> None:
+    text = BOX.replace("capacitance", "capacity").replace("htc =", "hct =").replace('title = "Box"\n', "tilte = 1\n")
+    with pytest.raises(DeckError) as caught:
+        decks(main=text)
+    shown = str(caught.value).splitlines()
+    assert sorted(line.strip().split(": ")[0] for line in shown) == [
+        "main.toml, title",
+        "main.toml:1, tilte",
+        "main.toml:12, surfaces.skin.hct",
+        "main.toml:6, nodes.case.capacity",
+    ]
+
+
+def test_a_title_with_a_colon_does_not_confuse_the_place() -> None:
+    with pytest.raises(DeckError) as caught:
+        model_from_dict({"title": "m: PrE", "nodes": {"a": {"x": 1}}})
+    assert caught.value.where == "m: PrE, nodes.a.x"
+
+
+def test_a_deck_without_file_or_title_has_a_place() -> None:
+    with pytest.raises(DeckError, match=r"deck, title: is missing\."):
+        model_from_dict({})
+
+
+def test_elements_point_at_their_line(decks: Decks) -> None:
+    with pytest.raises(ExpressionError, match=r"main\.toml:11, surfaces\.skin\.area: '0\.05 m\^2' cannot be read as arithmetic"):
+        decks(main=BOX.replace("0.05 [m^2]", "0.05 m^2"))
+    with pytest.raises(ThermidError, match=r"main\.toml:6, nodes\.case\.capacitance: '\[K/J\]' is a quantity in"):
+        flatten(decks(main=BOX.replace("[J/K]", "[K/J]")))
+
+
+def test_duplicate_names(decks: Decks) -> None:
+    with pytest.raises(DeckError, match=r"main\.toml: this is no TOML: .*line 8"):
+        decks(main=BOX.replace("[surfaces", 'case = { capacitance = "1 [J/K]" }\n[surfaces'))
+    with pytest.raises(DeckError, match=r"main\.toml:8, surfaces\.skin: 'skin' is already the name of one of parameters"):
+        decks(main=BOX + "[parameters]\nskin = 1\n")
+
+
+# files -------------------------------------------------------------------------------------------------------------------------------
+
+
+def test_missing_file_with_the_nearest_name(tmp_path: Path) -> None:
+    (tmp_path / "EleGFO.toml").write_text(BOX, encoding="utf-8")
+    with pytest.raises(DeckError, match=r"there is no file 'EleGOF\.toml' in .*/\. Did you mean 'EleGFO\.toml'\?"):
+        load_model(tmp_path / "EleGOF.toml")
+    with pytest.raises(DeckError, match="there is no file"):
+        load_model(tmp_path / "nowhere" / "x.toml")
+    with pytest.raises(DeckError, match="there is no file"):
+        load_model(tmp_path)
+
+
+def test_missing_part_with_the_nearest_name(decks: Decks) -> None:
+    with pytest.raises(DeckError, match=r"there is no file 'bux\.toml' in .*Did you mean 'box\.toml'\?"):
+        decks(main=using("bux.toml"), box=BOX)
+
+
+def test_not_toml(decks: Decks) -> None:
+    with pytest.raises(DeckError, match=r"main\.toml: this is no TOML: .*line 2"):
+        decks(main='title = "x"\nthis is prose\n')
+
+
+def test_not_utf8(tmp_path: Path) -> None:
+    (tmp_path / "x.toml").write_bytes('title = "caf\xe9"'.encode("latin-1"))
+    with pytest.raises(DeckError, match=r"x\.toml: the file is not UTF-8 text\."):
+        load_model(tmp_path / "x.toml")
+
+
+def test_byte_order_mark_is_fine(tmp_path: Path) -> None:
+    (tmp_path / "x.toml").write_text(BOX, encoding="utf-8-sig")
+    assert load_model(tmp_path / "x.toml").title == "Box"
+
+
+def test_huge_file(tmp_path: Path) -> None:
+    with (tmp_path / "x.toml").open("wb") as file:
+        file.truncate(5_000_000)
+    with pytest.raises(DeckError, match=r"x\.toml: the file has 5\.0 MB; a deck is a text of a few kilobytes\. Put tables of data into a log\."):
+        load_model(tmp_path / "x.toml")
+
+
+def test_a_deck_that_uses_itself(decks: Decks) -> None:
+    with pytest.raises(DeckError, match=r"main\.toml: the deck uses itself: main\.toml -> main\.toml\."):
+        decks(main=using("main.toml"))
+    with pytest.raises(DeckError, match=r"the deck uses itself: main\.toml -> other\.toml -> main\.toml\."):
+        decks(main=using("other.toml"), other=using("main.toml", "Other"))
+
+
+@pytest.mark.parametrize("name", ["../secret.toml", "a/../../secret.toml", "/etc/hosts", "//etc/hosts"])
+def test_a_part_outside_the_project(decks: Decks, tmp_path: Path, name: str) -> None:
+    (tmp_path.parent / "secret.toml").write_text(BOX, encoding="utf-8")
+    with pytest.raises(DeckError) as caught:
+        decks(main=using(name))
+    assert str(caught.value) == f"main.toml:4, submodels.part.use: '{name}' leaves the project (thermid.toml marks its root). Copy the file into the project."
+
+
+def test_a_symbolic_link_out_of_the_project(decks: Decks, tmp_path: Path) -> None:
+    outside = tmp_path.parent / "outside.toml"
+    outside.write_text(BOX, encoding="utf-8")
+    os.symlink(outside, tmp_path / "link.toml")
+    with pytest.raises(DeckError, match=r"'link\.toml' leaves the project"):
+        decks(main=using("link.toml"))
+
+
+def test_a_name_with_a_null_byte(decks: Decks) -> None:
+    with pytest.raises(DeckError, match="is no file name"):
+        decks(main=using("box\\u0000.toml"))
+
+
+def test_a_folder_below_the_root_may_use_what_lies_above_it(tmp_path: Path) -> None:
+    (tmp_path / "thermid.toml").write_text("", encoding="utf-8")
+    (tmp_path / "box.toml").write_text(BOX, encoding="utf-8")
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep/main.toml").write_text(using("../box.toml"), encoding="utf-8")
+    assert load_model(tmp_path / "deep/main.toml").submodel("part").title == "Box"
+    assert project_root(tmp_path / "deep") == tmp_path.resolve()
+
+
+def test_other_roots(tmp_path: Path) -> None:
+    (tmp_path / "project").mkdir()
+    (tmp_path / "data").mkdir()
+    (tmp_path / "project/thermid.toml").write_text("", encoding="utf-8")
+    found = resolve_inside(tmp_path / "project", "../data/log.csv", "here", (tmp_path / "data",))
+    assert found == (tmp_path / "data/log.csv").resolve()
+    with pytest.raises(DeckError, match="here: '../data/log.csv' leaves the project"):
+        resolve_inside(tmp_path / "project", "../data/log.csv", "here")
+
+
+@pytest.mark.parametrize(
+    "attack",
+    [
+        "__import__('os').system('touch pwned')",
+        "().__class__.__mro__",
+        "case.__class__",
+        "open('pwned', 'w')",
+        "exec(open('x').read())",
+        "(lambda: 1)()",
+        "1 [__import__('os').system('touch pwned')]",
+        "1 [9^9^9^9^9]",
+        "9**9**9**9",
+        "1e99999999",
+        "{case}",
+        "$(touch pwned)",
+        "`touch pwned`",
+    ],
+)
+def test_a_deck_runs_no_code(decks: Decks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attack: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ThermidError) as caught:
+        flatten(decks(main=BOX.replace("5 [W/(m^2 K)]", attack)))
+    assert caught.value.where.startswith("main.toml:12, surfaces.skin.htc")
+    assert not (tmp_path / "pwned").exists()
+
+
+def test_a_file_needs_a_deck_around_it() -> None:
+    with pytest.raises(DeckError, match=r"Main, submodels\.a\.use: a file can be used from a deck only; give a Model here\."):
+        model_from_dict({"title": "Main", "submodels": {"a": {"use": "box.toml"}}})
+
+
+def test_line_numbers() -> None:
+    text = '[a]\n# c = 1\n"x.y" = 1\nb.c = 2\n\n[[stages]]\nname = "s"\n[[stages]]\nname = "t"\n[d."e.f"]\ng = 1\n'
+    lines = line_numbers(text)
+    assert (lines["a"], lines["a.x.y"], lines["a.b.c"]) == (1, 3, 4)
+    assert (lines["stages.0.name"], lines["stages.1.name"], lines["d.e.f.g"]) == (7, 9, 11)
+    assert "a.c" not in lines

@@ -1,0 +1,180 @@
+"""What an element must and may hold; resistances, thicknesses, capacitances and areas that cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from thermid.errors import DeckError
+from thermid.model.areas import ledger
+from thermid.model.curves import curve, evaluate, slopes
+from thermid.model.kinds import KINDS, law_conductance
+from thermid.model.model import Model
+from thermid.network.network import compile_network
+
+Build = Callable[..., Model]
+
+
+def conductor(**fields: Any) -> dict[str, Any]:
+    return {"conductors/c": {"kind": "conduction", "between": ["case", "air"], **fields}}
+
+
+def conductance(model: Model, name: str = "c") -> float:
+    return next(float(row.coefficients[0]) for row in compile_network(model).numbers().conductors if row.name == name)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (conductor(), "Box, conductors.c: a conductor of kind 'conduction' needs conductivity and area and thickness, or conductance, or resistance. Given: nothing."),
+        (conductor(conductance="1 [W/K]", resistance="1 [K/W]"), "or resistance. Given: conductance, resistance."),
+        (conductor(conductance="1 [W/K]", htc="1 [W/(m^2 K)]"), "It has no htc."),
+        (conductor(conductance="1 [W/K]", between=["case", "case"]), "Box, conductors.c: both ends are the same node."),
+        (conductor(conductance="1 [W/K]", table={"points": [["0 [degC]", "1 [W/K]"], ["9 [degC]", "1 [W/K]"]]}), "a conductor of kind 'conduction' has no table of points."),
+        (conductor(kind="table"), "a conductor of kind 'table' needs table of points."),
+        (conductor(kind="table", table={"points": [["0 [degC]", "1 [W/K]"]]}), "a table needs at least two points, with increasing temperatures."),
+        (conductor(kind="table", table={"points": [["9 [degC]", "1 [W/K]"], ["0 [degC]", "1 [W/K]"]]}), "with increasing temperatures"),
+        ({"nodes/case": {"mass": "1 [kg]"}}, "Box, nodes.case: a node has mass and specific_heat, or capacitance, or nothing (a massless node)."),
+        ({"nodes/case/capacitance": "1 [J/K]"}, "a node has mass and specific_heat, or capacitance, or nothing"),
+        ({"surfaces/skin/effective_htc": "5 [W/(m^2 K)]"}, "Box, surfaces.skin: a surface has htc (convection alone) or effective_htc"),
+        ({"surfaces/skin/htc": None}, "Box, surfaces.skin: a surface exchanges nothing: give htc, effective_htc or emissivity."),
+        ({"loads/heat/power": None}, "Box, loads.heat: a load has power, or a table of power over temperature; one of them."),
+        ({"loads/heat/temperature_coefficient": "0.01 [1/K]"}, "temperature_coefficient needs reference_temperature: the temperature at which `power` holds."),
+        ({"loads/heat/scale": 2}, "scale belongs to a table of power; for a constant power change power itself."),
+        (
+            {"loads/heat": {"into": "case", "power": "1 [W]", "exponential_coefficient": "0.1 [1/K]", "quadratic_coefficient": "0.1 [1/K^2]", "reference_temperature": "300 [K]"}},
+            "exponential_coefficient and the polynomial coefficients exclude one another.",
+        ),
+        (
+            {"loads/heat": {"into": "case", "power": "1 [W]", "periodic": {"period": "9 [s]", "duty": 0.5}, "thermostat": {"on_below": "1 [degC]", "off_above": "2 [degC]"}}},
+            "periodic and thermostat cannot act on one load. Split it into two loads.",
+        ),
+    ],
+)
+def test_what_an_element_must_hold(part: Build, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(DeckError) as caught:
+        part(changes)
+    assert message in str(caught.value)
+
+
+def test_joint_of_one_surface(pair: Build) -> None:
+    with pytest.raises(DeckError, match=r"Pair, joints\.stack: a joint needs two surfaces; both ends are the same one"):
+        pair({"joints/stack/between": ["a.skin", "a.skin"]})
+    with pytest.raises(DeckError, match="a joint needs area and contact_conductance, or area, conductivity and thickness, of each half"):
+        pair({"joints/stack/thickness": "1 [mm]"})
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (conductor(resistance="0 [K/W]"), "Box, conductors.c: a zero resistance would make two nodes one. Merge them, or give a small resistance above zero."),
+        (conductor(conductivity="1 [W/(m K)]", area="1 [m^2]", thickness="0 [mm]"), "Box, conductors.c: a zero thickness is a zero resistance, which would make two nodes one."),
+        (conductor(conductance="-1 [W/K]"), "Box, conductors.c: 'c' would have a negative conductance; heat would flow uphill."),
+        (conductor(conductivity="1 [W/(m K)]", area="1 [m^2]", thickness="-1 [mm]"), "'c' would have a negative conductance"),
+        ({"surfaces/skin/htc": "-5 [W/(m^2 K)]"}, "Box, surfaces.skin: 'skin' would have a negative conductance"),
+        ({"nodes/case/mass": "0 [kg]"}, "Box, nodes.case: a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out."),
+        ({"nodes/case/mass": "-1 [kg]"}, "a node's capacitance must be above zero and finite"),
+        ({"nodes/case": {"capacitance": "inf [J/K]"}}, "a node's capacitance must be above zero and finite"),
+        (
+            {"loads/heat/thermostat": {"on_below": "30 [degC]", "off_above": "20 [degC]"}},
+            "Box, loads.heat: the thermostat switches on above the temperature where it switches off. Exchange on_below and off_above.",
+        ),
+    ],
+)
+def test_values_that_cannot_be(part: Build, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(DeckError) as caught:
+        compile_network(part(changes))
+    assert message in str(caught.value)
+
+
+def test_open_paths_are_fine(part: Build) -> None:
+    """An infinite resistance and a zero conductance carry no heat, in finite numbers."""
+    assert conductance(part(conductor(resistance="inf [K/W]"))) == 0.0
+    assert conductance(part(conductor(conductance="0 [W/K]"))) == 0.0
+    assert conductance(part(conductor(kind="convection", htc="0 [W/(m^2 K)]", area="1 [m^2]"))) == 0.0
+    assert conductance(part({"surfaces/skin/htc": "0 [W/(m^2 K)]"}), "skin") == 0.0
+
+
+@pytest.mark.parametrize(
+    ("fields", "result"),
+    [
+        ({"kind": "conduction", "conductivity": "130 [W/(m K)]", "area": "29.2 [cm^2]", "thickness": "5 [mm]"}, 130 * 0.00292 / 0.005),
+        ({"kind": "contact", "contact_conductance": "246 [W/(m^2 K)]", "area": "29.2 [cm^2]"}, 246 * 0.00292),
+        ({"kind": "convection", "htc": "6 [W/(m^2 K)]", "area": "0.1 [m^2]"}, 0.6),
+        ({"kind": "convection", "htc": {"coefficient": "1.4 [W/(m^2 K)]", "exponent": 0.25}, "area": "0.1 [m^2]"}, 0.14),
+        ({"kind": "effective", "effective_htc": "6 [W/(m^2 K)]", "area": "0.1 [m^2]"}, 0.6),
+        ({"kind": "radiation", "emissivity": 0.3, "area": "0.1 [m^2]"}, 0.3 * 5.670374419e-8 * 0.1),
+        ({"kind": "radiation", "exchange_factor": 0.2, "area": "0.1 [m^2]"}, 0.2 * 5.670374419e-8 * 0.1),
+        ({"kind": "flow", "mass_flow": "0.5 [g/s]", "specific_heat": "1006 [J/(kg K)]"}, 0.503),
+        ({"kind": "table", "scale": 3, "table": {"points": [["0 [degC]", "1 [W/K]"], ["50 [degC]", "2 [W/K]"]]}}, 3.0),
+    ],
+)
+def test_leading_coefficient_of_every_kind(part: Build, fields: dict[str, Any], result: float) -> None:
+    assert conductance(part(conductor(**fields))) == pytest.approx(result, rel=1e-14)
+
+
+def test_every_kind_is_tested_above() -> None:
+    tested = {m.args[1][k][0]["kind"] for m in test_leading_coefficient_of_every_kind.pytestmark for k in range(len(m.args[1]))}  # type: ignore[attr-defined]
+    assert tested == set(KINDS)
+
+
+def test_conductance_at_given_temperatures() -> None:
+    hot, cold = np.array([309.088]), np.array([297.15])
+    shape = curve("temperature", [(290.0, 1.0), (310.0, 2.0)])
+    assert law_conductance("linear", (2.0,), None, hot, cold).tolist() == [2.0]
+    assert law_conductance("power", (2.0, 0.25), None, hot, cold)[0] == pytest.approx(2.0 * 11.938**0.25, rel=1e-6)
+    # radiation at 309.088/297.15 K, emissivity 0.3: h = 1.896 W/(m^2 K) (acceptance sheet, B1)
+    assert law_conductance("radiation", (0.3 * 5.670374419e-8,), None, hot, cold)[0] == pytest.approx(1.896, abs=5e-4)
+    assert law_conductance("table", (3.0,), shape, hot, cold)[0] == pytest.approx(3.0 * evaluate(shape, np.array([303.119]))[0], rel=1e-14)
+    over = curve("difference", [(0.0, 1.0), (20.0, 2.0)])
+    assert law_conductance("table", (1.0,), over, hot, cold)[0] == pytest.approx(evaluate(over, np.array([11.938]))[0], rel=1e-14)
+
+
+def test_curves_are_monotone_and_constant_beyond_their_ends() -> None:
+    shape = curve("temperature", [(280.0, 1.0), (300.0, 2.0), (301.0, 5.0), (320.0, 5.0)])
+    fine = evaluate(shape, np.linspace(270.0, 330.0, 601))
+    assert (np.diff(fine) >= -1e-12).all()
+    assert (fine[0], fine[-1]) == (1.0, 5.0)
+    assert slopes(shape)[[0, -1]].tolist() == [0.0, 0.0]
+    assert evaluate(shape, shape.x).tolist() == shape.y.tolist()
+    assert shape == curve("temperature", [(280.0, 1.0), (300.0, 2.0), (301.0, 5.0), (320.0, 5.0)])
+    assert hash(shape) == hash(curve("temperature", [(280.0, 1.0), (300.0, 2.0), (301.0, 5.0), (320.0, 5.0)]))
+    assert shape != curve("difference", [(280.0, 1.0), (300.0, 2.0), (301.0, 5.0), (320.0, 5.0)])
+
+
+# areas -------------------------------------------------------------------------------------------------------------------------------
+
+
+def test_over_allocated_area_names_both_joints(pair: Build) -> None:
+    more = {"between": ["a.skin", "b.skin"], "area": "490 [cm^2]", "contact_conductance": "9 [W/(m^2 K)]"}
+    model = pair({"joints/more": more})
+    for ask in (ledger, compile_network):
+        with pytest.raises(DeckError) as caught:
+            ask(model)  # type: ignore[operator]
+        said = str(caught.value)
+        assert "the surface 'a.skin' has 500 cm^2, but 'stack' takes 20 cm^2 (contact) and 'more' takes 490 cm^2 (contact)." in said
+        assert "Make a joint smaller or the surface larger." in said
+
+
+def test_a_surface_may_be_used_up(pair: Build) -> None:
+    model = pair({"joints/stack/area": "500 [cm^2]"})
+    line = ledger(model)[0]
+    assert (line.surface, line.total, line.exposed, line.contact, line.gap) == ("a.skin", 0.05, 0.0, 0.05, 0.0)
+    assert conductance(model, "a.skin") == 0.0
+
+
+def test_gap_takes_area_from_both_faces(pair: Build) -> None:
+    model = pair({"joints/stack/gap": {"area": "100 [cm^2]", "htc": "4 [W/(m^2 K)]", "to": "room"}})
+    for line in ledger(model):
+        assert line.joints == {"stack": pytest.approx(0.012, rel=1e-15)}
+        assert line.exposed == pytest.approx(0.038, rel=1e-14)
+    assert conductance(model, "stack.gap") == pytest.approx(4 * 2 * 0.01, rel=1e-15)
+    assert conductance(model, "stack.first") == pytest.approx(200 * 0.002, rel=1e-15)
+
+
+def test_joint_of_two_slabs(pair: Build) -> None:
+    model = pair({"joints/stack/contact_conductance": None, "joints/stack/conductivity": "16 [W/(m K)]", "joints/stack/thickness": "4 [mm]"})
+    assert conductance(model, "stack.second") == pytest.approx(16 * 0.002 / 0.004, rel=1e-15)

@@ -1,0 +1,141 @@
+"""Names that do not exist, with the nearest one; names that are none, or stand for two things."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from thermid.errors import DeckError, NameNotFoundError
+from thermid.model.flat import flatten
+from thermid.model.model import Model
+
+Build = Callable[..., Model]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"conductors": {"c": {"kind": "conduction", "between": ["cas", "air"], "conductance": "1 [W/K]"}}}, "Box, conductors.c: no node 'cas'. Did you mean 'case'?"),
+        ({"loads/heat/into": "csae"}, "Box, loads.heat: no node 'csae'. Did you mean 'case'?"),
+        ({"surfaces/skin/to": "aire"}, "Box, surfaces.skin: no node 'aire'. Did you mean 'air'?"),
+        ({"loads/heat/power": "2*powr"}, "Box, loads.heat.power: no parameter 'powr'. Did you mean 'power'?"),
+        ({"parameters/area": "2*skin.htc_"}, "Box, parameters.area: no parameter 'skin.htc_'. Did you mean 'skin.htc'?"),
+        ({"set": {"skin.hct": "1 [W/(m^2 K)]"}}, "Box, set.skin.hct: no parameter 'skin.hct'. Did you mean 'skin.htc'?"),
+        ({"offers": ["cas"]}, "Box, offers: it offers 'cas', but has no such node or surface. Did you mean 'case'?"),
+        ({"aliases": {"Acc": "cse"}}, "Box, aliases.Acc: the alias 'Acc' stands for 'cse', which does not exist. Did you mean 'case'?"),
+        ({"joints": {"j": {"between": ["skin", "skn"], "area": "1 [cm^2]", "contact_conductance": "9 [W/(m^2 K)]"}}}, "no surface 'skn'. Did you mean 'skin'?"),
+    ],
+)
+def test_unknown_name_in_a_part(part: Build, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(NameNotFoundError) as caught:
+        flatten(part(changes))
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"set": {"a.skin.htcc": "1 [W/(m^2 K)]"}}, "Pair, set.a.skin.htcc: no parameter 'a.skin.htcc'. Did you mean 'a.skin.htc'?"),
+        ({"submodels/a/bind": {"air": "roum"}}, "Pair, submodels.a.bind.air: no node 'roum'. Did you mean 'room'?"),
+        ({"submodels/a/bind": {"air": "room", "aire": "room"}}, "Pair, submodels.a.bind: 'a' needs air, not 'aire'. Did you mean 'air'?"),
+        ({"joints/stack/between": ["a.skn", "b.skin"]}, "Pair, joints.stack: 'a' does not offer 'skn'. Did you mean 'skin'? It offers case, skin."),
+        ({"conductors": {"c": {"kind": "conduction", "between": ["a.cas", "room"], "conductance": "1 [W/K]"}}}, "Pair, conductors.c: no node 'a.cas'. Did you mean 'a.case'?"),
+        ({"joints/stack/gap": {"area": "1 [cm^2]", "htc": "4 [W/(m^2 K)]", "to": "rom"}}, "Pair, joints.stack: no node 'rom'. Did you mean 'room'?"),
+    ],
+)
+def test_unknown_name_in_a_pair(pair: Build, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(NameNotFoundError) as caught:
+        flatten(pair(changes))
+    assert message in str(caught.value)
+
+
+def test_need_not_bound(pair: Build) -> None:
+    with pytest.raises(DeckError, match=r"Pair, submodels\.a: port 'air' of 'a' is bound to nothing\. Give it a node: bind = \{ air = \"\.\.\.\" \}\."):
+        flatten(pair({"submodels/a/bind": {}}))
+
+
+def test_inner_node_that_is_not_offered(part: Build, pair: Build) -> None:
+    hidden = part({"nodes/inner": {"capacitance": "1 [J/K]"}})
+    with pytest.raises(NameNotFoundError, match=r"'a' does not offer 'inner'\. It offers case, skin\."):
+        flatten(
+            pair(
+                {
+                    "submodels/a/use": hidden,
+                    "conductors": {"c": {"kind": "conduction", "between": ["a.inner", "room"], "conductance": "1 [W/K]"}},
+                }
+            )
+        )
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"nodes/2x": {}}, "Box, nodes.2x: '2x' is no name: letters, digits and _ only, not starting with a digit."),
+        ({"nodes/b c": {}}, "'b c' is no name"),
+        ({"parameters/a.b": "1"}, "'a.b' is no name"),
+        ({"parameters/é": "1"}, "'é' is no name"),
+        ({"needs": ["air", "a b"]}, "Box, needs: 'a b' is no name"),
+        ({"parameters/lambda": "1"}, "Box, parameters.lambda: 'lambda' is a word that expressions cannot hold as a name. Choose another one."),
+        ({"parameters/inf": "1"}, "'inf' is a word that expressions cannot hold"),
+        ({"parameters/case": "1"}, "Box, nodes.case: 'case' is already the name of one of parameters. A model has one namespace."),
+        ({"loads/skin": {"into": "case", "power": "1 [W]"}}, "Box, loads.skin: 'skin' is already the name of one of surfaces. A model has one namespace."),
+        ({"needs": ["air", "case"]}, "Box, needs: 'case' is already the name of one of nodes. A model has one namespace."),
+        ({"needs": ["air", "air"]}, "Box, needs: 'air' is already the name of a need. A model has one namespace."),
+        ({"aliases": {"case": "skin"}}, "Box, aliases.case: 'case' is already the name of one of nodes; an alias would hide it."),
+        ({"aliases": {"x": "y.case", "y": "x"}}, "Box, aliases.x: the alias 'x' leads in a circle: x -> y -> x."),
+    ],
+)
+def test_names_that_are_refused(part: Build, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(DeckError) as caught:
+        part(changes)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("mid", ["room", "stack", "a.case", "a"])
+def test_mid_that_is_taken(pair: Build, mid: str) -> None:
+    with pytest.raises(DeckError, match="is already the name of|is no name"):
+        pair({"joints/stack/mid": mid})
+
+
+def test_two_joints_cannot_share_a_mid(pair: Build) -> None:
+    other = {"between": ["a.skin", "b.skin"], "area": "1 [cm^2]", "contact_conductance": "9 [W/(m^2 K)]", "mid": "mid"}
+    with pytest.raises(DeckError, match=r"Pair, joints\.more\.mid: 'mid' is already the name of the mid of a joint"):
+        pair({"joints/more": other})
+
+
+def test_aliases_reach_any_depth(pair: Build) -> None:
+    model = pair({"aliases": {"first": "a", "P_first": "first.case", "again": "P_first"}})
+    assert model.canonical("P_first") == "a.case"
+    assert model.canonical("again") == "a.case"
+    assert model.canonical("first.skin.htc") == "a.skin.htc"
+    assert model.canonical("nobody") == "nobody"
+    assert flatten(model).names.find("again") == "a.case"
+
+
+def test_alias_of_a_part_seen_from_above(part: Build, pair: Build) -> None:
+    named = part({"aliases": {"hull": "case"}})
+    assert pair({"submodels/a/use": named}).canonical("first.hull") == "a.case"
+
+
+def test_find_a_node_for_a_scenario(pair: Build) -> None:
+    names = flatten(pair()).names
+    assert names.find("first_case") == "a.case"
+    assert names.find("a.air") == "room"
+    assert names.find("mid") == "mid"
+    with pytest.raises(NameNotFoundError, match=r"Pair: no node 'a\.csae'\. Did you mean 'a\.case'\?"):
+        names.find("a.csae")
+
+
+def test_at(pair: Build) -> None:
+    model = pair()
+    assert model.at("first") is model.submodels["a"].model
+    assert model.at("a.case") is model.submodels["a"].model.nodes["case"]
+    assert model.at("stack.area").text == "20 [cm^2]"
+    assert model.at("a.power").maximum == 8.0
+    with pytest.raises(NameNotFoundError, match=r"Box: nothing at 'cas'\. Did you mean 'case'\?"):
+        model.at("a.cas")
+    with pytest.raises(NameNotFoundError, match=r"Pair: no submodel 'c'"):
+        model.submodel("c")
+    assert model.submodel("first").title == "Box"

@@ -1,0 +1,240 @@
+"""Deck -> Model -> deck keeps the meaning; with a pattern, comments and order too."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from thermid.errors import DeckError
+from thermid.model.flat import flatten
+from thermid.model.kinds import KINDS
+from thermid.model.model import Model
+from thermid.model.modelfile import load_model, model_from_dict, save_model, to_dict
+from thermid.network.network import compile_network
+
+Decks = Callable[..., Model]
+EXAMPLES = Path(__file__).parents[3] / "examples"
+
+BOX = """# A box.
+title = "Box"          # as its author calls it
+needs = ["air"]
+offers = ["case", "skin"]
+
+[parameters]
+scale = 2              # a plain number
+area = { value = "500 [cm^2]", min = 300, max = 700, source = "measured" }
+
+[nodes]
+case = { capacitance = "900 [J/K]" }
+
+[surfaces.skin]
+of = "case"
+to = "air"
+area = "area"
+htc = "5 [W/(m^2 K)]"
+emissivity = 0.3
+
+[loads]
+heat = { into = "case", table = { points = [["0 [degC]", "2 [W]"], ["50 [degC]", "1 [W]"]] }, scale = "scale" }
+"""
+
+SINK = """# Everything that a deck may hold.
+title = "Kitchen sink"
+box = "dark grey"
+use = "to be saved and read again"
+needs = ["air", "walls"]   # two boundaries
+offers = ["plate", "back", "one.case"]
+
+[parameters]
+low = { value = "20 [degC]", min = -10, max = 40.5, source = "datasheet", note = "set point", basis = "page 3" }
+thick = { value = "5 [mm]", min = 1, max = 12.7 }
+ratio = 0.25
+derived = { value = "2*ratio", min = 0.1, max = 1 }
+open = "inf [K/W]"
+
+[nodes]
+# the mass first
+plate = { mass = "0.3 [kg]", specific_heat = { value = "960 [J/(kg K)]", source = "assumed" }, reference_point = true }
+back = { capacitance = "120 [J/K]" }
+probe = { capacitance = "1 [J/K]", test_only = true }
+star = {}
+
+[surfaces.front]
+of = "plate"
+to = "air"
+area = "0.02 [m^2]"
+htc = { coefficient = "1.42 [W/(m^2 K)]", exponent = 0.25 }
+emissivity = { value = "85 [%]", min = 70, max = 95 }
+radiates_to = "walls"
+
+[surfaces.rear]
+of = "back"
+to = "air"
+area = "120 [cm^2]"
+effective_htc = { value = "6 [W/(m^2 K)]", min = 2, max = 15 }
+
+[conductors]
+slab = { kind = "conduction", between = ["plate", "star"], conductivity = "130 [W/(m K)]", area = "4 [cm^2]", thickness = "thick" }
+link = { kind = "conduction", between = ["star", "back"], conductance = "0.5 [W/K]" }
+cut = { kind = "conduction", between = ["plate", "back"], resistance = "open" }
+touch = { kind = "contact", between = ["plate", "probe"], contact_conductance = "250 [W/(m^2 K)]", area = "1 [cm^2]", test_only = true }
+still = { kind = "convection", between = ["back", "air"], htc = "2 [W/(m^2 K)]", area = "9 [cm^2]" }
+free = { kind = "convection", between = ["back", "air"], htc = { coefficient = "1.3 [W/(m^2 K)]", exponent = "ratio" }, area = "9 [cm^2]" }
+both = { kind = "effective", between = ["back", "air"], effective_htc = "5 [W/(m^2 K)]", area = "1 [cm^2]" }
+glow = { kind = "radiation", between = ["plate", "walls"], emissivity = 0.1, area = "5 [cm^2]" }
+pairs = { kind = "radiation", between = ["back", "walls"], exchange_factor = "derived", area = "5 [cm^2]" }
+stream = { kind = "flow", between = ["air", "back"], mass_flow = "0.01 [g/s]", specific_heat = "1006 [J/(kg K)]" }
+valve = { kind = "table", between = ["plate", "back"], scale = 2, table = { points = [["-20 [degC]", "0.1 [W/K]"], ["33.3 [degC]", "0.3 [W/K]"]] } }
+steep = { kind = "table", between = ["plate", "air"], table = { over = "difference", points = [["-5 [K]", "1 [mW/K]"], ["0.1 [K]", "2 [mW/K]"]] } }
+
+[joints.weld]
+between = ["front", "one.skin"]
+area = "3 [cm^2]"
+contact_conductance = { value = "246 [W/(m^2 K)]", min = 50, max = 1000 }
+gap = { area = { value = "4 [cm^2]", note = "each face" }, htc = "4 [W/(m^2 K)]", to = "air" }
+mid = "seam"
+
+[joints.glue]
+between = ["rear", "two.skin"]
+area = "2 [cm^2]"
+conductivity = "0.2 [W/(m K)]"
+thickness = "0.1 [mm]"
+
+[loads]
+steady = { into = "plate", power = { value = "2 [W]", min = 1, max = 3 } }
+bend = { into = "plate", power = "1 [W]", temperature_coefficient = "0.4 [%/K]", quadratic_coefficient = "0 [1/K^2]", reference_temperature = "low" }
+runaway = { into = "plate", power = "1 [mW]", exponential_coefficient = "0.05 [1/K]", reference_temperature = "25 [degC]", command_curve = 0.1 }
+curve = { into = "back", scale = 1.5, table = { points = [["0 [degC]", "1 [W]"], ["60 [degC]", "0.5 [W]"]] } }
+pulse = { into = "back", power = "1 [W]", periodic = { period = "10 [min]", duty = "30 [%]" } }
+wave = { into = "back", power = "1 [W]", sine = { amplitude = "0.5 [W]", period = "1 [h]" } }
+stat = { into = "back", power = "5 [W]", thermostat = { sensor = "plate", on_below = "low", off_above = "25 [degC]" } }
+prop = { into = "back", power = "5 [W]", proportional = { gain = "0.5 [W/K]", setpoint = "low" } }
+
+[submodels]
+one = { use = "Box.toml", bind = { air = "air" } }
+two = { use = "Box.toml", bind = { air = "air" } }
+
+[set]
+"two.area" = { value = "510 [cm^2]", source = "assumed" }   # the second one is larger
+"one.skin.htc" = "4.5 [W/(m^2 K)]"
+
+[aliases]
+first = "one"
+"""
+
+
+def numbers(model: Model) -> Any:
+    found = compile_network(model).numbers()
+    return found.capacitances, [(r.name, r.form, r.ends, r.coefficients, r.curve) for r in (*found.conductors,)], [
+        (r.name, r.form, r.node, r.sensor, r.coefficients, r.curve, r.signal) for r in found.loads
+    ]
+
+
+@pytest.fixture
+def sink(decks: Decks) -> Model:
+    return decks(main=SINK, Box=BOX)
+
+
+def test_the_sink_holds_every_kind(sink: Model) -> None:
+    assert {c.kind for c in sink.conductors.values()} == set(KINDS)
+    forms = {r.form for r in compile_network(sink).numbers().loads}
+    assert forms == {"signal", "polynomial", "exponential", "table", "thermostat", "proportional"}
+
+
+def test_round_trip_of_everything(sink: Model, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    save_model(sink, tmp_path / "out/sink.toml")
+    again = load_model(tmp_path / "out/sink.toml")
+    assert again == sink
+    assert again.identity() == sink.identity()
+    assert numbers(again) == numbers(sink)
+    save_model(again, tmp_path / "out/twice.toml")
+    assert (tmp_path / "out/twice.toml").read_text() == (tmp_path / "out/sink.toml").read_text()
+
+
+def test_the_twin_in_python(tmp_path: Path) -> None:
+    box = model_from_dict(tomllib.loads(BOX))
+    assert model_from_dict(to_dict(box)) == box
+    data = tomllib.loads(SINK)
+    for entry in data["submodels"].values():
+        entry["use"] = box
+    twin = model_from_dict(data)
+    save_model(twin, tmp_path / "twin.toml")
+    assert load_model(tmp_path / "twin.toml") == twin
+
+
+@pytest.mark.parametrize("deck", sorted(EXAMPLES.glob("0[12]_*/*.toml")), ids=lambda p: p.stem)
+def test_round_trip_of_the_examples(deck: Path, tmp_path: Path) -> None:
+    model = load_model(deck)
+    save_model(model, tmp_path / deck.name)
+    assert load_model(tmp_path / deck.name) == model
+    save_model(model, tmp_path / deck.name, like=deck)
+    assert (tmp_path / deck.name).read_text(encoding="utf-8") == deck.read_text(encoding="utf-8")
+
+
+def test_like_keeps_the_text_where_nothing_changed(sink: Model, tmp_path: Path) -> None:
+    save_model(sink, tmp_path / "same.toml", like=tmp_path / "main.toml")
+    assert (tmp_path / "same.toml").read_text(encoding="utf-8") == SINK
+    assert load_model(tmp_path / "same.toml") == sink
+
+
+def test_like_changes_what_differs_and_keeps_the_rest(sink: Model, tmp_path: Path) -> None:
+    warm = sink.with_values({"steady.power": "2.5 [W]", "first.skin.htc": "4.75 [W/(m^2 K)]", "thick": "6 [mm]"}, origin="stage")
+    save_model(warm, tmp_path / "warm.toml", like=tmp_path / "main.toml")
+    text = (tmp_path / "warm.toml").read_text(encoding="utf-8")
+    for comment in ("# Everything that a deck may hold.", "# two boundaries", "# the mass first", "# the second one is larger"):
+        assert comment in text
+    heads = ["[parameters]", "[nodes]", "[conductors]", "[joints.weld]", "[loads]", "[set]", "[aliases]"]
+    assert [text.index(h) for h in heads] == sorted(text.index(h) for h in heads)
+    again = load_model(tmp_path / "warm.toml")
+    assert numbers(again) == numbers(warm)
+    assert again.layers == ()
+    assert again.loads["steady"].fields["power"].maximum == 3.0
+
+
+def test_layers_become_values_with_their_bounds(sink: Model, tmp_path: Path) -> None:
+    """Bounds are numbers in the value's own unit: a value in another unit must take them along."""
+    warm = sink.with_values({"thick": "0.6 [cm]", "one.area": "0.06 [m^2]", "weld.gap.htc": "3 [W/(m^2 K)]", "front.htc.exponent": 0.3})
+    (tmp_path / "out").mkdir()
+    save_model(warm, tmp_path / "out/warm.toml")
+    again = load_model(tmp_path / "out/warm.toml")
+    assert numbers(again) == numbers(warm)
+    thick = again.parameters["thick"]
+    assert (thick.text, thick.minimum, thick.maximum) == ("0.6 [cm]", 0.001, 0.0127)
+    assert flatten(again).parameters.table["one.area"].parameter.maximum == pytest.approx(0.07)
+
+
+def test_like_drops_what_is_gone_and_adds_what_is_new(sink: Model, tmp_path: Path) -> None:
+    flight = sink.without_test_only()
+    save_model(flight, tmp_path / "flight.toml", like=tmp_path / "main.toml")
+    text = (tmp_path / "flight.toml").read_text(encoding="utf-8")
+    assert "probe" not in text
+    assert "# the mass first" in text
+    assert load_model(tmp_path / "flight.toml") == flight
+    save_model(sink, tmp_path / "back.toml", like=tmp_path / "flight.toml")
+    assert load_model(tmp_path / "back.toml") == sink
+
+
+def test_like_a_deck_without_tables(sink: Model, tmp_path: Path) -> None:
+    (tmp_path / "bare.toml").write_text('# nothing yet\ntitle = "Kitchen sink"\n', encoding="utf-8")
+    save_model(sink, tmp_path / "full.toml", like=tmp_path / "bare.toml")
+    assert (tmp_path / "full.toml").read_text(encoding="utf-8").startswith("# nothing yet\n")
+    assert load_model(tmp_path / "full.toml") == sink
+
+
+def test_two_parts_of_one_title_that_differ(sink: Model, tmp_path: Path) -> None:
+    other = sink.submodels["two"].model.with_values({"area": "0.055 [m^2]"})
+    with pytest.raises(DeckError, match=r"two different submodels would be written to 'Box\.toml'\. Give them different titles\."):
+        save_model(sink.replace("two", other), tmp_path / "out.toml")
+
+
+def test_identity_is_of_the_meaning(sink: Model, decks: Decks) -> None:
+    reordered = decks(other=SINK.replace("# two boundaries", "").replace('ratio = 0.25\n', "").replace("[parameters]\n", "[parameters]\nratio = 0.25\n"), Box=BOX)
+    assert reordered.identity() == sink.identity()
+    assert sink.with_values({"ratio": 0.3}).identity() != sink.identity()
+    assert decks(third=SINK.replace("0.02 [m^2]", "0.021 [m^2]"), Box=BOX).identity() != sink.identity()
+    assert decks(fourth=SINK, Box=BOX.replace("900", "901")).identity() != sink.identity()

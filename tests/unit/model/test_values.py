@@ -1,0 +1,251 @@
+"""Values: units at the place where they were written, bounds, circles, precedence, layers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from thermid.dual import Dual
+from thermid.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, UnitError
+from thermid.model.flat import flatten
+from thermid.model.model import Model
+from thermid.model.parameter import parameter
+from thermid.model.resolve import ParameterSet
+
+Build = Callable[..., Model]
+
+
+def value(model: Model, path: str) -> float:
+    return float(flatten(model).parameters.evaluate({})[path])
+
+
+# units -------------------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"parameters/area": "0.05 [m]"}, "Box, parameters.area: '[m]' is a length; an area [m^2] is needed here."),
+        ({"nodes/case/mass": "1 [s]"}, "Box, nodes.case.mass: '[s]' is a time; a mass [kg] is needed here."),
+        ({"surfaces/skin/htc": "5 [W/K]"}, "Box, surfaces.skin.htc: '[W/K]' is a conductance; a heat transfer coefficient [W/(m^2 K)] is needed here."),
+        ({"surfaces/skin/emissivity": "0.3 [m]"}, "Box, surfaces.skin.emissivity: '[m]' is a length; a plain number [1] is needed here."),
+        ({"loads/heat/power": "power*area"}, "Box, loads.heat.power: this is a quantity in"),
+        ({"loads/heat/power": "10 [degC]"}, "Box, loads.heat.power: '[degC]' is a temperature; a power [W] is needed here."),
+        ({"loads/heat": {"into": "case", "power": "1 [W]", "thermostat": {"on_below": "5 [W]", "off_above": "6 [degC]"}}}, "loads.heat.thermostat.on_below: '[W]' is a power; a temperature [degC] or [K] is needed here."),
+        ({"parameters/rate": "10 [degC/min]"}, "Box, parameters.rate: '[degC/min]' multiplies or divides the scale degC, which has an offset. Write K"),
+        ({"parameters/area": "0.05 [m^2] + 1 [m^2]"}, "Box, parameters.area: '0.05 [m^2] + 1 [m^2]': a unit stands in brackets once, at the end"),
+        ({"parameters/area": "power + 0.05"}, "Box, parameters.area: 'power + 0.05': 'power + 0.05' adds a power and a plain number."),
+        ({"parameters/area": "-0.05 [m^2]"}, "Box, parameters.area: an area cannot be negative."),
+    ],
+)
+def test_wrong_dimension_where_it_was_written(part: Build, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ThermidError) as caught:
+        flatten(part(changes))
+    assert message in str(caught.value)
+
+
+def test_wrong_dimension_in_set_is_shown_there(pair: Build) -> None:
+    with pytest.raises(UnitError, match=r"Pair, set\.a\.area: '\[m\]' is a length; an area \[m\^2\] is needed here\."):
+        flatten(pair({"set": {"a.area": "1 [m]"}}))
+
+
+def test_wrong_dimension_laid_over_is_shown_with_its_origin(part: Build) -> None:
+    with pytest.raises(UnitError, match=r"stage one, area: '\[m\]' is a length"):
+        flatten(part().with_values({"area": "1 [m]"}, origin="stage one"))
+
+
+def test_temperature_in_a_slot_of_differences(part: Build) -> None:
+    """No field of a deck is a difference; a sine of a signal is."""
+    from thermid.model.signal import signal
+
+    with pytest.raises(UnitError, match=r"'\[degC\]' is a temperature on the scale; a difference is needed here\. Write it in \[K\]\."):
+        signal({"mean": "24 [degC]", "amplitude": "3 [degC]", "period": "24 [h]"}, "temperature")
+    with pytest.raises(UnitError, match="a difference is needed here"):
+        part({"conductors": {"c": {"kind": "table", "between": ["case", "air"], "table": {"over": "difference", "points": [["1 [degC]", "1 [W/K]"], ["2 [K]", "1 [W/K]"]]}}}})
+
+
+def test_millimetres_and_metres_are_the_same_values(part: Build) -> None:
+    one = part({"parameters/area": "500 [cm^2]", "nodes/case/mass": "1500 [g]"})
+    assert flatten(one).parameters.evaluate({}) == flatten(part()).parameters.evaluate({})
+
+
+# bounds ------------------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "kind", "message"),
+    [
+        ({"value": "3 [W]", "min": 5, "max": 2}, DeckError, "its minimum 5 is above its maximum 2. Bounds are never swapped silently."),
+        ({"value": "3 [W]", "min": "5 [m]"}, UnitError, "the bound '5 [m]' is a length; the value is a power."),
+        ({"value": "3 [W]", "max": "p"}, DeckError, "the bound 'p' must be a number with a unit."),
+        ({"value": "3 [W]", "max": float("nan")}, DeckError, "nan is no value."),
+        ({"value": "3 [W]", "source": "guess"}, DeckError, "source 'guess' is none of published, datasheet, derived, assumed, measured."),
+        ({"value": "3 [W]", "mni": 2}, DeckError, "a parameter has value, min, max, source, note and basis, not mni."),
+        ({"min": 2}, DeckError, "not a table without value."),
+        (True, DeckError, "True is no value. Write a text with a unit, '2.5 [W]', or a number."),
+        (float("nan"), DeckError, "nan is no value."),
+        (None, DeckError, "None is no value."),
+    ],
+)
+def test_bad_parameter(given: Any, kind: type[ThermidError], message: str) -> None:
+    with pytest.raises(kind) as caught:
+        parameter(given, "here")
+    assert str(caught.value) == f"here: {message}" or message in str(caught.value)
+    assert caught.value.where == "here"
+
+
+def test_bounds_are_in_the_values_own_unit() -> None:
+    given = parameter({"value": "20 [degC]", "min": -10, "max": "323.15 [K]"})
+    assert (given.minimum, given.maximum) == (263.15, 323.15)
+    assert parameter({"value": "1 [kW]", "max": float("inf")}).maximum == float("inf")
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    assert parameter(np.float64(0.3)).expression.literal.value == 0.3  # type: ignore[union-attr]
+    assert parameter(np.int64(3)).expression.literal.value == 3.0  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("power", "message"),
+    [
+        ({"value": "0.5 [W]", "min": 1.0}, "Box, parameters.power: 0.5 lies below its minimum 1 [W]. Values are never moved into bounds silently."),
+        ({"value": "9000 [mW]", "max": 8000}, "Box, parameters.power: 9000 lies above its maximum 8000 [mW]."),
+        ({"value": "area*100*a", "max": 2.0}, "Box, parameters.power: 5 lies above its maximum 2 [1]."),
+    ],
+)
+def test_value_outside_its_bounds(part: Build, power: dict[str, Any], message: str) -> None:
+    with pytest.raises(DeckError) as caught:
+        flatten(part({"parameters/power": power, "parameters/a": "1 [W/m^2]"}))
+    assert message in str(caught.value)
+
+
+def test_bounds_hold_for_values_from_above(part: Build, pair: Build) -> None:
+    with pytest.raises(DeckError, match=r"caller, power: 9 lies above its maximum 8 \[W\]"):
+        flatten(part().with_values({"power": "9 [W]"}))
+    with pytest.raises(DeckError, match=r"Pair, set\.a\.power: 9000 lies above its maximum 8000 \[mW\]"):
+        flatten(pair({"set": {"a.power": "9000 [mW]"}}))
+    wider = pair({"set": {"a.power": {"value": "9 [W]", "max": 10}}})
+    assert value(wider, "a.power") == 9.0
+
+
+# expressions -------------------------------------------------------------------------------------------------------------------------
+
+
+def test_circle_is_printed(part: Build) -> None:
+    with pytest.raises(ExpressionError, match=r"Box, parameters\.area: 'area' needs itself: area -> exposed -> total -> area\."):
+        flatten(part({"parameters/area": "2*exposed", "parameters/exposed": "total", "parameters/total": "area/3"}))
+
+
+def test_circle_of_one(part: Build) -> None:
+    with pytest.raises(ExpressionError, match="'area' needs itself: area -> area"):
+        flatten(part({"parameters/area": "area"}))
+
+
+def test_circle_through_set(pair: Build) -> None:
+    with pytest.raises(ExpressionError, match=r"'a\.area' needs itself: a\.area -> b\.area -> a\.area"):
+        flatten(pair({"set": {"a.area": "b.area", "b.area": "a.area"}}))
+
+
+def test_no_finite_value(part: Build) -> None:
+    with pytest.raises(ExpressionError, match=r"Box, parameters\.area: '1/zero' has no finite value"):
+        flatten(part({"parameters/area": "1/zero", "parameters/zero": "0 [1/m^2]"}))
+    with pytest.raises(ExpressionError, match="'x\\*\\*0.5' has no finite value: a negative number has no real root"):
+        flatten(part({"parameters/r": "x**0.5", "parameters/x": "0 - 2"}))
+
+
+def test_names_resolve_where_they_are_written(pair: Build) -> None:
+    """`area` in a part's deck is the part's own; in [set] a path starts at the setting deck."""
+    model = pair({"parameters": {"area": "1 [m^2]"}, "set": {"a.area": "area/10"}})
+    assert value(model, "a.skin.area") == 0.1
+    assert value(model, "b.skin.area") == 0.05
+
+
+# precedence --------------------------------------------------------------------------------------------------------------------------
+
+
+def test_precedence_step_by_step(part: Build, pair: Build) -> None:
+    """A part's deck < values over the part < the user's [set] < values over the user; the rest is listed as shadowed."""
+    box = part()
+    assert value(box, "power") == 4.0
+    fitted = box.with_values({"power": "5 [W]"}, origin="stage Box")
+    assert value(fitted, "power") == 5.0
+    above = pair({"submodels/a/use": fitted})
+    assert value(above, "a.power") == 5.0
+    setting = pair({"submodels/a/use": fitted, "set": {"a.power": "6 [W]"}})
+    assert value(setting, "a.power") == 6.0
+    last = setting.with_values({"a.power": "7 [W]"}, origin="command line").with_values({"first.power": "7.5 [W]"}, origin="again")
+    assert value(last, "a.power") == 7.5
+    assert value(last, "a.heat.power") == 7.5
+    entry = ParameterSet(last).table["a.power"]
+    assert entry.origin == "again"
+    assert entry.shadowed == (("Box", "4 [W]"), ("stage Box", "5 [W]"), ("[set] of Pair", "6 [W]"), ("command line", "7 [W]"))
+    assert (entry.parameter.minimum, entry.parameter.maximum) == (1.0, 8.0)
+    assert value(last, "b.power") == 4.0
+
+
+def test_outermost_deck_wins(pair: Build) -> None:
+    from thermid.model.modelfile import model_from_dict
+
+    inner = pair({"set": {"a.power": "6 [W]"}})
+    outer = model_from_dict({"title": "Whole", "needs": ["room"], "submodels": {"p": {"use": inner, "bind": {"room": "room"}}}, "set": {"p.first.power": "2 [W]"}})
+    assert value(outer, "p.a.power") == 2.0
+
+
+def test_values_over_a_model_change_nothing_else(part: Build) -> None:
+    box = part()
+    warm = box.with_values({"power": "5 [W]"})
+    assert value(box, "power") == 4.0
+    assert box.layers == ()
+    assert box.with_values({}) is box
+    assert warm.with_values({"area": "0.06 [m^2]"}).layers[0] == warm.layers[0]
+
+
+def test_value_laid_over_may_be_derived(part: Build) -> None:
+    assert value(part().with_values({"skin.area": "area/2"}), "skin.area") == 0.025
+
+
+def test_fitted_values_come_in(part: Build) -> None:
+    class Fitted:
+        def as_parameter(self) -> Any:
+            return parameter({"value": "5.5 [W]", "source": "measured"})
+
+    warm = part().with_values({"power": Fitted()})
+    found = ParameterSet(warm).table["power"].parameter
+    assert (found.text, found.source, found.maximum) == ("5.5 [W]", "measured", 8.0)
+
+
+def test_unknown_value(part: Build) -> None:
+    with pytest.raises(NameNotFoundError, match=r"Box: no parameter 'powr'\. Did you mean 'power'\?"):
+        part().with_values({"powr": "1 [W]"})
+
+
+# the parameter set -------------------------------------------------------------------------------------------------------------------
+
+
+def test_overrides_and_what_lies_downstream(part: Build) -> None:
+    values = ParameterSet(part({"parameters/half": "area/2", "surfaces/skin/area": "half"}))
+    assert set(values.downstream(["area"])) == {"area", "half", "skin.area"}
+    everything = values.evaluate({})
+    some = values.evaluate({"area": 1.0}, values.downstream(["area"]), everything)
+    assert some["skin.area"] == 0.5
+    assert some["power"] == 4.0
+    dual = values.evaluate({"area": Dual(1.0, np.array([1.0]))})["skin.area"]
+    assert (dual.value, dual.gradient[0]) == (0.5, 0.5)
+
+
+def test_what_may_be_freed(part: Build) -> None:
+    model = part({"parameters/half": "area/2", "surfaces/skin/area": "half"})
+    values = ParameterSet(model)
+    assert values.freeable("heat.power", model.canonical) == "power"
+    with pytest.raises(DeckError, match=r"'skin\.area' is derived: area/2\. Free one of area instead\."):
+        values.freeable("skin.area", model.canonical)
+    with pytest.raises(NameNotFoundError, match="no parameter 'aera'. Did you mean 'area'?"):
+        values.freeable("aera", model.canonical)
+
+
+def test_interfaces_are_own_literals_and_settings(pair: Build) -> None:
+    model = pair({"set": {"a.skin.htc": "4 [W/(m^2 K)]", "b.area": "a.area"}, "parameters": {"k": "1", "derived": "2*k"}})
+    assert model.interfaces() == ("k", "stack.area", "stack.contact_conductance", "a.skin.htc")

@@ -1,0 +1,216 @@
+"""Arithmetic over names: exact, dimensioned, and nothing but arithmetic."""
+
+from __future__ import annotations
+
+import ast
+import operator
+import sys
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from thermid.dual import Dual
+from thermid.errors import ExpressionError, UnitError
+from thermid.expression import parse
+from thermid.units import unit
+
+NUMBERS = st.one_of(
+    st.integers(0, 999).map(str),
+    st.decimals(min_value="0", max_value="99", places=3, allow_nan=False, allow_infinity=False).map(lambda d: f"{d:f}"),
+    st.sampled_from(["1e3", "2.5e-4", "1_000", ".5", "3."]),
+)
+
+
+def sums(leaves: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    return st.recursive(
+        leaves,
+        lambda inner: st.one_of(
+            st.tuples(inner, st.sampled_from(["+", "-", "*", "/"]), inner).map(lambda t: f"({t[0]} {t[1]} {t[2]})"),
+            inner.map(lambda e: f"-{e}"),
+            st.tuples(inner, st.integers(0, 3)).map(lambda t: f"({t[0]})**{t[1]}"),
+        ),
+        max_leaves=8,
+    )
+
+
+def exact(node: ast.expr, source: str) -> Fraction:
+    """Compute with fractions, by another way than the library: decimal texts, one operator at a time."""
+    if isinstance(node, ast.Constant):
+        return Fraction(str(ast.get_source_segment(source, node)).replace("_", ""))
+    if isinstance(node, ast.UnaryOp):
+        return -exact(node.operand, source)
+    assert isinstance(node, ast.BinOp)
+    table: dict[type, Callable[[Any, Any], Any]] = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
+    left, right = exact(node.left, source), exact(node.right, source)
+    return left ** int(right) if isinstance(node.op, ast.Pow) else table[type(node.op)](left, right)
+
+
+@given(sums(NUMBERS))
+def test_pure_numbers_are_exact(text: str) -> None:
+    """Fractions, rounded once; a division by zero is refused in words."""
+    try:
+        wanted = float(exact(ast.parse(text, mode="eval").body, text))
+    except ZeroDivisionError:
+        with pytest.raises(ExpressionError, match="has no finite value"):
+            parse(text)
+        return
+    literal = parse(text).literal
+    assert literal is not None
+    assert literal.value == wanted
+
+
+@given(sums(st.sampled_from(["x", "y", "part.area", "2.5"])), st.floats(0.5, 3.0), st.floats(0.5, 3.0))
+def test_names_against_pythons_own_arithmetic(text: str, x: float, y: float) -> None:
+    values = {"x": x, "y": y, "part.area": 1.25}
+    spelled = text.replace("part.area", "1.25")
+    expression = parse(text)
+    try:
+        wanted = eval(spelled, {"__builtins__": {}}, {"x": x, "y": y})  # the reference; the library itself never evaluates text
+    except (ZeroDivisionError, OverflowError) as error:
+        if expression.literal is None:
+            with pytest.raises(type(error)):
+                expression.evaluate(values.__getitem__)
+        return
+    if expression.literal is None:
+        assert expression.evaluate(values.__getitem__) == wanted
+
+
+def test_values_of_the_document() -> None:
+    assert parse("1*(15*0.015) [W]").literal.value == 0.225  # type: ignore[union-attr]
+    assert parse("0.001406 + 1.08*0.002592 [m^2]").literal.value == 0.00420536  # type: ignore[union-attr]
+    assert parse("  2.5 [W] ").literal.value == 2.5  # type: ignore[union-attr]
+    assert parse("0x1F").literal.value == 31.0  # type: ignore[union-attr]
+    assert parse("inf [K/W]").literal.value == float("inf")  # type: ignore[union-attr]
+
+
+def test_names_in_order_once() -> None:
+    assert parse("(1 - x)*skin.area + x*b").names == ("x", "skin.area", "b")
+
+
+def test_arrays_and_duals_go_through() -> None:
+    expression = parse("area*htc**2/2")
+    found = expression.evaluate({"area": Dual(3.0, np.array([1.0])), "htc": 2.0}.__getitem__)
+    assert (found.value, found.gradient[0]) == (6.0, 2.0)
+    assert expression.evaluate({"area": np.array([1.0, 2.0]), "htc": 2.0}.__getitem__).tolist() == [2.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "of", "result"),
+    [("a*h", {"a": "m^2", "h": "W/(m^2 K)"}, "W/K"), (" a**2 ", {"a": "m"}, "m^2"), ("v**(1/3)", {"v": "m^3"}, "m"), ("-a + b*c", {"a": "m", "b": "m", "c": "1"}, "m"), ("2**n", {"n": "1"}, "1")],
+)
+def test_dimension_by_algebra(text: str, of: dict[str, str], result: str) -> None:
+    assert parse(text).dimension(lambda name: unit(of[name]).dimension) == unit(result).dimension
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a + b", r"'a \+ b' adds a length and a power\."),
+        ("2*(a - 1)", r"'a - 1' adds a length and a plain number\."),
+        ("2**a", "an exponent must be a plain number"),
+        ("a**n", "can be raised to a constant power only"),
+    ],
+)
+def test_dimensions_that_do_not_fit(text: str, message: str) -> None:
+    of = {"a": unit("m").dimension, "b": unit("W").dimension, "n": unit("1").dimension}
+    with pytest.raises(ExpressionError, match=message):
+        parse(text).dimension(of.__getitem__)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('true')",
+        "().__class__.__base__.__subclasses__()",
+        "x.__class__",
+        "x.__init__.__globals__",
+        "open('f')",
+        "exec('1')",
+        "(lambda: 1)()",
+        "x if y else 1",
+        "f'{x}'",
+        "'text'",
+        "x and y",
+        "not x",
+        "~x",
+        "x // 2",
+        "x % 2",
+        "x @ y",
+        "1 < 2",
+        "1j",
+        "True",
+        "...",
+        "x, y",
+        "{}",
+        "*x",
+    ],
+)
+def test_runs_no_code(text: str) -> None:
+    with pytest.raises(ExpressionError, match=r"it runs no code\.$|cannot be read as arithmetic"):
+        parse(text)
+
+
+@pytest.mark.parametrize("text", ["x := 3", "import os", "x; y", "", "   ", "[W]", "5W", "2 W", "in", "x\0", "(" * 300, "2 +", "def f(): 1"])
+def test_unreadable(text: str) -> None:
+    with pytest.raises(ExpressionError, match="cannot be read as arithmetic. Write a number with its unit"):
+        parse(text)
+
+
+@pytest.mark.parametrize("text", ["9**9**9**9", "2**65", "1e999999999", "1e-999999999", "1/0", "0**-1", "(-1)**0.5 [m]", "1e308*1e308", "2*1e401 [W]"])
+def test_no_finite_value(text: str) -> None:
+    """Refused at once: nothing here may take long or fill the memory."""
+    with pytest.raises(ExpressionError, match="has no finite value"):
+        parse(text)
+
+
+def test_roots_of_pure_numbers() -> None:
+    assert parse("4**0.5").literal.value == 2.0  # type: ignore[union-attr]
+    assert parse("2**(1/3) [m]").literal.value == pytest.approx(2 ** (1 / 3), rel=1e-15)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("2*area [m^2]", "a unit in brackets follows pure numbers only; names bring their own units. Leave the brackets out."),
+        ("2 [m] [m]", r"'2 \[m\] \[m\]': a unit stands in brackets once, at the end: '\(0\.5 \+ 1\) \[m\]'\."),
+        ("2 [m] + 1 [m]", "a unit stands in brackets once, at the end"),
+        ("[y for y in x] + 1", "a unit stands in brackets once, at the end"),
+        ("x[0] + 1", "a unit stands in brackets once, at the end"),
+        ("2 [W", "a unit stands in brackets once, at the end"),
+        ("1" + "+1" * 500, "is nested too deeply"),
+        ("-" * 1500 + "1", "is nested too deeply|cannot be read"),
+        ("1" * 2001, "the expression has 2001 characters; at most 2000 are read"),
+    ],
+)
+def test_other_refusals(text: str, message: str) -> None:
+    with pytest.raises(ExpressionError, match=message):
+        parse(text)
+
+
+def test_messages_stay_short() -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse("f(" + "x" * 1500 + ")")
+    assert len(str(caught.value)) < 400
+
+
+def test_unknown_unit_of_a_number() -> None:
+    with pytest.raises(UnitError, match=r"'\[Wat\]' is no unit"):
+        parse("2 [Wat]")
+
+
+def test_root_of_a_negative_value() -> None:
+    with pytest.raises(ArithmeticError, match="no real root"):
+        parse("x**0.5").evaluate({"x": -2.0}.__getitem__)
+
+
+def test_nothing_is_evaluated_by_reading() -> None:
+    """No attack leaves a module loaded."""
+    sys.modules.pop("antigravity", None)
+    with pytest.raises(ExpressionError):
+        parse("__import__('antigravity')")
+    assert "antigravity" not in sys.modules

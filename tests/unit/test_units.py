@@ -1,0 +1,168 @@
+"""Text to SI and back: exact, checked, and in words."""
+
+from __future__ import annotations
+
+import importlib.util
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from thermid._units_table import TABLE
+from thermid.errors import UnitError
+from thermid.expression import parse
+from thermid.units import NAMES, TEMPERATURE, describe, format_value, require, to_si, unit
+
+SCRIPT = Path(__file__).parents[2] / "scripts/generate_units.py"
+
+
+def test_table_is_what_pint_says() -> None:
+    """Every row, exactly; and the table holds what the script asks for, nothing more."""
+    import pint
+
+    spec = importlib.util.spec_from_file_location("generate_units", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    assert list(TABLE) == script.units()
+    registry = pint.UnitRegistry(non_int_type=Fraction)
+    for text, (n, d, on, od, dims) in TABLE.items():
+        assert (Fraction(n, d), Fraction(on, od), dims) == script.row(registry, text), text
+
+
+@pytest.mark.parametrize(("text", "zero", "hundred"), [("degC", "273.15", "373.15"), ("degF", "255.372222222222222222", "310.927777777777777778")])
+def test_scales_against_pint(text: str, zero: str, hundred: str) -> None:
+    """The script writes the two offsets itself; pint's own conversion must agree."""
+    import pint
+
+    registry = pint.UnitRegistry(non_int_type=Fraction)
+    for number, printed in ((0, zero), (100, hundred)):
+        exact = Fraction(number) * unit(text).factor + unit(text).offset
+        assert exact == Fraction(registry.Quantity(Fraction(number), text).to("kelvin").magnitude)
+        assert float(exact) == pytest.approx(float(printed), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("25.4 [mm]", "1 [in]"),
+        ("10 [mm]", "0.01 [m]"),
+        ("0.1 [mm]", "0.0001 [m]"),
+        ("29.2 [cm^2]", "0.00292 [m^2]"),
+        ("31.25 [K/h]", "0.520833333333333333333333333333333333 [K/min]"),
+        ("24 [degC]", "297.15 [K]"),
+        ("32 [degF]", "0 [degC]"),
+        ("35 [%]", "0.35"),
+    ],
+)
+def test_same_number_bit_for_bit(one: str, other: str) -> None:
+    assert parse(one).literal.value == parse(other).literal.value  # type: ignore[union-attr]
+
+
+@given(st.decimals(min_value="-1e6", max_value="1e6", places=6, allow_nan=False, allow_infinity=False))
+def test_millimetres_are_metres_rounded_once(number: object) -> None:
+    """Property 7: the float nearest to the exact value, whatever the unit."""
+    written = parse(f"{number} [mm]").literal
+    assert written is not None
+    assert written.value == float(Fraction(str(number)) / 1000)
+
+
+@given(st.sampled_from(sorted(TABLE)), st.fractions(min_value=-1000, max_value=1000, max_denominator=10**6))
+def test_conversion_is_exact(text: str, number: Fraction) -> None:
+    of = unit(text)
+    assert to_si(number, of) == float(number * of.factor + of.offset)
+
+
+@given(st.sampled_from(sorted(TABLE)), st.integers(min_value=-99999, max_value=99999))
+def test_format_and_parse_are_inverse(text: str, number: int) -> None:
+    value = to_si(Fraction(number), unit(text))
+    literal = parse(format_value(value, text, digits=12)).literal
+    assert literal is not None
+    # twelve digits are printed; an offset of 273 K in the float costs the number at most 273/1e-12 of its last digit
+    assert literal.value == pytest.approx(value, rel=1e-11, abs=abs(float(unit(text).offset)) * 1e-15)
+
+
+def test_format_value() -> None:
+    assert format_value(297.15, "degC") == "24 [degC]"
+    assert format_value(0.00292, "cm^2") == "29.2 [cm^2]"
+    assert format_value(0.3, "1") == "0.3 [1]"
+
+
+@pytest.mark.parametrize(
+    ("text", "factor", "offset"),
+    [
+        ("celsius", "1", "273.15"),
+        ("°C", "1", "273.15"),
+        ("inch", "0.0254", "0"),
+        ("W m^-2 K^-1", "1", "0"),
+        ("W / (m² K)", "1", "0"),
+        ("m**2", "1", "0"),
+    ],
+)
+def test_spellings_beyond_the_table(text: str, factor: str, offset: str) -> None:
+    assert (unit(text).factor, unit(text).offset) == (Fraction(factor), Fraction(offset))
+
+
+def test_fahrenheit_sign_is_the_scale() -> None:
+    assert (unit("°F").factor, unit("°F").offset) == (unit("degF").factor, unit("degF").offset)
+    assert unit("fahrenheit").offset == unit("degF").offset
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("degC/min", r"'\[degC/min\]' multiplies or divides the scale degC, which has an offset\. Write K: a difference of 1 degC is 1 K\."),
+        ("BTU/(h ft^2 degF)", r"multiplies or divides the scale degF.*Write degR"),
+        ("W/degC", r"Write K"),
+        ("Wat", r"'\[Wat\]' is no unit that is known here"),
+        ("W/(m^2 k K", r"is no unit that is known here\. Did you mean 'W/\(m\^2 K\)'\?"),
+        ("m^", "is no unit"),
+        ("dBm", "is no unit"),
+        ("mol", r"a dimension that a thermal network has no use for: \[substance\]"),
+    ],
+)
+def test_bad_units(text: str, message: str) -> None:
+    with pytest.raises(UnitError, match=message):
+        unit(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["9^9^9^9 m", "m^9^9^9", "((m^99)^99)^99", "__import__('os').system('true')", "m.__class__", "lambda: 1", "m" * 500, "a!" * 30, "2^99999999 m"],
+)
+def test_a_unit_is_not_computed(text: str) -> None:
+    """Towers of powers and code never reach pint's evaluator."""
+    with pytest.raises(UnitError, match="is no unit that is known here"):
+        unit(text)
+
+
+@pytest.mark.parametrize(
+    ("given_unit", "slot", "message"),
+    [
+        ("m", "m^2", r"'\[m\]' is a length; an area \[m\^2\] is needed here\."),
+        ("W", "W/K", r"'\[W\]' is a power; a conductance \[W/K\] is needed here\."),
+        ("degC", "K", r"'\[degC\]' is a temperature on the scale; a difference is needed here\. Write it in \[K\]\."),
+        ("degC", "W", r"'\[degC\]' is a temperature; a power \[W\] is needed here\."),
+        ("W", TEMPERATURE, r"'\[W\]' is a power; a temperature \[degC\] or \[K\] is needed here\."),
+        ("1", "m", r"this is a plain number; a length \[m\] is needed here\."),
+        ("kg m^2", "kg", r"is a quantity in m\^2 kg; a mass \[kg\] is needed here\."),
+    ],
+)
+def test_wrong_dimension(given_unit: str, slot: str, message: str) -> None:
+    of = unit(given_unit)
+    with pytest.raises(UnitError, match=message):
+        require(of.dimension, slot, given_unit, of.absolute)
+
+
+@pytest.mark.parametrize(("text", "slot"), [("mm", "m"), ("degC", TEMPERATURE), ("K", TEMPERATURE), ("K", "K"), ("%", "1")])
+def test_right_dimension(text: str, slot: str) -> None:
+    of = unit(text)
+    require(of.dimension, slot, text, of.absolute)
+
+
+def test_names_of_dimensions() -> None:
+    for text, name in NAMES.items():
+        assert describe(unit(text).dimension) == name
