@@ -58,8 +58,8 @@ endif
 export PYTHON
 
 $(ENV)/.python:
-	@python=$$(scripts/find_python) && echo "environment: $(ENV), from $$python" && rm -rf build \
-		&& "$$python" -m venv --clear $(ENV) && echo "$(PYTHON)" > $@
+	@tools=$$(scripts/find_tools) && eval "$$tools" && echo "environment: $(ENV), from $$PYTHON" && rm -rf build \
+		&& "$$PYTHON" -m venv --clear $(ENV) && echo "$(PYTHON)" > $@
 
 $(ENV)/.demo: requirements.lock $(ENV)/.python
 	@echo 'installing requirements.lock'
@@ -74,6 +74,6 @@ $(ENV)/.test: requirements-test.lock $(ENV)/.demo
 # Editable: Python sources are read where they lie; only a change of the kernel or of pyproject.toml builds again.
 $(ENV)/.kernel: $(KERNEL) $(ENV)/.demo
 	@echo 'building the kernel'
-	@PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m pip install --disable-pip-version-check --quiet \
-		--no-deps --no-build-isolation --editable .
+	@tools=$$(scripts/find_tools) && eval "$$tools" && CXX="$$CXX" PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m pip install \
+		--disable-pip-version-check --quiet --no-deps --no-build-isolation --editable .
 	@touch $@

@@ -17,7 +17,7 @@ STACK = HERE.parent / "02_stack"
 TRUTH = {
     "ProcSISNAV": {"skin.effective_htc": "5.4 [W/(m^2 K)]", "case.mass": "1.61 [kg]"},
     "EleGFO": {"skin.effective_htc": "2.45 [W/(m^2 K)]", "case.mass": "0.70 [kg]"},
-    "m_PrE": {"stack.contact_conductance": "180 [W/(m^2 K)]", "stack.gap.htc": "5.0 [W/(m^2 K)]"},
+    "m_PrE": {"ele.skin.effective_htc": "2.3 [W/(m^2 K)]", "stack.contact_conductance": "180 [W/(m^2 K)]", "stack.gap.htc": "5.0 [W/(m^2 K)]"},
 }
 OFFSETS = {"T_PROC": 0.22, "T_ELE": -0.31, "T_ROOM": 0.1}
 """Constant error of each sensor; a DS18B20 is good to 0.5 K. [K]"""

@@ -279,7 +279,7 @@ NB_MODULE(_kernel, m) {
              "conductor_a"_a, "conductor_b"_a, "conductor_coef"_a, "conductor_table"_a, "load_kind"_a, "load_node"_a, "load_coef"_a,
              "load_sensor"_a, "load_table"_a, "tables"_a, "inputs"_a)
         .def("integrate", &integrate, "coef"_a, "T0"_a, "t0"_a, "t_end"_a, "output_times"_a, "output_nodes"_a, nb::kw_only(),
-             "dcoef"_a = nb::none(), "dT0"_a = nb::none(), "rtol"_a = 1e-7, "atol"_a = 1e-6, "input_atol"_a = 1e-4,
+             "dcoef"_a = nb::none(), "dT0"_a = nb::none(), "rtol"_a = 2e-8, "atol"_a = 2e-7, "input_atol"_a = 1e-4,
              "max_step"_a = std::numeric_limits<double>::infinity(), "max_steps"_a = 1000000L, "breaks"_a = nb::none(), "energy"_a = true,
              "on"_a = nb::none())
         .def("rhs", &rhs, "coef"_a, "T"_a, "t"_a, "dcoef"_a = nb::none(), "on"_a = nb::none())

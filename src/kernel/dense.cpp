@@ -10,7 +10,7 @@ namespace thermid {
 // dT = (b + s db) w + (A b - db) ww + A A b www; the next term of the series is the estimate.
 double Integrator::input_error() {
     double total = 0.0;
-    make_slaved(fast_, h_);
+    make_slaved(fast_, leftover_ ? 1e-4 : 1e-8);
     if (!leftover_) {
         for (Noise& z : noise_) z.active = false;
         return 0.0;
@@ -38,7 +38,7 @@ double Integrator::input_error() {
 // What the dense output of the sensitivities needs of the step's start, while the evaluation still stands there.
 void Integrator::dense_start() {
     slope_sensitivity(0, d0_, sd0_);
-    rate_sensitivity(massless_, e_, J0_.data(), d0_.data(), uder0_.data(), S_.data(), sd0_.data(), dd0_.data(), sdd0_.data());
+    rate_sensitivity(quick_, e_, J0_.data(), d0_.data(), uder0_.data(), S_.data(), sd0_.data(), dd0_.data(), sdd0_.data());
     for (int k = 0; k < nk_; ++k) {
         Noise& z = noise_[k];
         if (!z.active) continue;
@@ -69,8 +69,8 @@ void Integrator::dense(bool inside) {
             if (uder1_[k] != 0.0) axpy(g_.data(), uder1_[k], fu_.data() + k * n, n_);
         }
     }
-    if (!massless_.nodes.empty()) factor_slaved(massless_, J1_.data());
-    rate(massless_, J1_.data(), g_.data(), d1_.data(), dd1_.data());
+    if (!quick_.nodes.empty()) factor_slaved(quick_, J1_.data());
+    rate(quick_, J1_.data(), g_.data(), d1_.data(), dd1_.data());
     for (int i = 0; i < n_; ++i) {
         const double y = T1_[i] - T_[i], a = h_ * d0_[i], b = h_ * d1_[i];
         double* c = poly_.data() + i;
@@ -104,7 +104,7 @@ void Integrator::dense(bool inside) {
     at_ = 0.0;
     if (np == 0) return;
     slope_sensitivity(STAGES - 1, d1_, sd1_);
-    rate_sensitivity(massless_, e_, J1_.data(), d1_.data(), uder1_.data(), S1_.data(), sd1_.data(), dd1_.data(), sdd1_.data());
+    rate_sensitivity(quick_, e_, J1_.data(), d1_.data(), uder1_.data(), S1_.data(), sd1_.data(), dd1_.data(), sdd1_.data());
 }
 
 // dS/dt of the nodes with capacity, from the heats of a stage.

@@ -13,7 +13,7 @@ namespace thermid {
 enum Status { OK = 0, MAX_STEPS, STEP_UNDERFLOW, NEWTON_FAILED, NON_FINITE, RUN_AWAY, SINGULAR_NODE, BAD_INPUT, CHATTER };
 
 struct Options {
-    double rtol = 1e-7, atol = 1e-6, input_atol = 1e-4, max_step = std::numeric_limits<double>::infinity();
+    double rtol = 2e-8, atol = 2e-7, input_atol = 1e-4, max_step = std::numeric_limits<double>::infinity();
     long max_steps = 1000000;
     bool energy = true;
     std::vector<double> breaks;
@@ -80,7 +80,9 @@ class Integrator {
     std::vector<double> J0_, J1_, d0_, d1_, dd0_, dd1_, sd0_, sd1_, sdd0_, sdd1_, fu_, g_, G_, dirS_, unit_, dir_, bb_, base_, delta_, guess_, err_;
     Lu lu_;
     double rho_ = 0.1, last_size_ = 0.0;  // of the Newton iteration: contraction, last change
-    Slaved massless_, fast_;
+    // fast_: solved at outputs, since rounding would show in their dT/dt (1e-8 of the step), or the left-over of an input
+    // reaches them undelayed (1e-4). quick_: slaved in second derivatives (1e-4).
+    Slaved massless_, fast_, quick_;
     std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
     std::vector<double> xa_, fp_, row_;
     std::vector<const double*> rows_;
@@ -102,7 +104,7 @@ class Integrator {
     void start_sensitivity();
 
     // slaved.cpp
-    void make_slaved(Slaved& s, double h);
+    void make_slaved(Slaved& s, double small);
     void index_slaved(Slaved& s);
     void factor_slaved(Slaved& s, const double* j);
     void solve_slaved(Slaved& s, Evaluation& e);

@@ -25,12 +25,10 @@ void Integrator::index_slaved(Slaved& s) {
     s.factored = false;
 }
 
-// Massless nodes, and those too fast for the dense output: below 1e-4 of the step where the left-over of an input would
-// reach them undelayed, else only where the rounding of dT/dt would show.
-void Integrator::make_slaved(Slaved& s, double h) {
-    const double small = leftover_ ? 1e-4 : 1e-8;
+// Massless nodes, and those whose time constant is below a small part of the step.
+void Integrator::make_slaved(Slaved& s, double small) {
     bool same = s.is.size() == static_cast<size_t>(p_.nodes());
-    auto member = [&](int i) { return cap_[i] == 0.0 || cap_[i] < -small * h * J0_[i * n_ + i]; };
+    auto member = [&](int i) { return cap_[i] == 0.0 || cap_[i] < -small * h_ * J0_[i * n_ + i]; };
     for (int i = 0; same && i < n_; ++i) same = member(i) == static_cast<bool>(s.is[i]);
     if (same) return;
     s.nodes.clear();

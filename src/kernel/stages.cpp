@@ -43,6 +43,8 @@ void Integrator::start(bool first) {
         if (!std::isfinite(e_.f[i])) throw Failure{NON_FINITE, i};
     }
     if (!massless_.nodes.empty()) factor_slaved(massless_, J0_.data());
+    make_slaved(quick_, 1e-4);
+    if (!quick_.nodes.empty()) factor_slaved(quick_, J0_.data());
     std::fill(g_.begin(), g_.end(), 0.0);
     if (nk_ > 0) {
         e_.input_slopes(con_u_, load_u_, fu_.data());
@@ -51,7 +53,7 @@ void Integrator::start(bool first) {
             if (uder0_[k] != 0.0) axpy(g_.data(), uder0_[k], fu_.data() + static_cast<size_t>(k) * n_, n_);
         }
     }
-    rate(massless_, J0_.data(), g_.data(), d0_.data(), dd0_.data());
+    rate(quick_, J0_.data(), g_.data(), d0_.data(), dd0_.data());
 }
 
 void Integrator::start_sensitivity() {

@@ -25,21 +25,21 @@ ARROWS: dict[str, set[str]] = {
     "model": FOUNDATION | {"physics"},
     "network": FOUNDATION | {"physics", "model", "_kernel"},
     "measure": FOUNDATION,
-    "simulate": FOUNDATION | {"physics", "model", "network", "measure", "_kernel"},
+    "simulation": FOUNDATION | {"physics", "model", "network", "measure", "_kernel"},
 }
-BELOW_IDENTIFY = FOUNDATION | {"physics", "model", "network", "measure", "simulate"}
+BELOW_IDENTIFY = FOUNDATION | {"physics", "model", "network", "measure", "simulation"}
 ARROWS |= {
     "identify": BELOW_IDENTIFY,
     "qualify": BELOW_IDENTIFY | {"identify"},
-    "report": BELOW_IDENTIFY | {"identify", "qualify"},
+    "reporting": BELOW_IDENTIFY | {"identify", "qualify"},
     "acquire": FOUNDATION | {"measure"},
-    "interop": FOUNDATION | {"physics", "model", "network", "simulate"},
+    "interop": FOUNDATION | {"physics", "model", "network", "simulation"},
 }
-TOP = {"cli", "studio"}
+TOP = {"cli", "studio", "__main__"}
 ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}
 
-# A scenario may take a signal from a column of a log, and that is all that `simulate` may know of measurements.
-ONLY_NAMES = {("simulate", "measure"): {"read_record"}}
+# A scenario may take a signal from a column of a log, and that is all that `simulation` may know of measurements.
+ONLY_NAMES = {("simulation", "measure"): {"read_record"}}
 
 HEAVY = ("pandas", "scipy", "matplotlib", "xarray", "pydantic", "pint", "plotly", "jinja2", "h5netcdf", "h5py")
 
@@ -106,10 +106,10 @@ def test_no_module_needs_itself_to_load(modules: dict[str, Module]) -> None:
     [
         ("thermid.physics.x", "from thermid.model.model import Model", "may not import 'model'"),
         ("thermid.measure.x", "def f():\n    import thermid.model.kinds", "may not import 'model'"),
-        ("thermid.model.x", "from .. import simulate", "may not import 'simulate'"),
+        ("thermid.model.x", "from .. import simulation", "may not import 'simulation'"),
         ("thermid.identify.x", "from thermid import _kernel", "may not import '_kernel'"),
         ("thermid.identify.x", "import thermid as td", "may not import 'thermid'"),
-        ("thermid.report.x", "import importlib\nimportlib.import_module('thermid.cli')", "may not import 'cli'"),
+        ("thermid.reporting.x", "import importlib\nimportlib.import_module('thermid.cli')", "may not import 'cli'"),
         ("thermid.units", "if TYPE_CHECKING:\n    from thermid.expression import Expression", "may not import 'expression'"),
         ("thermid.simulation.x", "from thermid.measure import Record", "only read_record"),
         ("thermid.kitchen.x", "", "no line in ARROWS"),

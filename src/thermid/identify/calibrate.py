@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError, RecordError, ThermidError, nearest
 from thermid.identify.calibration import Calibration
 from thermid.identify.experiment import Experiment, first_reading, meet
+from thermid.identify.inherit import handed_on
 from thermid.identify.refusals import refuse_after, refuse_before
 from thermid.identify.residuals import Problem
-from thermid.identify.solve import Fit, covariances, minimise
+from thermid.identify.solve import covariances, ended, minimise
 from thermid.identify.summary import summarise
 from thermid.identify.ties import tied
 from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
@@ -27,7 +28,7 @@ from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
 from thermid.units import TEMPERATURE
 
-__all__ = ["LocalSpec", "Request", "calibrate"]
+__all__ = ["LocalSpec", "Request", "calibrate", "fit", "problem_for"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, float], None]
@@ -81,6 +82,7 @@ class Request:
     name : str                      Name of the stage.
     readings : dict                 Boundary or node -> channel whose first reading, less its constant error, stands there.
     seen : dict                     Checksum -> who used it, in the stages below.
+    remarks : tuple of str          What a reader of the result must know before the fit has begun.
     fit_start : bool                Whether observed nodes' initial temperatures are looked for; else their first readings stand.
     """
 
@@ -98,6 +100,7 @@ class Request:
     window: float = 0.0
     name: str = ""
     fit_start: bool = True
+    remarks: tuple[str, ...] = ()
     seen: Mapping[str, str] = field(default_factory=dict)
     readings: Mapping[str, str] = field(default_factory=dict)
     options: Options = FITTING
@@ -157,22 +160,31 @@ def calibrate(
     return fit(request, progress)
 
 
-def fit(request: Request, progress: Progress | None = None) -> Calibration:
-    """Return the calibration that a request asks for; see `calibrate`."""
+def fit(request: Request, progress: Progress | None = None, known: Mapping[str, float] | None = None) -> Calibration:
+    """Return the calibration that a request asks for; see `calibrate`.
+
+    `known` is the end of the same fit from before, unknown -> fitted form; it is then evaluated and not searched again.
+    """
     from threadpoolctl import threadpool_limits
 
     # the matrices are tall and narrow: more threads only wait for one another
     with threadpool_limits(limits=1):
-        return _fit(request, progress)
+        return _fit(request, progress, known)
 
 
-def _fit(request: Request, progress: Progress | None) -> Calibration:
+def _fit(request: Request, progress: Progress | None, known: Mapping[str, float] | None) -> Calibration:
     problem = problem_for(request)
-    refuse_before(request, problem, lambda r: fit(r))
-    found = minimise(problem, request.loss, progress=progress)
-    if any(o.noise is None for o in problem.observations()):
-        problem = replace(problem, noise=_measured_noise(problem, found.fitted))
-        found = minimise(problem, request.loss, found.fitted, progress)
+    stated = all(o.noise is not None for o in problem.observations())
+    if known is not None and list(known) == [u.name for u in problem.unknowns]:
+        at = np.array(list(known.values()))
+        problem = problem if stated else replace(problem, noise=_measured_noise(problem, at))
+        found = ended(problem, at, request.loss)
+    else:
+        refuse_before(request, problem, lambda r: fit(r))
+        found = minimise(problem, request.loss, progress=progress)
+        if not stated:
+            problem = replace(problem, noise=_measured_noise(problem, found.fitted))
+            found = minimise(problem, request.loss, found.fitted, progress)
     total, random = covariances(found, problem)
     refuse_after(request, problem, found, total)
     return summarise(request, problem, found, total, random)
@@ -201,18 +213,14 @@ def problem_for(request: Request) -> Problem:
     if twice:
         raise RecordError(f"two records are named '{twice[0]}'.", request.name or request.model.title)
     experiments = tuple(meet(request.model, r, request.scenario(r), request.window) for r in request.records)
-    unknowns, coupled = _parameters(request, experiments)
-    unknowns += _locals(request, experiments)
-    unknowns += _nuisances(request, experiments)
+    unknowns = [*_parameters(request, experiments), *_locals(request, experiments), *_nuisances(request, experiments)]
+    coupled = tuple(handed_on(v, unknowns) for v in request.inherited)
     noise = {o.sensor: o.noise or 1.0 for e in experiments for o in e.observations}
     return Problem(experiments, tuple(unknowns), noise, request.options, dict(request.held_bias), coupled)
 
 
-Coupled = tuple[tuple[NDArray[np.int64], Array, Array], ...]
-
-
-def _parameters(request: Request, experiments: tuple[Experiment, ...]) -> tuple[list[Unknown], Coupled]:
-    """Return the freed parameters, and the joint priors of those that come from a stage below."""
+def _parameters(request: Request, experiments: tuple[Experiment, ...]) -> list[Unknown]:
+    """Return the freed parameters, those that come from a stage below with their covariance among them."""
     flat = experiments[0].network.flat
     values = flat.parameters.evaluate({})
     wanted = [*request.free, *(p for v in request.inherited for p in v.parameters)]
@@ -231,9 +239,7 @@ def _parameters(request: Request, experiments: tuple[Experiment, ...]) -> tuple[
         unknowns[path] = replace(unknown, prior=_prior(unknown, priors.pop(path))) if path in priors else unknown
     for path in priors:
         raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)
-    order = list(unknowns)
-    coupled = tuple(_joint(v, unknowns, order) for v in request.inherited if v.parameters)
-    return list(unknowns.values()), coupled
+    return list(unknowns.values())
 
 
 def _prior(unknown: Unknown, texts: tuple[str, str]) -> Prior:
@@ -244,18 +250,6 @@ def _prior(unknown: Unknown, texts: tuple[str, str]) -> Prior:
     if sd <= 0 or (unknown.log and mean <= 0):
         raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", f"priors.{unknown.name}")
     return Prior(math.log(mean), sd / mean) if unknown.log else Prior(mean, sd)
-
-
-def _joint(values: FittedValues, unknowns: Mapping[str, Unknown], order: list[str]) -> tuple[NDArray[np.int64], Array, Array]:
-    """Return positions, mean and inverse root of the covariance that a stage below hands on."""
-    names = list(values)
-    members = [p for p in names if p in unknowns]
-    rows = [names.index(p) for p in members]
-    block = values.covariance[np.ix_(rows, rows)]
-    mean = np.array([unknowns[p].to_fitted(values[p].value) for p in members])
-    s, v = np.linalg.eigh(block)
-    root = (v / np.sqrt(np.maximum(s, 1e-16 * s.max()))).T
-    return np.array([order.index(p) for p in members]), mean, root
 
 
 def _locals(request: Request, experiments: tuple[Experiment, ...]) -> list[Unknown]:
@@ -308,6 +302,3 @@ def _starts_by_sensor(request: Request, experiment: Experiment) -> dict[str, str
         own = {o.node: o.sensor for o in experiment.observations}
         out |= {f"initial.{node}": own[node] for node in experiment.loose}
     return out
-
-
-__all__ += ["Fit", "fit", "problem_for"]

@@ -87,6 +87,8 @@ class Calibration:
     loss : str                  The loss.
     warnings : tuple of str     What a reader must know.
     synthetic : bool            Whether any record was made and not measured.
+    experiments : tuple         The records bound to the model.
+    fitted : dict               Unknown -> its fitted form at the end.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
     """
 
@@ -106,11 +108,12 @@ class Calibration:
     synthetic: bool = False
     seen: Mapping[str, str] = field(default_factory=dict)
     experiments: tuple[Experiment, ...] = field(default=(), repr=False)
+    fitted: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     @property
     def fitted_model(self) -> Model:
         """The model with the fitted values laid over it."""
-        return self.model.with_values(self.values.parameters, self.stage)
+        return self.model.with_values(self.values.parameters, f"stage '{self.stage}'")
 
     @property
     def reduced_chi_square(self) -> float:
@@ -194,8 +197,8 @@ def _bias_text(sensor: str, fit: Calibration) -> str:
     found = fit.values.sensors.get(sensor)
     if found is None:
         held = fit.bias.get(sensor, 0.0)
-        return f"   bias {held:+.2g} K (held)" if held else ""
-    return f"   bias {found.value:+.2g} +- {found.error:.2g} K"
+        return f"   bias {held:+.2f} K (held)" if held else ""
+    return f"   bias {found.value:+.2f} +- {found.error:.2g} K"
 
 
 def _local_text(i: Local) -> str:

@@ -51,6 +51,7 @@ class InheritTable(_Strict):
 
     stage: str
     as_: Literal["fixed", "prior"] = Field("fixed", alias="as")
+    only: list[str] = []
 
 
 class PriorTable(_Strict):

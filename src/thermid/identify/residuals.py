@@ -210,7 +210,7 @@ class Problem:
                 values.append((float(fitted[k]) - u.prior.mean) / u.prior.sd)
                 slopes.append(row)
         for at, mean, root in self.coupled:
-            rows = np.zeros((len(at), len(self.unknowns)))
+            rows = np.zeros((root.shape[0], len(self.unknowns)))
             rows[:, at] = root
             values += list(root @ (fitted[at] - mean))
             slopes += list(rows)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError
 from thermid.identify.residuals import FAILED, Problem
 
-__all__ = ["Fit", "covariances", "minimise"]
+__all__ = ["Fit", "covariances", "ended", "minimise"]
 
 Array = NDArray[np.float64]
 
@@ -88,9 +88,7 @@ def minimise(problem: Problem, loss: str = "linear", start: Array | None = None,
     at = np.array([u.to_fitted(u.start) for u in unknowns]) if start is None else np.asarray(start, dtype=float)
     samples, count = problem.samples, 0
     if not unknowns:
-        residuals = problem.residuals(at)
-        empty = np.zeros((samples, 0))
-        return Fit(at, empty, np.zeros((0, 0)), 0.5 * float(residuals @ residuals), float(residuals @ residuals), 1, "nothing was free", True)
+        return ended(problem, at, loss, message="nothing was free")
 
     def all_residuals(x: Array) -> Array:
         nonlocal count
@@ -120,13 +118,18 @@ def minimise(problem: Problem, loss: str = "linear", start: Array | None = None,
         gtol=1e-10,
         max_nfev=200,
     )
-    residuals, slopes = problem.residuals(found.x), problem.jacobian(found.x)
-    weight = np.ones(samples)
-    rho = _robust(loss, samples)
+    return ended(problem, found.x, loss, count, found.message, bool(found.success))
+
+
+def ended(problem: Problem, fitted: Array, loss: str = "linear", evaluations: int = 1, message: str = "taken as it was", converged: bool = True) -> Fit:
+    """Return the fit that ended at some values of the unknowns, with its derivatives."""
+    residuals, slopes = problem.residuals(fitted), problem.jacobian(fitted)
+    rows, prior_slopes = problem.prior_rows(fitted)
+    weight, rho = np.ones(problem.samples), _robust(loss, problem.samples)
     if not isinstance(rho, str):
         weight = np.sqrt(rho(residuals**2)[1])
     chi = float(np.sum((weight * residuals) ** 2))
-    return Fit(found.x, weight[:, None] * slopes, problem.prior_rows(found.x)[1], float(found.cost), chi, count, found.message, bool(found.success))
+    return Fit(fitted, weight[:, None] * slopes, prior_slopes, 0.5 * (chi + float(rows @ rows)), chi, evaluations, message, converged)
 
 
 def covariances(fit: Fit, problem: Problem) -> tuple[Array, Array]:

@@ -11,7 +11,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from thermid.errors import NameNotFoundError, ThermidError, nearest
+from thermid.identify.cache import file_name, recall, remember
 from thermid.identify.calibrate import LocalSpec, Request, fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, local_of, read_campaign, scenario_of
@@ -88,7 +91,7 @@ class Campaign:
         target.mkdir(parents=True, exist_ok=True)
         out = []
         for name, calibration in self.stages.items():
-            path = target / f"{_file_name(name)}.values.toml"
+            path = target / f"{file_name(name)}.values.toml"
             calibration.save(path)
             out.append(path)
         return out
@@ -98,16 +101,12 @@ class Campaign:
         return "\n\n".join([self.title, *map(str, self.stages.values()), *map(str, self.verdicts)])
 
 
-def _file_name(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
-
-
 def run_stages(
     campaign: str | os.PathLike[str] | CampaignSource,
     *,
     data: str | os.PathLike[str] | None = None,
     notice: Notice | None = None,
-    known: Campaign | None = None,
+    cache: str | os.PathLike[str] | None = None,
 ) -> Campaign:
     """Return the calibrations and verdicts of a campaign.
 
@@ -116,23 +115,25 @@ def run_stages(
     campaign : path         The campaign file.
     data : path             A folder of logs outside the project.
     notice : callable       Called while stages run.
-    known : Campaign        An earlier result; a stage whose model, records, request and version are the same is taken from it.
+    cache : path            A results folder; a stage whose model, records, request and version are as they were is not fitted again.
 
     Raises
     ------
     ThermidError   From reading, fitting or judging; the message says at which stage.
     """
     source = campaign if isinstance(campaign, CampaignSource) else read_campaign(campaign, data)
+    folder = Path(cache) if cache is not None else None
     done: dict[str, Calibration] = {}
     keys: dict[str, str] = {}
     for k, stage in enumerate(source.content.stages):
         try:
             request = _request(source, stage, k, done)
             keys[stage.name] = _key(request, [keys[i.stage] for i in stage.inherit.values()])
-            if known is not None and known.keys.get(stage.name) == keys[stage.name]:
-                done[stage.name] = known[stage.name]
-            else:
-                done[stage.name] = fit(request, _told(notice, stage.name))
+            kept = recall(folder, stage.name, keys[stage.name])
+            found = fit(request, _told(notice, stage.name), kept)
+            if kept is None:
+                remember(folder, stage.name, keys[stage.name], list(found.fitted), np.array(list(found.fitted.values())))
+            done[stage.name] = found
         except ThermidError as error:
             raise error.located(source.where(f"stages.{k}")) from None
     used = {sha: user for c in done.values() for sha, user in c.seen.items()}
@@ -149,18 +150,19 @@ def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[st
     where = source.where(f"stages.{k}")
     model = source.model(stage.model, where)
     handed: list[FittedValues] = []
-    bias: dict[str, float] = {}
     bias_priors: dict[str, tuple[float, float]] = {}
     seen: dict[str, str] = {}
+    remarks: list[str] = []
     for part, inherit in stage.inherit.items():
         below = done[inherit.stage]
-        model = _inherited(model, part, below)
+        values = below.values.only(inherit.only) if inherit.only else below.values
+        model = _inherited(model, part, values)
+        remarks += _shadowed(model, part, values)
         seen |= below.seen
         if inherit.as_ == "prior":
-            handed.append(_prefixed(below.values, "" if part == "." else f"{part}."))
-            bias_priors |= {s: (v.value, v.error) for s, v in below.values.sensors.items()}
+            handed.append(_prefixed(values, "" if part == "." else f"{part}."))
         else:
-            bias |= below.bias
+            bias_priors |= {s: (v.value, v.error) for s, v in values.sensors.items()}
     records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
     return Request(
         model,
@@ -170,33 +172,45 @@ def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[st
         {n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(stage.local).items()},
         {p: (t.mean, t.sd) for p, t in stage.priors.items()},
         tuple(handed),
-        bias,
-        bias_priors,
-        stage.untie,
-        stage.loss,
-        literal(stage.window, "s", where),
-        stage.name,
+        bias_priors=bias_priors,
+        untie=stage.untie,
+        loss=stage.loss,
+        window=literal(stage.window, "s", where),
+        name=stage.name,
+        remarks=tuple(remarks),
         seen=seen,
         readings=stage.readings,
     )
 
 
-def _inherited(model: Model, part: str, below: Calibration) -> Model:
+def _inherited(model: Model, part: str, below: FittedValues) -> Model:
     """Return the model with the values of a stage below laid over one of its parts; ``.`` is the model itself."""
-    values = {p: v for p, v in below.values.parameters.items()}
+    values = below.parameters
     if part == ".":
-        return model.with_values(values, below.stage)
+        return model.with_values(values, _origin(below))
     inner = model.submodel(part)
     known = parameter_table(inner)
     missing = [p for p in values if p not in known]
     if missing:
         raise NameNotFoundError(f"stage '{below.stage}' fitted '{missing[0]}', which '{part}' does not have.{nearest(missing[0], known)}", model.title)
-    return model.replace(part, inner.with_values(values, below.stage))
+    return model.replace(part, inner.with_values(values, _origin(below)))
+
+
+def _origin(below: FittedValues) -> str:
+    return f"stage '{below.stage}'"
+
+
+def _shadowed(model: Model, part: str, below: FittedValues) -> list[str]:
+    """Return a remark for every inherited value that the deck's own [set] hides."""
+    prefix = "" if part == "." else f"{part}."
+    table = parameter_table(model)
+    hidden = [prefix + p for p in below.parameters if any(who == _origin(below) for who, _ in table[prefix + p].shadowed)]
+    return [f"'{p}' is {table[p].parameter.text} by {table[p].origin}, which hides what stage '{below.stage}' found." for p in hidden]
 
 
 def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
     """Return fitted values under the paths that they have in the model above."""
-    items = {p if p.startswith("sensor ") else prefix + p: v for p, v in values.items()}
+    items = {prefix + p if v.kind == "parameter" else p: v for p, v in values.items()}
     return FittedValues(values.stage, items, values.covariance, values.provenance)
 
 

@@ -27,7 +27,7 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
     """Return the calibration that a fit ended with."""
     name = request.name or request.model.title
     origin = f"{name}: {_listed([r.name for r in request.records])}"
-    kept = [k for k, u in enumerate(problem.unknowns) if u.kind in ("parameter", "sensor")]
+    kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
     items = {u.name: _value(u, float(found.fitted[k]), total[k, k], random[k, k], origin) for k in kept for u in (problem.unknowns[k],)}
     records = {r.name: r.origin.sha256 for r in request.records}
     provenance: dict[str, Any] = {
@@ -55,10 +55,11 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
         freedom,
         found.evaluations,
         request.loss,
-        tuple(_warnings(problem, found, total, blocks, freedom)),
+        (*request.remarks, *_warnings(problem, found, total, blocks, freedom)),
         bool(provenance["synthetic"]),
         {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
         problem.experiments,
+        {u.name: float(x) for u, x in zip(problem.unknowns, found.fitted, strict=True)},
     )
 
 
@@ -69,7 +70,8 @@ def _listed(names: list[str]) -> str:
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
     slope = u.slope(fitted)
     errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(random)) if u.kind == "parameter" else 0.0)
-    return FittedValue(u.name, u.to_value(fitted), errors[0], errors[1], u.log, u.unit, u.start, (u.low, u.high), origin)
+    prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
+    return FittedValue(u.name, u.to_value(fitted), errors[0], errors[1], u.log, u.unit, u.start, (u.low, u.high), origin, u.kind, prior)
 
 
 def _local(u: Unknown, fitted: float, variance: float) -> Local:
@@ -104,6 +106,11 @@ def _warnings(problem: Problem, found: Fit, total: Array, blocks: tuple[Block, .
         if u.prior is not None and abs(found.fitted[k] - u.prior.mean) > 3 * u.prior.sd:
             out.append(f"'{u.name}' lies {abs(found.fitted[k] - u.prior.mean) / u.prior.sd:.1f} standard deviations from its prior; one of them is wrong.")
     reduced = found.chi_square / max(freedom, 1)
+    for names, far, freed in _moved(problem, found):
+        out.append(
+            f"what the stage below handed on for {names} had to move by {far:.1f} standard deviations in {freed} directions: the parts do not "
+            "behave in the assembly as they did alone, or the stage below missed something."
+        )
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:
         out.append(f"the residuals are {np.sqrt(reduced):.2g} times the stated noise; the errors were widened by that factor.")
@@ -111,4 +118,18 @@ def _warnings(problem: Problem, found: Fit, total: Array, blocks: tuple[Block, .
     if coloured:
         share = f"{len(coloured)} of {len(blocks)} traces" if len(blocks) > 1 else "the trace"
         out.append(f"residuals of {share} are not white: the model misses something, or the readings were filtered; the random errors are too small.")
+    return out
+
+
+def _moved(problem: Problem, found: Fit) -> list[tuple[str, float, int]]:
+    """Return the joint priors that the data contradict: names, distance in standard deviations and number of directions.
+
+    The squared distance is chi-square distributed when the prior holds; it is reported beyond mean + 3 standard deviations.
+    """
+    out = []
+    for at, mean, root in problem.coupled:
+        distance = float(np.sum((root @ (found.fitted[at] - mean)) ** 2))
+        known = root.shape[0]
+        if distance > known + 3.0 * np.sqrt(2.0 * known):
+            out.append((_listed([problem.unknowns[k].name for k in at]), float(np.sqrt(distance)), known))
     return out

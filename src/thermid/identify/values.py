@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,9 @@ class FittedValue:
     unit : str              For people.
     start : float           [SI]
     bounds : (float, float) [SI]
-    origin : str            Stage, records, version.
+    origin : str            Stage and records.
+    kind : str              'parameter', 'sensor' (a sensor's constant error) or 'shared' (that of a logged boundary or power).
+    prior : (float, float)  Mean and standard deviation, fitted form, of the prior that its error already holds; None without.
     """
 
     path: str
@@ -48,6 +50,8 @@ class FittedValue:
     start: float
     bounds: tuple[float, float]
     origin: str = ""
+    kind: str = "parameter"
+    prior: tuple[float, float] | None = None
 
     def as_parameter(self) -> Parameter:
         """Return it as a parameter of a model."""
@@ -111,15 +115,28 @@ class FittedValues(Mapping[str, FittedValue]):
         """How many there are."""
         return len(self.items_)
 
+    def only(self, paths: Sequence[str]) -> FittedValues:
+        """Return some of the parameters, with all constant errors; what is left out is marginalised.
+
+        Raises
+        ------
+        NameNotFoundError   When a path was not fitted.
+        """
+        for path in paths:
+            self[path]
+        kept = [k for k, (p, v) in enumerate(self.items_.items()) if v.kind != "parameter" or p in paths]
+        items = {p: v for k, (p, v) in enumerate(self.items_.items()) if k in kept}
+        return FittedValues(self.stage, items, self.covariance[np.ix_(kept, kept)], self.provenance)
+
     @property
     def parameters(self) -> dict[str, FittedValue]:
         """Those that are parameters of a model."""
-        return {p: v for p, v in self.items_.items() if not p.startswith("sensor ")}
+        return {p: v for p, v in self.items_.items() if v.kind == "parameter"}
 
     @property
     def sensors(self) -> dict[str, FittedValue]:
         """Sensor -> its constant error."""
-        return {p.removeprefix("sensor "): v for p, v in self.items_.items() if p.startswith("sensor ")}
+        return {p.removeprefix("sensor "): v for p, v in self.items_.items() if v.kind == "sensor"}
 
     def origin(self, path: str) -> str:
         """Return who set a value."""
@@ -146,6 +163,9 @@ class FittedValues(Mapping[str, FittedValue]):
             entry.add("start", v.start)
             entry.add("bounds", [_finite(b) for b in v.bounds])
             entry.add("origin", v.origin)
+            entry.add("kind", v.kind)
+            if v.prior is not None:
+                entry.add("prior", list(v.prior))
             table.add(name, entry)
         document.add("values", table)
         document.add("covariance", [[float(x) for x in row] for row in self.covariance])
@@ -179,6 +199,8 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
                 float(v["start"]),
                 (float(v["bounds"][0]), float(v["bounds"][1])),
                 v["origin"],
+                v["kind"],
+                (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None,
             )
             for name, v in data["values"].items()
         }

@@ -99,6 +99,8 @@ def _inline(value: Any) -> Item | Any:
 
 def _update(target: Container | Table | InlineTable | tomlkit.TOMLDocument, data: dict[str, Any]) -> None:
     """Change what differs, add what is new, drop what is gone; comments stay."""
+    if "points" in target and "over" not in target:
+        data = {k: v for k, v in data.items() if (k, v) != ("over", "temperature")}
     for key in [k for k in target if k not in data]:
         target.remove(key)
     for key, value in data.items():

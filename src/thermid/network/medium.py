@@ -114,7 +114,7 @@ class Media:
             )
         if air.all():
             return "air"
-        if isinstance(environment.pressure, Table) and not environment.pressure.hold:
+        if not (isinstance(environment.pressure, Table) and environment.pressure.hold):
             raise ScenarioError(f"the pressure of '{gas}' must jump between one atmosphere and vacuum: write hold = true.", where)
         return "changing"
 

@@ -1,0 +1,5 @@
+"""``python -m thermid`` is ``thermid``."""
+
+from thermid.cli import main
+
+main()

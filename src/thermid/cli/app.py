@@ -1,0 +1,279 @@
+"""``thermid``: check, simulate, calibrate, report. Everything heavy is imported inside the command that needs it."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from thermid.errors import ThermidError
+    from thermid.identify.stages import Campaign
+    from thermid.model.model import Model
+    from thermid.simulation.scenario import Scenario
+
+__all__ = ["main"]
+
+app = typer.Typer(
+    name="thermid",
+    help="Lumped thermal models of equipment: built part by part, fitted to logs level by level, and asked about the rest.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
+CampaignPath = Annotated[Path, typer.Argument(help="A campaign (TOML).")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+Data = Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project; THERMID_DATA does the same.")]
+Pairs = list[str]
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    from thermid.errors import ThermidError
+
+    try:
+        app()
+    except ThermidError as error:
+        _fail(error, "--json" in sys.argv)
+
+
+def _fail(error: ThermidError, as_json: bool) -> None:
+    """Say what went wrong and leave."""
+    if as_json:
+        typer.echo(json.dumps({"schema": 1, "status": "error", "message": error.message, "where": error.where}))
+    else:
+        typer.echo(f"error: {error}", err=True)
+    raise SystemExit(error.exit_code)
+
+
+def _pairs(given: Pairs, option: str) -> dict[str, str]:
+    """Return ``PATH=VALUE`` options as a dictionary."""
+    from thermid.errors import ScenarioError
+
+    out = {}
+    for text in given:
+        path, equals, value = text.partition("=")
+        if not equals or not path.strip() or not value.strip():
+            raise ScenarioError(f"'{text}' must be written as PATH=VALUE, such as air=24 [degC].", option)
+        out[path.strip()] = value.strip()
+    return out
+
+
+def _with_unit(value: str, unit: str) -> str:
+    """Return a value with a unit, the usual one where none is written."""
+    return value if "[" in value or not value.replace(".", "").replace("-", "").replace("e", "").isdigit() else f"{value} [{unit}]"
+
+
+@app.command()
+def check(deck: Deck, as_json: Json = False) -> None:
+    """Say what a careful reader would remark about a deck or campaign; leave with 2 when it cannot be used."""
+    from thermid.model.modelfile import load_model, read_toml
+
+    content, _ = read_toml(deck)
+    if "stages" in content:
+        from thermid.identify.campaignfile import read_campaign
+
+        source = read_campaign(deck)
+        for k, stage in enumerate(source.content.stages):
+            source.model(stage.model, source.where(f"stages.{k}.model"))
+        found: list[dict[str, str]] = []
+    else:
+        model = load_model(deck)
+        found = [{"severity": f.severity, "where": f.where, "message": f.message} for f in model.check()]
+    bad = any(f["severity"] == "error" for f in found)
+    if as_json:
+        typer.echo(json.dumps({"schema": 1, "status": "error" if bad else "ok", "findings": found}))
+    else:
+        for f in found:
+            typer.echo(f"{f['severity']}: {f['where']}: {f['message']}")
+        count = {s: sum(f["severity"] == s for f in found) for s in ("error", "warning", "note")}
+        typer.echo(f"{deck.name}: {count['error']} errors, {count['warning']} warnings, {count['note']} notes")
+    raise SystemExit(2 if bad else 0)
+
+
+@app.command()
+def simulate(
+    deck: Deck,
+    scenario: Annotated[Path | None, typer.Option("--scenario", help="A scenario (TOML).")] = None,
+    boundary: Annotated[Pairs, typer.Option("--boundary", help="BOUNDARY=TEMPERATURE, such as air='24 [degC]'.")] = [],  # noqa: B006
+    param: Annotated[Pairs, typer.Option("--param", help="PARAMETER=VALUE; wins over the deck.")] = [],  # noqa: B006
+    load: Annotated[Pairs, typer.Option("--load", help="LOAD=POWER, in place of the deck's.")] = [],  # noqa: B006
+    start: Annotated[str | None, typer.Option("--start", help="A temperature, a boundary, or 'steady'.")] = None,
+    duration: Annotated[str | None, typer.Option("--for", help="Duration, such as '5 [h]'.")] = None,
+    at: Annotated[Pairs, typer.Option("--at", help="A time to report, such as '1 [h]'; may be repeated.")] = [],  # noqa: B006
+    every: Annotated[str | None, typer.Option("--every", help="Interval of the stored samples.")] = None,
+    vacuum: Annotated[bool, typer.Option("--vacuum", help="No gas: convection goes, radiation stays.")] = False,
+    as_printed: Annotated[bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")] = False,
+    values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", help="Write the temperatures to a CSV file.")] = None,
+    netcdf: Annotated[Path | None, typer.Option("--netcdf", help="Write everything to a netCDF file.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Run a model in a scenario and print where its temperatures go."""
+    import numpy as np
+
+    from thermid.cli.output import solution_object
+    from thermid.errors import ScenarioError, SolverError
+    from thermid.model.modelfile import load_model
+    from thermid.model.signal import literal
+    from thermid.simulation import simulate as run
+    from thermid.simulation import steady as settle
+    from thermid.simulation.transient import output_times
+
+    model = load_model(deck)
+    if values is not None:
+        from thermid.identify.values import load_values
+
+        model = model.with_values(load_values(values).parameters, values.name)
+    if param:
+        model = model.with_values(_pairs(param, "--param"), "command line")
+    given = _scenario(model, scenario, boundary, load, start, duration)
+    if vacuum and as_printed:
+        raise ScenarioError("--vacuum keeps radiation and --as-printed drops it; give one of them.")
+    if vacuum or as_printed:
+        given = given.vacuum(as_printed=as_printed)
+    times = [literal(_with_unit(t, "s"), "s", "--at") for t in at]
+    outside = [t for t in times if not 0 <= t <= given.seconds]
+    if outside:
+        raise ScenarioError(f"{outside[0]:g} s lies outside the run of {given.seconds:g} s.", "--at")
+    grid = np.union1d(output_times(given, every, None), times)
+    solution = run(model, given, times=grid)
+    try:
+        final = settle(model, given, given.seconds)
+    except SolverError:
+        final = None
+    if csv is not None:
+        solution.to_csv(csv)
+    if netcdf is not None:
+        solution.to_netcdf(netcdf)
+    if as_json:
+        typer.echo(json.dumps(solution_object(solution, final, times)))
+        return
+    typer.echo(str(solution))
+    for t in times:
+        row = ", ".join(f"{n} {float(solution[n].at(t)):.3f}" for n in solution.nodes)
+        typer.echo(f"  at {t:g} s: {row} degC")
+    typer.echo("  time constants: " + ", ".join(f"{c:.6g} s" for c in solution.time_constants))
+    balance = solution.heat_balance()
+    typer.echo(f"  heat: loads {balance.loads:.6g} J, to boundaries {balance.boundaries:.6g} J, stored {balance.stored:.6g} J")
+
+
+def _scenario(model: Model, file: Path | None, boundary: Pairs, load: Pairs, start: str | None, duration: str | None) -> Scenario:
+    """Return the scenario of the options, laid over the one of a file."""
+    from thermid.simulation.scenario import Scenario, load_scenario
+
+    base = load_scenario(file) if file is not None else Scenario("command line")
+    changes: dict[str, Any] = {
+        "boundaries": {k: _with_unit(v, "degC") for k, v in _pairs(boundary, "--boundary").items()},
+        "loads": {k: _with_unit(v, "W") for k, v in _pairs(load, "--load").items()},
+    }
+    if start is not None:
+        changes["start"] = _with_unit(start, "degC")
+    if duration is not None:
+        changes["duration"] = _with_unit(duration, "s")
+    return base.with_(**changes)
+
+
+class _Progress:
+    """A line on standard error once something takes over two seconds."""
+
+    def __init__(self) -> None:
+        self._begun = time.monotonic()
+        self._shown = 0.0
+        self._last = ""
+
+    def __call__(self, stage: str, count: int, rms: float) -> None:
+        now = time.monotonic()
+        if now - self._begun < 2.0 or (now - self._shown < 0.5 and stage == self._last):
+            return
+        self._shown, fresh = now, stage != self._last
+        self._last = stage
+        text = f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage
+        if sys.stderr.isatty():
+            typer.echo(f"\r\x1b[2K{text}", nl=False, err=True)
+        elif fresh:
+            typer.echo(text, err=True)
+
+    def end(self) -> None:
+        """Leave the line."""
+        if self._last and sys.stderr.isatty():
+            typer.echo("\r\x1b[2K", nl=False, err=True)
+
+
+def _campaign(path: Path, data: Path | None, to: Path | None, fresh: bool) -> tuple[Campaign, list[Path]]:
+    """Run a campaign with progress, taking finished stages from the results folder."""
+    from thermid.identify.stages import run_stages
+
+    folder = to if to is not None else path.parent / "results"
+    progress = _Progress()
+    try:
+        campaign = run_stages(path, data=data, notice=progress, cache=None if fresh else folder)
+    finally:
+        progress.end()
+    return campaign, campaign.save(folder)
+
+
+Results = Annotated[Path | None, typer.Option("--to", help="Folder for the values files; 'results' beside the campaign by default.")]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also those whose model, logs and request are unchanged.")]
+
+
+@app.command()
+def calibrate(campaign: CampaignPath, data: Data = None, to: Results = None, fresh: Fresh = False, as_json: Json = False) -> None:
+    """Run the stages and verdicts of a campaign; leave with 1 when a verdict failed, 4 when the data cannot tell."""
+    from thermid.cli.output import campaign_object
+
+    result, files = _campaign(campaign, data, to, fresh)
+    if as_json:
+        typer.echo(json.dumps(campaign_object(result, [f.name for f in files])))
+    else:
+        typer.echo(str(result))
+        typer.echo(f"\nvalues: {', '.join(f.name for f in files)}")
+    raise SystemExit(0 if result.passed else 1)
+
+
+@app.command()
+def report(
+    campaign: CampaignPath,
+    to: Annotated[Path, typer.Option("--to", help="The page to write.")],
+    data: Data = None,
+    results: Annotated[Path | None, typer.Option("--results", help="Folder for the values files.")] = None,
+    fresh: Fresh = False,
+    as_json: Json = False,
+) -> None:
+    """Run a campaign and write its report page."""
+    from thermid.reporting.page import report as write
+
+    result, _ = _campaign(campaign, data, results, fresh)
+    page = write(result, to=to)
+    if as_json:
+        typer.echo(json.dumps({"schema": 1, "status": "ok", "page": str(page), "passed": result.passed}))
+    else:
+        typer.echo(f"report: {page}")
+    raise SystemExit(0 if result.passed else 1)
+
+
+@app.command()
+def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck") -> None:
+    """Print the JSON Schema of a file, for editors."""
+    from thermid.errors import DeckError, nearest
+
+    makers: dict[str, Callable[[], dict[str, Any]]] = {}
+    from thermid.identify.campaign_schema import json_schema as campaign_schema
+    from thermid.model.schema import json_schema as deck_schema
+
+    makers |= {"deck": deck_schema, "campaign": campaign_schema}
+    if kind not in makers:
+        raise DeckError(f"there is no schema '{kind}'.{nearest(kind, makers)} There are deck and campaign.")
+    typer.echo(json.dumps(makers[kind](), indent=2))
+
+
+if __name__ == "__main__":
+    main()

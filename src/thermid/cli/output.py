@@ -1,0 +1,121 @@
+"""What a command says: one JSON object, or text. SI units, temperatures also in Celsius, null where a thing does not exist."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from thermid.physics.constants import ICE_POINT
+
+if TYPE_CHECKING:
+    from thermid.identify.calibration import Calibration, SensorStatistics
+    from thermid.identify.stages import Campaign
+    from thermid.identify.validate import Verdict
+    from thermid.simulation.solution import Solution
+
+__all__ = ["calibration_object", "campaign_object", "clean", "solution_object"]
+
+SCHEMA = 1
+
+
+def clean(value: Any) -> Any:
+    """Return a value that JSON can hold: numbers that are not finite become null."""
+    if isinstance(value, Mapping):
+        return {str(k): clean(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [clean(v) for v in value]
+    if isinstance(value, bool | int | str) or value is None:
+        return value
+    number = float(value)
+    return number if math.isfinite(number) else None
+
+
+def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: list[float]) -> dict[str, Any]:
+    """Return the object of ``thermid simulate --json``.
+
+    Parameters
+    ----------
+    solution : Solution
+    steady : dict or None   Node -> steady temperature, where there is one. [K]
+    at : list               Times asked for. [s]
+    """
+    nodes = {}
+    for name in solution.nodes:
+        trace = solution[name]
+        nodes[name] = {
+            "final_C": trace.final,
+            "max_C": trace.highest,
+            "at_C": [float(trace.at(t)) for t in at],
+            "steady_C": None if steady is None else steady[name] - ICE_POINT,
+        }
+    balance = solution.heat_balance()
+    return clean(
+        {
+            "schema": SCHEMA,
+            "status": "ok",
+            "title": solution.title,
+            "scenario": solution.scenario,
+            "nodes": nodes,
+            "time_constants_s": list(solution.time_constants),
+            "heat_balance": {k: getattr(balance, k) for k in ("loads", "boundaries", "stored", "residual", "relative")},
+            "warnings": list(solution.warnings),
+        }
+    )
+
+
+def _sensor(s: SensorStatistics) -> dict[str, Any]:
+    return {"rmse_K": s.rmse, "bias_K": s.bias, "mean_K": s.mean, "max_K": abs(s.largest), "n": s.samples}
+
+
+def calibration_object(fit: Calibration) -> dict[str, Any]:
+    """Return the object of one stage."""
+    fitted = fit.values.parameters
+    return {
+        "stage": fit.stage,
+        "free": list(fitted),
+        "values": {p: v.value for p, v in fitted.items()},
+        "errors": {p: v.error_random for p, v in fitted.items()},
+        "errors_total": {p: v.error for p, v in fitted.items()},
+        "units": {p: v.unit for p, v in fitted.items()},
+        "sensors": {n: _sensor(s) for n, s in fit.sensors.items()},
+        "records": {r: {n: _sensor(s) for n, s in sensors.items()} for r, sensors in fit.statistics.items()},
+        "median_rmse_K": {n: fit.median_rmse(n) for n in fit.sensors},
+        "local": [_local(i) for i in fit.local],
+        "reduced_chi_square": fit.reduced_chi_square,
+        "synthetic": fit.synthetic,
+        "warnings": list(fit.warnings),
+    }
+
+
+def _local(i: Any) -> dict[str, Any]:
+    out = {"record": i.record, "name": i.name, "value": i.value, "error": i.error}
+    return out | ({"value_C": i.value - ICE_POINT} if i.unit == "degC" else {})
+
+
+def _verdict(v: Verdict) -> dict[str, Any]:
+    return {
+        "model": v.model,
+        "record": v.record,
+        "title": v.title,
+        "passed": v.passed,
+        "conditional": v.conditional,
+        "fitted_locally": list(v.fitted_locally),
+        "sensors": {n: _sensor(s) for n, s in v.statistics.items()},
+        "checks": [{"sensor": c.sensor, "criterion": c.criterion, "found_K": c.found, "limit_K": c.limit, "passed": c.passed} for c in v.checks],
+    }
+
+
+def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
+    """Return the object of ``thermid calibrate --json``."""
+    return clean(
+        {
+            "schema": SCHEMA,
+            "status": "ok",
+            "title": campaign.title,
+            "stages": [calibration_object(fit) for fit in campaign.stages.values()],
+            "verdicts": [_verdict(v) for v in campaign.verdicts],
+            "passed": campaign.passed,
+            "values_files": values,
+        }
+    )

@@ -1,0 +1,40 @@
+"""Finished stages kept in a results folder: the end of the minimisation, under the hash of everything that it depends on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["file_name", "recall", "remember"]
+
+Array = NDArray[np.float64]
+
+
+def file_name(stage: str) -> str:
+    """Return the name of a stage as part of a file's name."""
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in stage)
+
+
+def recall(folder: Path | None, stage: str, key: str) -> dict[str, float] | None:
+    """Return name -> fitted form of a finished stage, or None when nothing is kept or anything has changed since."""
+    path = folder / f"{file_name(stage)}.fit.json" if folder is not None else None
+    if path is None or not path.is_file():
+        return None
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        return {str(k): float(v) for k, v in kept["fitted"].items()} if kept["key"] == key else None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None  # a damaged file is as good as none: the stage runs again
+
+
+def remember(folder: Path | None, stage: str, key: str, names: Sequence[str], fitted: Array) -> None:
+    """Keep the end of a stage."""
+    if folder is None:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    content = {"key": key, "fitted": dict(zip(names, map(float, fitted), strict=True))}
+    (folder / f"{file_name(stage)}.fit.json").write_text(json.dumps(content, indent=1), encoding="utf-8")

@@ -1,0 +1,43 @@
+"""Posterior becomes prior: what a stage learnt, with its covariance, as knowledge of the stage above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.identify.unknowns import Unknown
+from thermid.identify.values import FittedValues
+
+__all__ = ["handed_on"]
+
+Array = NDArray[np.float64]
+NEGLIGIBLE = 1e-12
+
+
+def handed_on(values: FittedValues, unknowns: Sequence[Unknown]) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return positions among the unknowns, mean and root of the information of what the data of a stage below said.
+
+    The covariance of the stage holds its priors too (of sensors' constant errors, of powers). They hold for the stage above as well, so
+    they are taken out here, or they would count twice: information = inverse covariance - that of the priors. The residual of the joint
+    prior is ``root @ (fitted - mean)``.
+    """
+    order = {u.name: k for k, u in enumerate(unknowns)}
+    names = list(values)
+    members = [p for p in names if p in order]
+    rows = [names.index(p) for p in members]
+    mean = np.array([unknowns[order[p]].to_fitted(values[p].value) for p in members])
+    information = np.linalg.inv(values.covariance[np.ix_(rows, rows)])
+    vector = information @ mean
+    for k, p in enumerate(members):
+        prior = values[p].prior
+        if prior is not None:
+            information[k, k] -= prior[1] ** -2
+            vector[k] -= prior[0] * prior[1] ** -2
+    scale = np.sqrt(np.maximum(np.diag(values.covariance[np.ix_(rows, rows)]), 1e-300))
+    s, v = np.linalg.eigh(information * np.outer(scale, scale))
+    kept = s > NEGLIGIBLE * s.max(initial=0.0)
+    root = (v[:, kept] * np.sqrt(s[kept])).T / scale
+    centre = scale * (v[:, kept] / s[kept] @ (v[:, kept].T @ (scale * vector)))
+    return np.array([order[p] for p in members], dtype=np.int64), centre, root

@@ -1,0 +1,253 @@
+"""Replacing a part, flight models, findings, and the schema for editors."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from thermid.errors import DeckError, NameNotFoundError
+from thermid.model.flat import flatten
+from thermid.model.model import Model
+from thermid.model.modelfile import load_model, model_from_dict
+from thermid.model.names import used_offers
+from thermid.model.rules import RULES, findings
+
+Build = Callable[..., Model]
+ROOT = Path(__file__).parents[3]
+
+
+def said(model: Model, severity: str = "") -> list[str]:
+    return [str(f) for f in model.check() if not severity or f.severity == severity]
+
+
+# replace -----------------------------------------------------------------------------------------------------------------------------
+
+
+def test_replaced_by_itself_is_the_identity(pair: Build) -> None:
+    model = pair({"set": {"a.power": "6 [W]"}})
+    again = model.replace("a", model.submodels["a"].model)
+    assert again == model
+    assert again.identity() == model.identity()
+
+
+def test_untouched_parts_stay_the_same_object(part: Build, pair: Build) -> None:
+    model = pair()
+    new = model.replace("first", part({"parameters/area": "0.06 [m^2]"}, title="Larger"))
+    assert new.submodels["b"] is model.submodels["b"]
+    assert new.submodels["b"].model.identity() == model.submodels["b"].model.identity()
+    assert new.submodels["a"].definition != model.submodels["a"].definition
+    assert model.submodel("a").title == "Box"
+    assert new.submodel("a").title == "Larger"
+
+
+def test_replacement_without_a_used_port(part: Build, pair: Build) -> None:
+    assert used_offers(pair(), "a") == {"skin", "case"}
+    assert used_offers(pair(), "b") == {"skin"}
+    bare = part({"offers": ["case"]})
+    with pytest.raises(DeckError) as caught:
+        pair().replace("a", bare)
+    assert str(caught.value) == (
+        "Pair: 'a' has ports air, case, skin; its replacement has air, case: it does not offer skin, which is used here. "
+        "Add the port or keep the old part."
+    )
+
+
+def test_replacement_with_an_unbound_need(part: Build, pair: Build) -> None:
+    with pytest.raises(DeckError, match=r"its replacement has air, case, skin, walls: its need walls is bound to nothing\. Add the port or keep the old part"):
+        pair().replace("b", part({"needs": ["air", "walls"]}))
+
+
+def test_replacement_may_need_less(part: Build, pair: Build) -> None:
+    closed = part({"needs": [], "surfaces/skin/to": "case2", "nodes/case2": {"capacitance": "1 [J/K]"}})
+    assert dict(pair().replace("b", closed).submodels["b"].bind) == {}
+
+
+def test_replacement_may_offer_under_an_alias(part: Build, pair: Build) -> None:
+    assert pair().replace("b", part({"offers": ["hull"], "aliases": {"hull": "skin"}})).submodel("b").offers == ("hull",)
+
+
+def test_replace_deep_inside(part: Build, pair: Build) -> None:
+    whole = model_from_dict({"title": "Whole", "needs": ["room"], "submodels": {"p": {"use": pair(), "bind": {"room": "room"}}}})
+    new = whole.replace("p.first", part(title="New"))
+    assert new.submodel("p.a").title == "New"
+    assert new.submodels["p"].definition == new.submodel("p").identity() != whole.submodels["p"].definition
+    with pytest.raises(NameNotFoundError, match=r"Pair: no submodel 'c'"):
+        whole.replace("p.c", part())
+    with pytest.raises(NameNotFoundError, match=r"Whole: no submodel 'q'"):
+        whole.replace("q", part())
+
+
+def test_instances_of_one_definition_share_its_identity(pair: Build) -> None:
+    model = pair({"submodels/b/use": pair().submodel("a")})
+    assert model.submodels["a"].definition == model.submodels["b"].definition
+
+
+# flight models -----------------------------------------------------------------------------------------------------------------------
+
+
+def bench(part: Build, **lead: Any) -> Model:
+    return part(
+        {
+            "nodes/probe": {"capacitance": "1 [J/K]", "test_only": True},
+            "conductors/lead": {"kind": "conduction", "between": ["case", "probe"], "conductance": "0.1 [W/K]", "test_only": True} | lead,
+            "offers": ["case", "skin", "probe"],
+            "aliases": {"T1": "probe", "hull": "case"},
+        }
+    )
+
+
+def test_flight_model_drops_what_belongs_to_the_test(part: Build, pair: Build) -> None:
+    model = pair({"submodels/a/use": bench(part), "set": {"a.lead.conductance": "0.2 [W/K]", "a.power": "5 [W]"}, "aliases": {"T": "a.probe"}})
+    model = model.with_values({"a.lead.conductance": "0.3 [W/K]", "a.power": "6 [W]"}, origin="stage")
+    assert "a.probe" in flatten(model).names.nodes
+    flight = model.without_test_only()
+    flat = flatten(flight)
+    assert "a.probe" not in flat.names.nodes
+    assert [c.path for c in flat.conductors if "lead" in c.path] == []
+    assert list(flight.settings) == ["a.power"]
+    assert list(flight.layers[0].values) == ["a.power"]
+    assert flight.aliases == {}
+    assert flight.submodel("a").offers == ("case", "skin")
+    assert dict(flight.submodel("a").aliases) == {"hull": "case"}
+    assert flatten(flight).parameters.evaluate({})["a.power"] == 6.0
+    assert flight.without_test_only() == flight
+
+
+def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
+    model = bench(part, test_only=False)
+    with pytest.raises(NameNotFoundError, match="no node 'probe'"):
+        flatten(model.without_test_only())
+    assert any("Mark what hangs on them test_only too" in line for line in said(model, "warning"))
+
+
+# findings ----------------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"loads/heat/into": "csae"}, "error: Box, loads.heat: no node 'csae'. Did you mean 'case'?"),
+        ({"surfaces/skin/htc": "0 [W/(m^2 K)]"}, "warning: Box, nodes.case: 'case' has no path to a boundary: warms at 10.6667 K/h without limit. Join it to a boundary."),
+        ({"surfaces/skin/htc": "0 [W/(m^2 K)]"}, "warning: Box, loads.heat: 'heat' heats 'case', from which no heat can leave."),
+        (
+            {"surfaces/skin/htc": "0 [W/(m^2 K)]", "loads/heat/periodic": {"period": "1 [h]", "duty": 0.5}},
+            "warning: Box, nodes.case: 'case' has no path to a boundary: warms at about 5.33333 K/h without limit. Join it to a boundary.",
+        ),
+        (
+            {"surfaces/skin/htc": "0 [W/(m^2 K)]", "loads/heat/power": "-0.75*power"},
+            "warning: Box, nodes.case: 'case' has no path to a boundary: cools at 8 K/h without limit. Join it to a boundary.",
+        ),
+        (
+            {"nodes/p": {"capacitance": "1 [J/K]"}, "nodes/q": {"capacitance": "1 [J/K]"}, "conductors/c": {"kind": "conduction", "between": ["p", "q"], "conductance": "1 [W/K]"}},
+            "warning: Box, nodes.p: 'p' and 'q' have no path to a boundary: the heat that is there stays there.",
+        ),
+        ({"nodes/lost": {"capacitance": "1 [J/K]"}}, "warning: Box, nodes.lost: nothing is attached to 'lost'; its temperature never changes. Join it or leave it out."),
+        ({"needs": ["air", "walls"]}, "warning: Box, needs: nothing is attached to the need 'walls'. Join it or leave it out."),
+        ({"nodes/star": {}}, "error: Box, nodes.star: the massless node 'star' has no conductance to anything that has a temperature. Join it, or give it a mass."),
+        (
+            {"nodes/s": {}, "nodes/t": {}, "conductors/c": {"kind": "conduction", "between": ["s", "t"], "conductance": "1 [W/K]"}},
+            "error: Box, nodes.s: the massless nodes 's' and 't' have no conductance to anything that has a temperature. Join it, or give it a mass.",
+        ),
+        ({"loads/waste": {"into": "air", "power": "1 [W]"}}, "warning: Box, loads.waste: 'waste' heats 'air', whose temperature is given; it changes nothing."),
+        ({"parameters/spare": "1"}, "warning: Box, parameters.spare: the parameter 'spare' is declared but nothing uses it."),
+        ({"surfaces/skin/emissivity": 1.2}, "error: Box, surfaces.skin.emissivity: an emissivity of 1.2 does not exist; give 0 to 1."),
+        (
+            {"conductors/c": {"kind": "radiation", "between": ["case", "air"], "emissivity": -0.1, "area": "1 [cm^2]"}},
+            "error: Box, conductors.c.emissivity: an emissivity of -0.1 does not exist; give 0 to 1.",
+        ),
+        (
+            {"surfaces/skin/htc": {"coefficient": "1.4 [W/(m^2 K)]", "exponent": 1.25}},
+            "warning: Box, surfaces.skin.htc.exponent: an exponent of 1.25 is not one of natural convection, which has 1/4 or 1/3.",
+        ),
+        ({"conductors/c": {"kind": "conduction", "between": ["case", "air"], "resistance": "0 [K/W]"}}, "error: Box, conductors.c: a zero resistance would make two nodes one. Merge them, or give a small resistance above zero."),
+        ({"conductors/c": {"kind": "conduction", "between": ["case", "air"], "conductance": "-1 [W/K]"}}, "error: Box, conductors.c: 'c' would have a negative conductance; heat would flow uphill."),
+        ({"nodes/case/mass": "0 [kg]"}, "error: Box, nodes.case: the capacitance of 'case' must be above zero and finite. For a massless node leave mass and capacitance out."),
+        ({"nodes/case/test_only": False, "loads/heat/test_only": True}, "note: Box: one element is for the test only: 'heat'. Flight models leave them out."),
+        (
+            {"surfaces/skin/htc": None, "surfaces/skin/effective_htc": "5 [W/(m^2 K)]"},
+            "note: Box, surfaces.skin: the coefficient of 'skin' contains radiation, and no emissivity is given: a vacuum run will be refused.",
+        ),
+        ({"parameters/power": {"value": "4 [W]", "source": "measured"}}, "note: Box: 4 of 5 values have no source: 'area', 'case.mass', 'case.specific_heat' and 'skin.htc'."),
+    ],
+)
+def test_finding(part: Build, changes: dict[str, Any], line: str) -> None:
+    assert line in said(part(changes))
+
+
+def test_a_sound_model_has_no_findings(part: Build) -> None:
+    assert findings(part()) == ()
+
+
+def test_shadowed_values_are_listed(pair: Build) -> None:
+    model = pair({"set": {"a.power": "6 [W]"}}).with_values({"a.power": "7 [W]"}, origin="stage Pair")
+    assert "note: stage Pair, a.power: 'a.power' is 7 [W], set by stage Pair; it hides 6 [W] of [set] of Pair, 4 [W] of Box." in said(model)
+
+
+def test_a_parameter_whose_user_is_shadowed_is_not_unused(pair: Build) -> None:
+    """The part's own deck uses it; that a parent sets the user aside is a note, not a fault of the part."""
+    assert said(pair({"set": {"a.heat.power": "6 [W]"}}), "warning") == []
+
+
+def test_over_allocated_area_is_an_error(pair: Build) -> None:
+    (first, second, *rest) = said(pair({"joints/stack/area": "600 [cm^2]"}), "error")
+    assert first.startswith("error: Box, surfaces.skin: the surface 'a.skin' has 500 cm^2, but 'stack' takes 600 cm^2 (contact).")
+    assert "'b.skin'" in second
+    assert rest == []
+
+
+def test_flow_warms_only_downstream(part: Build) -> None:
+    stream = {"kind": "flow", "mass_flow": "1 [g/s]", "specific_heat": "1000 [J/(kg K)]"}
+    closed = {"surfaces/skin/htc": "0 [W/(m^2 K)]"}
+    assert said(part(closed | {"conductors/c": stream | {"between": ["air", "case"]}}), "warning") == []
+    assert any("warms at 10.6667 K/h" in line for line in said(part(closed | {"conductors/c": stream | {"between": ["case", "air"]}}), "warning"))
+
+
+def test_errors_come_first_and_nothing_twice(part: Build) -> None:
+    found = findings(part({"nodes/star": {}, "parameters/spare": "1", "surfaces/skin/emissivity": 2}))
+    order = [("error", "warning", "note").index(f.severity) for f in found]
+    assert order == sorted(order)
+    assert len(set(found)) == len(found) == 3
+
+
+def test_each_rule_says_what_it_is() -> None:
+    assert all(rule.__doc__ for rule in RULES)
+
+
+def test_vacuum_rate_of_the_accelerometer() -> None:
+    """31.25 K/h (section 2.1 of the acceptance sheet): what `check` says when nothing convects."""
+    model = load_model(ROOT / "examples/01_accelerometer/accelerometer.toml")
+    assert said(model, "warning") == []
+    still = model.with_values({"skin.effective_htc": {"value": "0 [W/(m^2 K)]", "min": 0}})
+    assert any("'case' has no path to a boundary: warms at 31.25 K/h without limit" in line for line in said(still, "warning"))
+
+
+def test_examples_have_no_errors_or_warnings() -> None:
+    for deck in sorted((ROOT / "examples").glob("0[12]_*/*.toml")):
+        model = load_model(deck)
+        assert said(model, "error") == []
+        assert said(model, "warning") == []
+
+
+# schema ------------------------------------------------------------------------------------------------------------------------------
+
+
+def test_schema_file_is_current() -> None:
+    spec = importlib.util.spec_from_file_location("write_schema", ROOT / "scripts/write_schema.py")
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    assert script.TARGET.read_text(encoding="utf-8") == script.text(), "run: python scripts/write_schema.py"
+
+
+def test_schema_names_every_table_and_kind() -> None:
+    schema = json.loads((ROOT / "docs/schema/deck.schema.json").read_text(encoding="utf-8"))
+    assert schema["$schema"].endswith("2020-12/schema")
+    assert schema["additionalProperties"] is False
+    assert {"nodes", "surfaces", "conductors", "joints", "loads", "submodels", "set", "aliases"} < set(schema["properties"])
+    assert "conduction" in schema["$defs"]["ConductorTable"]["properties"]["kind"]["pattern"]
