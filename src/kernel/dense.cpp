@@ -30,9 +30,25 @@ double Integrator::input_error() {
         rate(fast_, J0_.data(), nullptr, dir_.data(), bb_.data());
         double big = 0.0;
         for (int i = 0; i < n_; ++i) big = std::max(big, std::fabs(bb_[i]));
-        total += big * 0.25 * h_ * worst_[k];
+        total += big * 0.25 * h_ * worst_[k] + curvature(k) * square_[k];
     }
     return total;
+}
+
+// Steady offset per mean square of the left-over of input k, through the curvature of the laws at its boundaries: |f_uu| / 2 |J|.
+double Integrator::curvature(int k) const {
+    double worst = 0.0;
+    for (const Entry& e : con_u_) {
+        if (e.what < 4 || p_.coef_input[e.coef] != k) continue;
+        const int r = e.row, kind = p_.con.kind[r], a = p_.con.a[r], b = p_.con.b[r], node = e.what == 4 ? b : a;
+        if (kind == LINEAR || kind == FLOW || node >= n_) continue;
+        const double g = coef_[e.coef];
+        const auto x = conductor<Dual>(kind, Dual(e_.t[a], e.what == 4 ? g : 0.0), Dual(e_.t[b], e.what == 5 ? g : 0.0), e_.ceff[p_.con.c0[r]],
+                                       e_.ceff[p_.con.c1[r]], p_.con.table[r] >= 0 ? &p_.tables[p_.con.table[r]] : nullptr);
+        const double second = g * (e.what == 4 ? x.qa.e : x.qb.e), own = std::fabs(J0_[static_cast<size_t>(node) * n_ + node]);
+        if (own > 0.0) worst = std::max(worst, 0.5 * std::fabs(second) / own);
+    }
+    return worst;
 }
 
 // What the dense output of the sensitivities needs of the step's start, while the evaluation still stands there.

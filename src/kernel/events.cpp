@@ -86,10 +86,26 @@ bool Integrator::find_event(double& s, int& l) {
     return false;
 }
 
-// Switches at the end of the accepted step. S jumps by (dT/dt before - after) dt*/dp.
-void Integrator::apply_event(int l) {
+// Switches what is due at the end of the accepted step: the one the step was ended for, and any that coincide with it.
+void Integrator::apply_events() {
+    nodes_at(h_, sensor_slaved_);
+    found_.clear();
+    rates_.clear();
+    for (int l : p_.thermostats) {
+        const double rate = gap_rate(l), g = gap(l);
+        if (l != pending_ && !(g >= 0.0) && !(rate > 0.0 && -g <= 1e-8 * rate)) continue;
+        found_.push_back(l);
+        rates_.push_back(e_.on[l] ? rate : -rate);  // of sensor minus threshold
+    }
+    T_.swap(T1_);
+    S_.swap(S1_);
+    t_ = end_;
+    for (size_t k = 0; k < found_.size(); ++k) apply_event(found_[k], rates_[k]);
+}
+
+// S jumps by (dT/dt before - after) dt*/dp.
+void Integrator::apply_event(int l, double rate) {
     const size_t np = np_;
-    const double rate = gap_rate(l) * (e_.on[l] ? 1.0 : -1.0);  // of sensor minus threshold
     const int threshold = p_.load.c[e_.on[l] ? 2 : 1][l], sensor = p_.load.sensor[l];
     if (same_time_ > 2 * static_cast<int>(p_.thermostats.size()) + 2) throw Failure{CHATTER, p_.load.node[l]};
     e_.on[l] = eo_.on[l] = !e_.on[l];
@@ -112,8 +128,11 @@ void Integrator::apply_event(int l) {
         coefficient(p_.offset[sensor - n_], -1.0 / rate);
     }
     coefficient(threshold, 1.0 / rate);
-    for (int i = 0; i < n_; ++i)
-        if (cap_[i] > 0.0) axpy(S_.data() + i * np, d1_[i] - e_.f[i] / cap_[i], when.data(), np_);
+    for (int i = 0; i < n_; ++i) {
+        if (cap_[i] == 0.0) continue;
+        axpy(S_.data() + i * np, d1_[i] - e_.f[i] / cap_[i], when.data(), np_);
+        d1_[i] = e_.f[i] / cap_[i];
+    }
 }
 
 }  // namespace thermid

@@ -131,4 +131,18 @@ double StepInput::project(const Input& input, double t, double end, int& hint) {
     return worst;
 }
 
+double StepInput::mean_square(const Input& input, double t, double end, int segment) const {
+    const auto& seg = input.seg;
+    const int m = static_cast<int>(seg.size());
+    double total = 0.0, from = t;
+    for (int i = segment; from < end; ++i) {
+        const double to = i + 1 < m ? std::min(seg[i + 1].t, end) : end, slope = i < 0 ? 0.0 : seg[i].s;
+        const double u = i < 0 ? seg[0].u : seg[i].u + slope * (from - seg[i].t), s = from - t, l = to - from;
+        const double a = u - (at(s) - base), b = u + 0.5 * slope * l - (at(s + 0.5 * l) - base), c = u + slope * l - (at(s + l) - base);
+        total += l * (a * a + 4.0 * b * b + c * c) / 6.0;
+        from = to;
+    }
+    return total / (end - t);
+}
+
 }  // namespace thermid

@@ -75,6 +75,8 @@ struct StepInput {
     double www(double s, const Integrals& i) const { return i.i3 - s * s * s * (p0 / 6.0 + s * (p1 / 24.0 + s * p2 / 60.0)); }
     // Projects over [t, end]; returns the largest |www| seen inside.
     double project(const Input& input, double t, double end, int& hint);
+    // Mean square of what is left over, by Simpson's rule on each straight piece.
+    double mean_square(const Input& input, double t, double end, int segment) const;
 };
 
 }  // namespace thermid

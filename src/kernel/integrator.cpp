@@ -27,7 +27,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     FS_.assign(STAGES * m, 0.0);
     poly_.assign(STAGES * n, 0.0);
     for (auto* v : {&J0_, &J1_, &row_}) v->assign(n * n, 0.0);
-    for (auto* v : {&worst_, &uder0_, &uder1_, &unit_}) v->assign(nk_, 0.0);
+    for (auto* v : {&worst_, &square_, &uder0_, &uder1_, &unit_}) v->assign(nk_, 0.0);
     fu_.assign(nk_ * n, 0.0);
     in_.resize(nk_);
     hint_.assign(nk_, -1);
@@ -279,16 +279,17 @@ void Integrator::advance(double t_end, Outputs& out) {
             for (size_t r = 0; r < E_con_.size(); ++r) E_con_[r] += h_ * acc_con_[r];
             for (size_t r = 0; r < E_load_.size(); ++r) E_load_[r] += h_ * acc_load_[r];
         }
-        T_.swap(T1_);
-        S_.swap(S1_);
-        t_ = end_;
-        seen();
         if (pending_ >= 0) {
-            same_time_ = h_ > 1e-9 * (1.0 + std::fabs(t_)) ? 0 : same_time_ + 1;
-            apply_event(pending_);
+            same_time_ = h_ > 1e-8 + 1e-13 * std::fabs(t_) ? 0 : same_time_ + 1;
+            apply_events();
             pending_ = -1;
             next = std::max(next, 0.25 * resume_);
+        } else {
+            T_.swap(T1_);
+            S_.swap(S1_);
+            t_ = end_;
         }
+        seen();
     }
 }
 

@@ -74,7 +74,7 @@ class Integrator {
     std::vector<double> T_, S_, T1_, S1_;
     std::vector<StepInput> in_;
     std::vector<int> hint_;
-    std::vector<double> worst_, uder0_, uder1_;
+    std::vector<double> worst_, square_, uder0_, uder1_;
     bool leftover_ = false;                       // some input is not exact over the step
     std::vector<double> F_, FS_, CS_, comb_;      // stage heats (6, n), their sensitivities (6, n, np)
     std::vector<double> J0_, J1_, d0_, d1_, dd0_, dd1_, sd0_, sd1_, sdd0_, sdd1_, fu_, g_, G_, dirS_, unit_, dir_, bb_, base_, delta_, guess_, err_;
@@ -124,6 +124,7 @@ class Integrator {
     std::vector<Cursor> cursor_;
     double at_ = 0.0;
     double input_error();
+    double curvature(int k) const;
     void dense(bool inside);
     void move_cursors(double s);
     void nodes_at(double s, bool slaved);
@@ -138,7 +139,7 @@ class Integrator {
     void write_sensitivity(double s, const int* obs, int nobs, bool plain, long k);
 
     // events.cpp
-    std::vector<double> samples_, when_;
+    std::vector<double> samples_, when_, rates_;
     std::vector<int> found_;
     bool sensor_slaved_ = false, sensor_boundary_ = false;
     void decide_thermostats();
@@ -146,7 +147,8 @@ class Integrator {
     double gap_rate(int l) const;
     double gap_at(int l, double s);
     bool find_event(double& s, int& l);
-    void apply_event(int l);
+    void apply_events();
+    void apply_event(int l, double rate);
 
     // integrator.cpp
     struct Outputs { const double* t; long n, next; const int* obs; int nobs; bool plain; };

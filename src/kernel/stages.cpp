@@ -17,6 +17,7 @@ void Integrator::project() {
         worst_[k] = 0.0;
         if (!p_.inputs[k].sampled()) continue;
         worst_[k] = in_[k].project(p_.inputs[k], t_, end_, hint_[k]);
+        square_[k] = in_[k].exact ? 0.0 : in_[k].mean_square(p_.inputs[k], t_, end_, hint_[k]);
         leftover_ = leftover_ || !in_[k].exact;
     }
 }

@@ -97,11 +97,15 @@ def parse(text: str) -> Expression:
     try:
         tree = ast.parse(body.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
-        raise ExpressionError(f"'{_short(text)}' cannot be read as arithmetic. Write a number with its unit, '2.5 [W]', or names with + - * / **.") from error
+        raise ExpressionError(
+            f"'{_short(text)}' cannot be read as arithmetic. Write a number with its unit, '2.5 [W]', or names with + - * / **."
+        ) from error
     names: list[str] = []
     _check(tree, text, names)
     if names and bracket:
-        raise ExpressionError(f"'{text}': a unit in brackets follows pure numbers only; names bring their own units. Leave the brackets out.")
+        raise ExpressionError(
+            f"'{text}': a unit in brackets follows pure numbers only; names bring their own units. Leave the brackets out."
+        )
     if names:
         return Expression(text, tuple(dict.fromkeys(names)), None, tree)
     of = unit(bracket["unit"]) if bracket else unit("1")
@@ -124,7 +128,11 @@ def _short(text: str) -> str:
 
 def _power(base: Any, exponent: Any) -> Any:
     """Return a power of numbers with derivatives, arrays or floats; a float stays real."""
-    return base**exponent if isinstance(base, Dual) or isinstance(exponent, Dual) or not isinstance(base, float) else real_power(base, exponent)
+    return (
+        base**exponent
+        if isinstance(base, Dual) or isinstance(exponent, Dual) or not isinstance(base, float)
+        else real_power(base, exponent)
+    )
 
 
 _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
@@ -165,7 +173,10 @@ def _check(node: ast.expr, text: str, names: list[str], depth: int = 0) -> None:
         names.append(path)
         return
     part = ast.unparse(node)
-    raise ExpressionError(f"'{_short(text)}': '{_short(part)}' is not allowed. An expression holds numbers, names, dotted paths, + - * / ** and parentheses; it runs no code.")
+    raise ExpressionError(
+        f"'{_short(text)}': '{_short(part)}' is not allowed. An expression holds numbers, names, dotted paths, "
+        "+ - * / ** and parentheses; it runs no code."
+    )
 
 
 def _fraction(node: ast.expr, body: str) -> Fraction:

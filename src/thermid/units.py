@@ -69,7 +69,17 @@ class Unit:
 
 def _normalised(text: str) -> str:
     """Write products with one sign: ``W/(m^2 K)`` -> ``W/(m^2*K)``."""
-    for old, new in (("**", "^"), ("·", "*"), ("²", "^2"), ("³", "^3"), ("°C", "degC"), ("℃", "degC"), ("°F", "degF"), ("℉", "degF"), ("percent", "%")):
+    for old, new in (
+        ("**", "^"),
+        ("·", "*"),
+        ("²", "^2"),
+        ("³", "^3"),
+        ("°C", "degC"),
+        ("℃", "degC"),
+        ("°F", "degF"),
+        ("℉", "degF"),
+        ("percent", "%"),
+    ):
         text = text.replace(old, new)
     parts = text.replace("(", " ( ").replace(")", " ) ").replace("/", " / ").replace("*", " ").split()
     out = ""
@@ -99,7 +109,10 @@ def unit(text: str) -> Unit:
         return Unit(text.strip() or "1", Fraction(row[0], row[1]), Fraction(row[2], row[3]), tuple(Fraction(d) for d in row[4]))
     for scale, instead in (("degC", "K"), ("degF", "degR")):
         if scale in key:
-            raise UnitError(f"'[{text}]' multiplies or divides the scale {scale}, which has an offset. Write {instead}: a difference of 1 {scale} is 1 {instead}.")
+            raise UnitError(
+                f"'[{text}]' multiplies or divides the scale {scale}, which has an offset. "
+                f"Write {instead}: a difference of 1 {scale} is 1 {instead}."
+            )
     return _from_pint(text, key)
 
 
@@ -126,7 +139,17 @@ def _from_pint(text: str, key: str) -> Unit:
             raise ValueError("a logarithmic unit")
         dimension = tuple(Fraction(quantity.dimensionality.get(d, 0)) for d in dimensions)
         strange = set(map(str, quantity.dimensionality)) - set(dimensions)
-    except (pint.PintError, TokenError, AssertionError, AttributeError, ArithmeticError, LookupError, SyntaxError, TypeError, ValueError) as error:
+    except (
+        pint.PintError,
+        TokenError,
+        AssertionError,
+        AttributeError,
+        ArithmeticError,
+        LookupError,
+        SyntaxError,
+        TypeError,
+        ValueError,
+    ) as error:
         raise unknown from error
     if strange:
         raise UnitError(f"'[{text}]' has a dimension that a thermal network has no use for: {', '.join(sorted(strange))}.")
@@ -168,7 +191,11 @@ def require(dimension: Dimension, slot: str, given: str = "", absolute: bool = F
     """
     wanted = unit("K" if slot == TEMPERATURE else slot)
     if dimension != wanted.dimension:
-        what = f"'[{given}]' is {'a temperature' if absolute else describe(dimension)}" if given and given != "1" else f"this is {describe(dimension)}"
+        what = (
+            f"'[{given}]' is {'a temperature' if absolute else describe(dimension)}"
+            if given and given != "1"
+            else f"this is {describe(dimension)}"
+        )
         need = "a temperature [degC] or [K]" if slot == TEMPERATURE else f"{describe(wanted.dimension)} [{slot}]"
         raise UnitError(f"{what}; {need} is needed here.")
     if absolute and slot != TEMPERATURE:

@@ -33,7 +33,9 @@ def test_table_is_what_pint_says() -> None:
         assert (Fraction(n, d), Fraction(on, od), dims) == script.row(registry, text), text
 
 
-@pytest.mark.parametrize(("text", "zero", "hundred"), [("degC", "273.15", "373.15"), ("degF", "255.372222222222222222", "310.927777777777777778")])
+@pytest.mark.parametrize(
+    ("text", "zero", "hundred"), [("degC", "273.15", "373.15"), ("degF", "255.372222222222222222", "310.927777777777777778")]
+)
 def test_scales_against_pint(text: str, zero: str, hundred: str) -> None:
     """The script writes the two offsets itself; pint's own conversion must agree."""
     import pint
@@ -114,7 +116,10 @@ def test_fahrenheit_sign_is_the_scale() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("degC/min", r"'\[degC/min\]' multiplies or divides the scale degC, which has an offset\. Write K: a difference of 1 degC is 1 K\."),
+        (
+            "degC/min",
+            r"'\[degC/min\]' multiplies or divides the scale degC, which has an offset\. Write K: a difference of 1 degC is 1 K\.",
+        ),
         ("BTU/(h ft^2 degF)", r"multiplies or divides the scale degF.*Write degR"),
         ("W/degC", r"Write K"),
         ("Wat", r"'\[Wat\]' is no unit that is known here"),
@@ -131,7 +136,17 @@ def test_bad_units(text: str, message: str) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["9^9^9^9 m", "m^9^9^9", "((m^99)^99)^99", "__import__('os').system('true')", "m.__class__", "lambda: 1", "m" * 500, "a!" * 30, "2^99999999 m"],
+    [
+        "9^9^9^9 m",
+        "m^9^9^9",
+        "((m^99)^99)^99",
+        "__import__('os').system('true')",
+        "m.__class__",
+        "lambda: 1",
+        "m" * 500,
+        "a!" * 30,
+        "2^99999999 m",
+    ],
 )
 def test_a_unit_is_not_computed(text: str) -> None:
     """Towers of powers and code never reach pint's evaluator."""

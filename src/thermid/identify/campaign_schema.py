@@ -13,6 +13,13 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
+class LocalTable(_Strict):
+    """A value that each record has for itself."""
+
+    start: str
+    sd: str | None = None
+
+
 class RecordTable(_Strict):
     """A log, or a pattern of logs, with what its columns are."""
 
@@ -21,6 +28,7 @@ class RecordTable(_Strict):
     time: str | None = None
     channels: dict[str, str | dict[str, Any]]
     prepare: list[dict[str, Any]] = []
+    local: dict[str, LocalTable] = {}
     separator: str | None = None
     decimal: str | None = None
     clock: str | None = None
@@ -39,11 +47,11 @@ class ScenarioTable(_Strict):
     initial: dict[str, str] = {}
 
 
-class LocalTable(_Strict):
-    """A value that each record has for itself."""
+class ReadingTable(_Strict):
+    """A channel whose first reading stands for a temperature, and a parameter [K] that is added to it."""
 
-    start: str
-    sd: str | None = None
+    channel: str
+    offset: str = ""
 
 
 class InheritTable(_Strict):
@@ -57,7 +65,7 @@ class InheritTable(_Strict):
 class PriorTable(_Strict):
     """A normal prior."""
 
-    mean: str
+    mean: str = ""
     sd: str
 
 
@@ -74,8 +82,10 @@ class StageTable(_Strict):
     inherit: dict[str, InheritTable] = {}
     priors: dict[str, PriorTable] = {}
     scenario: ScenarioTable = ScenarioTable()
-    readings: dict[str, str] = {}
+    readings: dict[str, str | ReadingTable] = {}
+    weights: dict[str, float] = {}
     loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"
+    knee: float = Field(1.0, gt=0.0)
     untie: bool = False
     window: str = "0 [s]"
     note: str = ""
@@ -90,7 +100,7 @@ class VerdictTable(_Strict):
     criteria: dict[str, Any]
     local: dict[str, LocalTable] = {}
     scenario: ScenarioTable | None = None
-    readings: dict[str, str] | None = None
+    readings: dict[str, str | ReadingTable] | None = None
 
 
 class CampaignFile(_Strict):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError, MissingDataError, RecordError, nearest
+from thermid.identify.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, project_root, read_toml, resolve_inside
@@ -134,6 +135,11 @@ class CampaignSource:
             record.channel(channel)
         kept = [_rebound(c, stage.bind[n]) if n in stage.bind else c for n, c in record.channels.items() if n not in stage.ignore]
         return replace(record, channels={c.name: c for c in kept})
+
+    def local_of_record(self, name: str) -> dict[str, LocalSpec]:
+        """Return the local values that a record's own table gives."""
+        where = self.where(f"records.{name}.local")
+        return {n: LocalSpec.read(t.model_dump(exclude_none=True), where) for n, t in self.names()[name][1].local.items()}
 
     def model(self, file: str, where: str) -> Model:
         """Return the model of a stage, by its deck's file name."""

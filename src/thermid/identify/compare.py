@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from thermid.identify.calibrate import Request, fit
+from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
+from thermid.identify.request import Request
 from thermid.measure import Record
 from thermid.model.model import Model
 from thermid.simulation.scenario import Scenario

@@ -35,6 +35,7 @@ class Observation:
     measured : array (samples,) [K]
     noise : float or None       Standard deviation of one sample. [K]
     accuracy : float or None    Standard deviation of its constant error. [K]
+    weight : float              Below 1 where a model error, not the noise, sets how far a reading can be trusted. [-]
     """
 
     sensor: str
@@ -43,6 +44,11 @@ class Observation:
     measured: Array
     noise: float | None
     accuracy: float | None
+    weight: float = 1.0
+
+    def sigma(self, assumed: Mapping[str, float]) -> float:
+        """Return the standard deviation that weighs the residuals: the noise, or what is assumed of the sensor, over the weight. [K]"""
+        return (self.noise or assumed[self.sensor]) / self.weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +109,9 @@ def _bound(record: Record, channel: Channel, network: Network) -> tuple[str, str
     return role, path
 
 
-def meet(model: Model, record: Record, scenario: Scenario | None = None, window: float = 0.0) -> Experiment:
+def meet(
+    model: Model, record: Record, scenario: Scenario | None = None, window: float = 0.0, weights: Mapping[str, float] | None = None
+) -> Experiment:
     """Return a record bound to a model.
 
     Parameters
@@ -113,6 +121,7 @@ def meet(model: Model, record: Record, scenario: Scenario | None = None, window:
     scenario : Scenario     What the log does not say: unlogged boundaries, the start. Where a temperature is the name of a channel, its
                             first reading stands there; ``start = "measured"`` starts every observed node at its first reading.
     window : float          First readings are medians over this time. [s]
+    weights : dict          Sensor -> weight of its residuals, 1 where none is given.
 
     Raises
     ------
@@ -147,7 +156,7 @@ def meet(model: Model, record: Record, scenario: Scenario | None = None, window:
         raise RecordError(f"no channel observes a node of {network.title}; there is nothing to compare.", record.name)
     grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
     times = record.times[grid] - zero
-    observations = tuple(_observation(c, path, grid) for c, path in observed)
+    observations = tuple(_observation(c, path, grid, (weights or {}).get(c.name, 1.0)) for c, path in observed)
     first = {o.node: first_reading(record, o.sensor, window) for o in observations}
     start, initial, readings, loose = _starts(record, base, network, first, window)
     duration = float(record.times[-1]) - zero
@@ -167,9 +176,9 @@ def _signal(record: Record, name: str, zero: float, held: bool) -> Signal:
     return Table(times, np.asarray(table.values), held) if times.size > 1 else Constant(float(table.values[0]))
 
 
-def _observation(channel: Channel, path: str, grid: NDArray[np.int64]) -> Observation:
+def _observation(channel: Channel, path: str, grid: NDArray[np.int64], weight: float) -> Observation:
     valid = channel.valid[grid]
-    return Observation(channel.name, path, np.flatnonzero(valid), channel.values[grid][valid], channel.noise, channel.accuracy)
+    return Observation(channel.name, path, np.flatnonzero(valid), channel.values[grid][valid], channel.noise, channel.accuracy, weight)
 
 
 def _starts(

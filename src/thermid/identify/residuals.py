@@ -116,7 +116,7 @@ class Problem:
     ----------
     experiments : tuple     The records, bound to the model.
     unknowns : tuple        What is looked for.
-    noise : dict            Sensor -> standard deviation used as weight. [K]
+    noise : dict            Sensor -> standard deviation where a record states none. [K]
     options : Options       The integrator's.
     fixed_bias : dict       Sensor -> constant error that is not looked for. [K]
     coupled : tuple         (positions of unknowns, mean, inverse square root of the covariance) of joint priors, in the fitted form.
@@ -134,12 +134,12 @@ class Problem:
         """Return one bench per experiment, made once."""
         if not self._benches:
             for i, experiment in enumerate(self.experiments):
-                names = [target.name for _, target in self._acting(i)]
-                self._benches.append(Bench.of(experiment, names))
+                names = dict.fromkeys(target.name for _, target in self._acting(i))
+                self._benches.append(Bench.of(experiment, tuple(names)))
         return self._benches
 
     def _acting(self, i: int) -> list[tuple[int, Target]]:
-        """Return position and target of every unknown that acts in an experiment."""
+        """Return position and target of every unknown that acts in an experiment; several may act on one name."""
         return [(k, target) for k, u in enumerate(self.unknowns) for target in u.targets if target.experiment == i]
 
     def _bias(self, sensor: str, fitted: Array) -> tuple[float, int | None]:
@@ -150,10 +150,12 @@ class Problem:
         return self.fixed_bias.get(sensor, 0.0), None
 
     def _inputs(self, i: int, fitted: Array) -> tuple[Array, Array]:
-        """Return the values of an experiment's free names and their slopes to the fitted form."""
-        acting = self._acting(i)
-        values = np.array([t.offset + t.factor * self.unknowns[k].to_value(float(fitted[k])) for k, t in acting])
-        slopes = np.array([t.factor * self.unknowns[k].slope(float(fitted[k])) for k, t in acting])
+        """Return the values of an experiment's free names and their slopes (names, unknowns) to the fitted form."""
+        place = {name: n for n, name in enumerate(self.benches()[i].free)}
+        values, slopes = np.zeros(len(place)), np.zeros((len(place), len(self.unknowns)))
+        for k, t in self._acting(i):
+            values[place[t.name]] += t.offset + t.factor * self.unknowns[k].to_value(float(fitted[k]))
+            slopes[place[t.name], k] += t.factor * self.unknowns[k].slope(float(fitted[k]))
         return values, slopes
 
     def blocks(self, fitted: Array) -> list[Block]:
@@ -166,7 +168,7 @@ class Problem:
                 bias, _ = self._bias(o.sensor, fitted)
                 predicted = columns[o.index, k] + bias
                 times = bench.experiment.times[o.index]
-                out.append(Block(bench.experiment.record.name, o.sensor, o.node, times, o.measured, predicted, self.noise[o.sensor]))
+                out.append(Block(bench.experiment.record.name, o.sensor, o.node, times, o.measured, predicted, o.sigma(self.noise)))
         return out
 
     def residuals(self, fitted: Array) -> Array:
@@ -189,14 +191,12 @@ class Problem:
     def _bench_jacobian(self, i: int, bench: Bench, fitted: Array) -> Array:
         x, slopes = self._inputs(i, fitted)
         _, derivatives = bench.temperatures(x, True, self.options)
-        at = [k for k, _ in self._acting(i)]
         rows = []
         for k, o in enumerate(bench.experiment.observations):
-            part = np.zeros((o.index.size, len(self.unknowns)))
-            np.add.at(part.T, at, -(derivatives[o.index, k, :] * slopes / self.noise[o.sensor]).T)
+            part = -derivatives[o.index, k, :] @ slopes / o.sigma(self.noise)
             _, position = self._bias(o.sensor, fitted)
             if position is not None:
-                part[:, position] -= 1.0 / self.noise[o.sensor]
+                part[:, position] -= 1.0 / o.sigma(self.noise)
             rows.append(part)
         return np.concatenate(rows)
 

@@ -66,13 +66,20 @@ def _robust(loss: str, samples: int) -> Callable[[Array], Array] | str:
     return rho
 
 
-def minimise(problem: Problem, loss: str = "linear", start: Array | None = None, progress: Callable[[int, float], None] | None = None) -> Fit:
+def minimise(
+    problem: Problem,
+    loss: str = "linear",
+    knee: float = 1.0,
+    start: Array | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Fit:
     """Return the least-squares fit of a problem.
 
     Parameters
     ----------
     problem : Problem
     loss : str              linear, soft_l1, huber or cauchy, on residuals in units of the noise; priors stay quadratic.
+    knee : float            Residual, in units of the noise, from which the loss bends.
     start : array           In the fitted form; the unknowns' own start by default.
     progress : callable     Called with the number of evaluations and the RMS of the weighted residuals.
 
@@ -88,7 +95,7 @@ def minimise(problem: Problem, loss: str = "linear", start: Array | None = None,
     at = np.array([u.to_fitted(u.start) for u in unknowns]) if start is None else np.asarray(start, dtype=float)
     samples, count = problem.samples, 0
     if not unknowns:
-        return ended(problem, at, loss, message="nothing was free")
+        return ended(problem, at, loss, knee, message="nothing was free")
 
     def all_residuals(x: Array) -> Array:
         nonlocal count
@@ -113,21 +120,30 @@ def minimise(problem: Problem, loss: str = "linear", start: Array | None = None,
         x_scale=np.array([u.scale for u in unknowns]),
         method="trf",
         loss=_robust(loss, samples),
+        f_scale=knee,
         ftol=1e-10,
         xtol=1e-10,
         gtol=1e-10,
         max_nfev=200,
     )
-    return ended(problem, found.x, loss, count, found.message, bool(found.success))
+    return ended(problem, found.x, loss, knee, count, found.message, bool(found.success))
 
 
-def ended(problem: Problem, fitted: Array, loss: str = "linear", evaluations: int = 1, message: str = "taken as it was", converged: bool = True) -> Fit:
+def ended(
+    problem: Problem,
+    fitted: Array,
+    loss: str = "linear",
+    knee: float = 1.0,
+    evaluations: int = 1,
+    message: str = "taken as it was",
+    converged: bool = True,
+) -> Fit:
     """Return the fit that ended at some values of the unknowns, with its derivatives."""
     residuals, slopes = problem.residuals(fitted), problem.jacobian(fitted)
     rows, prior_slopes = problem.prior_rows(fitted)
     weight, rho = np.ones(problem.samples), _robust(loss, problem.samples)
     if not isinstance(rho, str):
-        weight = np.sqrt(rho(residuals**2)[1])
+        weight = np.sqrt(rho((residuals / knee) ** 2)[1])
     chi = float(np.sum((weight * residuals) ** 2))
     return Fit(fitted, weight[:, None] * slopes, prior_slopes, 0.5 * (chi + float(rows @ rows)), chi, evaluations, message, converged)
 

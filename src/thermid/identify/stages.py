@@ -9,15 +9,16 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.identify.cache import file_name, recall, remember
-from thermid.identify.calibrate import LocalSpec, Request, fit
+from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, local_of, read_campaign, scenario_of
+from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.validate import Criteria, Verdict, validate
 from thermid.identify.values import FittedValues
 from thermid.model.model import Model
@@ -170,17 +171,29 @@ def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[st
         tuple(stage.free),
         {"*": scenario_of(stage.scenario, stage.name)},
         {n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(stage.local).items()},
-        {p: (t.mean, t.sd) for p, t in stage.priors.items()},
-        tuple(handed),
+        record_local={r.name: source.local_of_record(r.name) for r in records},
+        priors={p: (t.mean, t.sd) for p, t in stage.priors.items()},
+        inherited=tuple(handed),
         bias_priors=bias_priors,
+        weights=stage.weights,
+        knee=stage.knee,
         untie=stage.untie,
         loss=stage.loss,
         window=literal(stage.window, "s", where),
         name=stage.name,
         remarks=tuple(remarks),
         seen=seen,
-        readings=stage.readings,
+        readings=readings_of(stage.readings),
     )
+
+
+def readings_of(tables: Mapping[str, Any]) -> dict[str, Reading]:
+    """Return the readings of a stage or verdict."""
+    return {n: Reading(t) if isinstance(t, str) else Reading(t.channel, t.offset) for n, t in tables.items()}
+
+
+def _plain(tables: Mapping[str, Any]) -> dict[str, Any]:
+    return {n: t if isinstance(t, str) else t.model_dump() for n, t in tables.items()}
 
 
 def _inherited(model: Model, part: str, below: FittedValues) -> Model:
@@ -225,7 +238,11 @@ def _key(request: Request, below: list[str]) -> str:
         "local": repr(sorted(request.local.items())),
         "priors": repr(sorted(request.priors.items())),
         "bias": repr(sorted(request.held_bias.items())),
-        "how": [request.untie, request.loss, request.window, repr(request.options), sorted(request.readings.items())],
+        "record_local": repr(sorted((n, sorted(t.items())) for n, t in request.record_local.items())),
+        "bias priors": repr(sorted(request.bias_priors.items())),
+        "how": [request.untie, request.loss, request.knee, request.window, repr(request.options)],
+        "readings": repr(sorted(request.readings.items())),
+        "weights": sorted(request.weights.items()),
         "below": below,
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
@@ -253,7 +270,7 @@ def _judge(
                 scenario=scenario_of(table.scenario or stage.scenario, table.name or name),
                 local=local_of(table.local),
                 window=literal(stage.window, "s", where),
-                readings=table.readings if table.readings is not None else stage.readings,
+                readings=_plain(table.readings if table.readings is not None else stage.readings),
                 title=table.name,
             )
         except ThermidError as error:

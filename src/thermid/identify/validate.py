@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from thermid.errors import IdentificationError, nearest
-from thermid.identify.calibrate import LocalSpec, Request, fit
+from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration, SensorStatistics
+from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.measure import Record
 from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario
@@ -124,7 +125,7 @@ def validate(
     *,
     scenario: Scenario | None = None,
     local: Mapping[str, Any] | None = None,
-    readings: Mapping[str, str] | None = None,
+    readings: Mapping[str, Any] | None = None,
     window: float = 0.0,
     title: str = "",
 ) -> Verdict:
@@ -137,7 +138,7 @@ def validate(
     criteria : Criteria         Limits.
     scenario : Scenario         What the log does not say.
     local : dict                Values fitted to this record, as in `calibrate`; they make the verdict conditional.
-    readings : dict             Boundary -> channel whose first reading, less its constant error, stands for it.
+    readings : dict             Boundary or ``initial.<node>`` -> channel whose first reading stands there, or ``{channel, offset}``.
     window : float              First readings are medians over this time. [s]
     title : str                 What the verdict is about, where several judge one record.
 
@@ -158,7 +159,7 @@ def validate(
         window=window,
         name=calibration.stage,
         fit_start=False,
-        readings=dict(readings or {}),
+        readings={n: Reading.read(r, f"readings.{n}") for n, r in (readings or {}).items()},
     )
     prediction = fit(request)
     statistics = prediction.statistics[record.name]

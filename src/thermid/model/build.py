@@ -82,7 +82,8 @@ def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
     fields = _fields(table, SURFACE_FIELDS, where, key)
     if "effective_htc" in fields and any(f.startswith("htc") for f in fields):
         raise DeckError(
-            "a surface has htc (convection alone) or effective_htc (convection and radiation together, as fitted in air), not both.", where(key)
+            "a surface has htc (convection alone) or effective_htc (convection and radiation together, as fitted in air), not both.",
+            where(key),
         )
     if not {"htc", "htc.coefficient", "effective_htc", "emissivity"} & set(fields):
         raise DeckError("a surface exchanges nothing: give htc, effective_htc or emissivity.", where(key))
@@ -96,7 +97,9 @@ def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
     if set(given) not in [set(a) for a in kind.alternatives]:
         wanted = ", or ".join(" and ".join(s for s in kind.slots if s in a) for a in kind.alternatives if a)
         strange = sorted(set(given) - set(kind.slots))
-        also = f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}" if strange else f" Given: {', '.join(given) or 'nothing'}."
+        also = (
+            f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}" if strange else f" Given: {', '.join(given) or 'nothing'}."
+        )
         raise DeckError(f"a conductor of kind '{table['kind']}' needs {wanted}.{also}", where(key))
     shape = _points(table, "W/K", where(key))
     if (shape is not None) != kind.needs_curve:
@@ -177,7 +180,12 @@ def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
 def _curve_to(shape: Curve | None, slot: str) -> dict[str, Any]:
     if shape is None:
         return {}
-    return {"table": {"over": shape.over, "points": [[f"{x!r} [K]", f"{y!r} [{slot}]"] for x, y in zip(shape.x.tolist(), shape.y.tolist(), strict=True)]}}
+    return {
+        "table": {
+            "over": shape.over,
+            "points": [[f"{x!r} [K]", f"{y!r} [{slot}]"] for x, y in zip(shape.x.tolist(), shape.y.tolist(), strict=True)],
+        }
+    }
 
 
 def elements_to(model: Model) -> dict[str, dict[str, Any]]:
@@ -189,7 +197,8 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
         for n, e in model.surfaces.items()
     }
     conductors = {
-        n: {"kind": e.kind, "between": list(e.between)} | _grouped(e.fields) | _curve_to(e.curve, "W/K") | flag(e) for n, e in model.conductors.items()
+        n: {"kind": e.kind, "between": list(e.between)} | _grouped(e.fields) | _curve_to(e.curve, "W/K") | flag(e)
+        for n, e in model.conductors.items()
     }
     joints = {}
     for n, joint in model.joints.items():

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ def curve(over: str, points: Sequence[tuple[float, float]], where: str = "") -> 
     ------
     DeckError   With fewer than two points, or abscissae that do not increase.
     """
-    if len(points) < 2 or any(b[0] <= a[0] for a, b in zip(points, points[1:], strict=False)):
+    if len(points) < 2 or any(b[0] <= a[0] for a, b in pairwise(points)):
         raise DeckError("a table needs at least two points, with increasing temperatures.", where)
     return Curve(over, np.array([p[0] for p in points]), np.array([p[1] for p in points]))
 

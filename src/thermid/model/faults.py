@@ -31,7 +31,10 @@ def deck_error(error: ValidationError, data: Mapping[str, Any], place: Callable[
         path, branch, given = _located(fault["loc"], data)
         path = path[: path.index("between") + 1] if "between" in path[2:] else path
         if branch and not isinstance(given, Mapping):
-            faults.setdefault(".".join(path), "a value is a text with its unit, '2.5 [W]', a number, or a table with value, min, max, source, note and basis.")
+            faults.setdefault(
+                ".".join(path),
+                "a value is a text with its unit, '2.5 [W]', a number, or a table with value, min, max, source, note and basis.",
+            )
         elif not branch or branch == ("ValueTable" if "value" in given or not _has_law(error, fault["loc"]) else "PowerLaw"):
             faults.setdefault(".".join(path), _text(fault, path, branch, grammar))
     (first, message), *rest = ((place(key), text) for key, text in faults.items())

@@ -75,7 +75,9 @@ def _conduction(f: Fields) -> Law:
     if "conductance" in f:
         return Law("linear", (f["conductance"],))
     if value_of(f["thickness"]) == 0.0:
-        raise DeckError("a zero thickness is a zero resistance, which would make two nodes one. Merge them, or give a thickness above zero.")
+        raise DeckError(
+            "a zero thickness is a zero resistance, which would make two nodes one. Merge them, or give a thickness above zero."
+        )
     return Law("linear", (conduction.slab_conductance(f["conductivity"], f["area"], f["thickness"]),))
 
 
@@ -122,13 +124,17 @@ KINDS: Final[Mapping[str, Kind]] = {
         {"htc": "W/(m^2 K)", "htc.coefficient": "W/(m^2 K)", "htc.exponent": "1", **_AREA},
     ),
     "effective": Kind(_effective, (_ALL({"effective_htc", "area"}),), {"effective_htc": "W/(m^2 K)", **_AREA}),
-    "radiation": Kind(_radiation, (_ALL({"emissivity", "area"}), _ALL({"exchange_factor", "area"})), {"emissivity": "1", "exchange_factor": "1", **_AREA}),
+    "radiation": Kind(
+        _radiation, (_ALL({"emissivity", "area"}), _ALL({"exchange_factor", "area"})), {"emissivity": "1", "exchange_factor": "1", **_AREA}
+    ),
     "flow": Kind(_flow, (_ALL({"mass_flow", "specific_heat"}),), {"mass_flow": "kg/s", "specific_heat": "J/(kg K)"}),
     "table": Kind(_table, (_ALL({"scale"}), _ALL()), {"scale": "1"}, needs_curve=True),
 }
 
 
-def law_conductance(form: str, c: Sequence[Any], curve: Curve | None, hot: NDArray[np.float64], cold: NDArray[np.float64]) -> NDArray[np.float64]:
+def law_conductance(
+    form: str, c: Sequence[Any], curve: Curve | None, hot: NDArray[np.float64], cold: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return the conductance of a law at given end temperatures; heat flow is always ``G (T_a - T_b)``. [W/K]
 
     Parameters

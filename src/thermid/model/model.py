@@ -205,8 +205,12 @@ class Model:
         unbound = sorted(set(new.needs) - set(old.bind))
         if gone or unbound:
             has, new_has = (", ".join(sorted({*m.needs, *m.offers})) for m in (old.model, new))
-            lack = "; ".join([f"it does not offer {g}, which is used here" for g in gone] + [f"its need {u} is bound to nothing" for u in unbound])
-            raise DeckError(f"'{path}' has ports {has}; its replacement has {new_has}: {lack}. Add the port or keep the old part.", self.title)
+            lack = "; ".join(
+                [f"it does not offer {g}, which is used here" for g in gone] + [f"its need {u} is bound to nothing" for u in unbound]
+            )
+            raise DeckError(
+                f"'{path}' has ports {has}; its replacement has {new_has}: {lack}. Add the port or keep the old part.", self.title
+            )
         kept = {need: node for need, node in old.bind.items() if need in new.needs}
         return replace(self, submodels={**self.submodels, head: Submodel(new, kept, new.identity())})
 

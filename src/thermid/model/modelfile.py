@@ -55,7 +55,10 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         near = nearest(path.name, [p.name for p in path.parent.glob("*.toml")]) if path.parent.is_dir() else ""
         raise DeckError(f"there is no file '{path.name}' in {path.parent.name or '.'}/.{near}")
     if path.stat().st_size > LARGEST_FILE:
-        raise DeckError(f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text of a few kilobytes. Put tables of data into a log.", path.name)
+        raise DeckError(
+            f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text of a few kilobytes. Put tables of data into a log.",
+            path.name,
+        )
     try:
         text = path.read_text(encoding="utf-8-sig")
         return tomllib.loads(text), line_numbers(text)
@@ -242,5 +245,3 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     from thermid.model.save import write
 
     write(model, Path(path), Path(like) if like is not None else None)
-
-

@@ -60,10 +60,15 @@ class Names:
         known = local_names(model)
         for alias, target in model.aliases.items():
             if model.canonical(target) not in known:
-                raise NameNotFoundError(f"the alias '{alias}' stands for '{target}', which does not exist.{nearest(target, known)}", model.where(f"aliases.{alias}"))
+                raise NameNotFoundError(
+                    f"the alias '{alias}' stands for '{target}', which does not exist.{nearest(target, known)}",
+                    model.where(f"aliases.{alias}"),
+                )
         for offer in model.offers:
             if model.canonical(offer) not in known:
-                raise NameNotFoundError(f"it offers '{offer}', but has no such node or surface.{nearest(offer, known)}", model.where("offers"))
+                raise NameNotFoundError(
+                    f"it offers '{offer}', but has no such node or surface.{nearest(offer, known)}", model.where("offers")
+                )
 
     def _collect(self, model: Model, prefix: str) -> None:
         self._check_ports(model)
@@ -83,11 +88,14 @@ class Names:
         for need in part.bind:
             if need not in part.model.needs:
                 known = ", ".join(part.model.needs) or "nothing"
-                raise NameNotFoundError(f"'{name}' needs {known}, not '{need}'.{nearest(need, part.model.needs)}", model.where(f"submodels.{name}.bind"))
+                raise NameNotFoundError(
+                    f"'{name}' needs {known}, not '{need}'.{nearest(need, part.model.needs)}", model.where(f"submodels.{name}.bind")
+                )
         for need in part.model.needs:
             if need not in part.bind:
                 raise DeckError(
-                    f"port '{need}' of '{name}' is bound to nothing. Give it a node: bind = {{ {need} = \"...\" }}.", model.where(f"submodels.{name}")
+                    f"port '{need}' of '{name}' is bound to nothing. Give it a node: bind = {{ {need} = \"...\" }}.",
+                    model.where(f"submodels.{name}"),
                 )
             target = part.bind[need]
             self._alias[f"{prefix}{name}.{need}"] = self.end(model, prefix, target, f"submodels.{name}.bind.{need}")
@@ -96,10 +104,18 @@ class Names:
         """Return the canonical node that a name inside a model stands for; offered ports only, where it lies in a submodel."""
         path = model.canonical(raw)
         head, _, rest = path.partition(".")
-        if rest and head in model.submodels and not any(model.submodels[head].model.canonical(o) == rest for o in model.submodels[head].model.offers):
+        if (
+            rest
+            and head in model.submodels
+            and not any(model.submodels[head].model.canonical(o) == rest for o in model.submodels[head].model.offers)
+        ):
             known = model.submodels[head].model.offers
             exists = prefix + path in self.nodes
-            say = f"'{head}' does not offer '{rest}'. It offers {', '.join(known) or 'nothing'}." if exists else f"no node '{raw}'.{self._near(prefix, path)}"
+            say = (
+                f"'{head}' does not offer '{rest}'. It offers {', '.join(known) or 'nothing'}."
+                if exists
+                else f"no node '{raw}'.{self._near(prefix, path)}"
+            )
             raise NameNotFoundError(say, model.where(key))
         full = prefix + path
         full = self._alias.get(full, full)
@@ -120,7 +136,8 @@ class Names:
             part = owner.submodels[head].model
             if tail not in {part.canonical(o) for o in part.offers}:
                 raise NameNotFoundError(
-                    f"'{head}' does not offer '{tail}'.{nearest(tail, part.offers)} It offers {', '.join(part.offers) or 'nothing'}.", model.where(key)
+                    f"'{head}' does not offer '{tail}'.{nearest(tail, part.offers)} It offers {', '.join(part.offers) or 'nothing'}.",
+                    model.where(key),
                 )
             owner, own_prefix, rest = part, f"{own_prefix}{head}.", tail
         if rest not in owner.surfaces:

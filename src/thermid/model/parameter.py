@@ -60,7 +60,9 @@ def _bound(value: Any, expression: Expression) -> float | None:
         if literal is None:
             raise DeckError(f"the bound '{value}' must be a number with a unit.")
         if expression.literal is not None and literal.unit.dimension != expression.literal.unit.dimension:
-            raise UnitError(f"the bound '{value}' is {describe(literal.unit.dimension)}; the value is {describe(expression.literal.unit.dimension)}.")
+            raise UnitError(
+                f"the bound '{value}' is {describe(literal.unit.dimension)}; the value is {describe(expression.literal.unit.dimension)}."
+            )
         return literal.value
     number = float(_written_number(value))
     if expression.literal is None or abs(number) == float("inf"):
@@ -95,7 +97,9 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
     try:
         unknown = set(table) - {"value", "min", "max", "source", "note", "basis"}
         if unknown or "value" not in table:
-            raise DeckError(f"a parameter has value, min, max, source, note and basis, not {', '.join(sorted(unknown)) or 'a table without value'}.")
+            raise DeckError(
+                f"a parameter has value, min, max, source, note and basis, not {', '.join(sorted(unknown)) or 'a table without value'}."
+            )
         raw = table["value"]
         expression = parse(raw if isinstance(raw, str) else _written_number(raw))
         low, high = _bound(table.get("min"), expression), _bound(table.get("max"), expression)
@@ -121,4 +125,6 @@ def check_bounds(value: float, given: Parameter, where: str) -> None:
             word = "below" if beyond < 0 else "above"
             of = unit(given.unit or "1")
             shown = [f"{(v - float(of.offset)) / float(of.factor):.6g}" for v in (value, bound)]
-            raise DeckError(f"{shown[0]} lies {word} its {side} {shown[1]} [{of.text}]. Values are never moved into bounds silently.", where)
+            raise DeckError(
+                f"{shown[0]} lies {word} its {side} {shown[1]} [{of.text}]. Values are never moved into bounds silently.", where
+            )

@@ -123,7 +123,9 @@ class ParameterSet:
             visit(path)
         return tuple(done)
 
-    def evaluate(self, overrides: Mapping[str, Any], only: Iterable[str] | None = None, known: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def evaluate(
+        self, overrides: Mapping[str, Any], only: Iterable[str] | None = None, known: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
         """Return path -> value, SI, of all paths or of `only` some, with `overrides` in place of literals.
 
         Overrides may be floats, `Dual` numbers or arrays over time; `known` holds values already computed.

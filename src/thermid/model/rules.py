@@ -143,7 +143,9 @@ def _attached(view: _View) -> Iterator[Finding]:
     used = {end for c in view.flat.conductors for end in c.ends} | {end for x in view.flat.loads for end in (x.node, x.sensor)}
     for node in view.flat.nodes:
         if node.path not in used and node.fields:
-            yield Finding("warning", node.where, f"nothing is attached to '{node.path}'; its temperature never changes. Join it or leave it out.")
+            yield Finding(
+                "warning", node.where, f"nothing is attached to '{node.path}'; its temperature never changes. Join it or leave it out."
+            )
     for need in view.flat.names.boundaries:
         if need not in used:
             yield Finding("warning", view.model.where("needs"), f"nothing is attached to the need '{need}'. Join it or leave it out.")
@@ -155,7 +157,11 @@ def _massless(view: _View) -> Iterator[Finding]:
         if all(not node.fields for node in group):
             names = _list([n.path for n in group])
             single = "the massless node" if len(group) == 1 else "the massless nodes"
-            yield Finding("error", group[0].where, f"{single} {names} {_has(group)} no conductance to anything that has a temperature. Join it, or give it a mass.")
+            yield Finding(
+                "error",
+                group[0].where,
+                f"{single} {names} {_has(group)} no conductance to anything that has a temperature. Join it, or give it a mass.",
+            )
 
 
 def _paths(view: _View) -> Iterator[Finding]:
@@ -220,7 +226,9 @@ def _fractions(view: _View) -> Iterator[Finding]:
     for c in view.flat.conductors:
         for name, path in {**c.fields, "emissivity": c.emissivity or c.fields.get("emissivity", "")}.items():
             if name == "emissivity" and path and not 0.0 <= view.values[path] <= 1.0:
-                yield Finding("error", view.flat.parameters.table[path].where, f"an emissivity of {view.values[path]:g} does not exist; give 0 to 1.")
+                yield Finding(
+                    "error", view.flat.parameters.table[path].where, f"an emissivity of {view.values[path]:g} does not exist; give 0 to 1."
+                )
             if name == "htc.exponent" and not 0.0 <= view.values[path] <= 1.0:
                 message = f"an exponent of {view.values[path]:g} is not one of natural convection, which has 1/4 or 1/3."
                 yield Finding("warning", view.flat.parameters.table[path].where, message)
@@ -235,14 +243,20 @@ def _test_only(view: _View) -> Iterator[Finding]:
         try:
             flatten(view.model.without_test_only())
         except ThermidError as error:
-            yield Finding("warning", error.where, f"without the elements for the test only: {error.message} Mark what hangs on them test_only too.")
+            yield Finding(
+                "warning", error.where, f"without the elements for the test only: {error.message} Mark what hangs on them test_only too."
+            )
 
 
 def _effective(view: _View) -> Iterator[Finding]:
     """A coefficient that contains radiation, whose share nobody gave."""
     for c in view.flat.conductors:
         if c.kind == "effective" and not c.emissivity:
-            yield Finding("note", c.where, f"the coefficient of '{c.path}' contains radiation, and no emissivity is given: a vacuum run will be refused.")
+            yield Finding(
+                "note",
+                c.where,
+                f"the coefficient of '{c.path}' contains radiation, and no emissivity is given: a vacuum run will be refused.",
+            )
 
 
 def _sources(view: _View) -> Iterator[Finding]:

@@ -145,4 +145,7 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
             raise ScenarioError("a sine needs a period above zero.", where)
         amplitude = literal(value["amplitude"], difference, where)
         return Sine(literal(value["mean"], slot, where), amplitude, period, float(value.get("phase", 0.0)))
-    raise ScenarioError(f"a signal is a table of times and values (hold), or of mean, amplitude and period (phase), not of {', '.join(sorted(keys))}.", where)
+    raise ScenarioError(
+        f"a signal is a table of times and values (hold), or of mean, amplitude and period (phase), not of {', '.join(sorted(keys))}.",
+        where,
+    )

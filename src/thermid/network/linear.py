@@ -70,7 +70,9 @@ def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
     crooked = [row.name for row in numbers.conductors if row.form not in ("linear", "flow")]
     crooked += [row.name for row in numbers.loads if row.form != "signal"]
     if crooked:
-        raise SolverError(f"'{crooked[0]}' is not linear, so there is no one matrix. Ask for the time constants at a temperature instead.", network.title)
+        raise SolverError(
+            f"'{crooked[0]}' is not linear, so there is no one matrix. Ask for the time constants at a temperature instead.", network.title
+        )
     reduced = reduce_network(network, numbers, tuple(n for n, c in numbers.capacitances.items() if c is None))
     return _matrices(network, reduced)
 
@@ -111,5 +113,3 @@ def modes(space: StateSpace) -> Modes:
         constants = np.where(slow, np.inf, -1.0 / np.where(slow, -1.0, rates))
     order = np.argsort(-constants)
     return Modes(constants[order], shapes[:, order], space.nodes)
-
-

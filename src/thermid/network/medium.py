@@ -24,6 +24,7 @@ __all__ = ["VACUUM_LIMIT", "Environment", "Media"]
 
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
+ONE_ATMOSPHERE = Constant(ATMOSPHERE)
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
 
@@ -39,7 +40,7 @@ class Environment:
     gravity : float     [m/s^2]
     """
 
-    pressure: Signal = Constant(ATMOSPHERE)
+    pressure: Signal = ONE_ATMOSPHERE
     humidity: float = 0.5
     gravity: float = STANDARD_GRAVITY
 
@@ -110,7 +111,9 @@ class Media:
             return "vacuum"
         if abs(environment.gravity - STANDARD_GRAVITY) > 0.01 * STANDARD_GRAVITY:
             raise ScenarioError(
-                f"gravity in '{gas}' is {environment.gravity:g} m/s^2; a coefficient of natural convection fitted on the ground does not hold there.", where
+                f"gravity in '{gas}' is {environment.gravity:g} m/s^2; a coefficient of natural convection fitted on the "
+                "ground does not hold there.",
+                where,
             )
         if air.all():
             return "air"
@@ -139,7 +142,8 @@ class Media:
             return gone if state == "vacuum" else (row(law.form, law.coefficients, f"gas {self._key(c.gas)}"),)
         if emissivity is None:
             raise ScenarioError(
-                f"the coefficient of '{c.path}' is effective: it contains radiation, which vacuum does not take away. Give the surface's emissivity, "
+                f"the coefficient of '{c.path}' is effective: it contains radiation, which vacuum does not take away. "
+                "Give the surface's emissivity, "
                 "or ask for vacuum as printed (--as-printed), which sets it to zero and is an upper bound.",
                 c.where,
             )

@@ -90,7 +90,9 @@ class Network:
         def fresh(paths: Iterable[str]) -> bool:
             return touched is None or any(p in touched for p in paths)
 
-        capacitances, conductors, loads = ({} if touched is None else dict(self._static[k]) for k in ("capacitances", "conductors", "loads"))
+        capacitances, conductors, loads = (
+            {} if touched is None else dict(self._static[k]) for k in ("capacitances", "conductors", "loads")
+        )
         for node in flat.nodes:
             if fresh(node.fields.values()):
                 capacitances[node.path] = _capacitance(node.fields, values, node.where)
@@ -143,7 +145,9 @@ def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]
     elif "thermostat.on_below" in f:
         form, rest = "thermostat", (f["thermostat.on_below"], f["thermostat.off_above"])
         if value_of(rest[0]) > value_of(rest[1]):
-            raise DeckError("the thermostat switches on above the temperature where it switches off. Exchange on_below and off_above.", load.where)
+            raise DeckError(
+                "the thermostat switches on above the temperature where it switches off. Exchange on_below and off_above.", load.where
+            )
     elif "proportional.gain" in f:
         form, first, rest = "proportional", f["proportional.gain"], (f["proportional.setpoint"], f["power"])
     elif "exponential_coefficient" in f:

@@ -110,9 +110,7 @@ class Engine:
         )
         self.nodes: tuple[str, ...] = s["nodes"]
 
-    def integrate(
-        self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, gradients: bool = False
-    ) -> Answer:
+    def integrate(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, gradients: bool = False) -> Answer:
         """Return temperatures at times of some nodes, from zero to `end` [s].
 
         Raises
@@ -148,7 +146,9 @@ class Engine:
         }
         flows = found.conductor_energy[self.flow_rows] if self.flow_rows.size else np.zeros(0)
         slopes = found.sensitivities if found.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
-        return Answer(found.traces, slopes, a.initial, found.final_temperatures, found.load_energy, found.boundary_energy, flows, end, statistics)
+        return Answer(
+            found.traces, slopes, a.initial, found.final_temperatures, found.load_energy, found.boundary_energy, flows, end, statistics
+        )
 
     def _breaks(self, end: float) -> Array:
         """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
@@ -167,8 +167,8 @@ class Engine:
         words = {
             _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger tolerance.",
             _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise the tolerance.",
-            _kernel.NEWTON_FAILED: f"the equations of a step could not be solved {when}. Look for a power that grows too fast with temperature.",
-            _kernel.NON_FINITE: f"a temperature or a heat flow is not a number {when}. Look for a parameter that is infinite or not a number.",
+            _kernel.NEWTON_FAILED: f"a step could not be solved {when}. Look for a power that grows too fast with temperature.",
+            _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
             _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave.",
             _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
             _kernel.CHATTER: f"a thermostat switches without end {when}. Widen its hysteresis.",

@@ -13,6 +13,7 @@ from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ScenarioError, nearest
 from thermid.model.signal import Constant, Signal, Sine, Table, signal
 from thermid.network.network import Network, Numbers
+from thermid.network.rows import ConductorRow, LoadRow
 from thermid.simulation.scenario import Scenario
 from thermid.units import TEMPERATURE, require
 
@@ -50,10 +51,15 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
     boundaries |= {network.find(k, where): v for k, v in scenario.prescribed.items()}
     for name in boundaries:
         if name not in network.boundaries:
-            raise ScenarioError(f"'{name}' is a node with a balance of its own, not a boundary. To drive it by a given temperature put it under 'prescribed'.", where)
+            raise ScenarioError(
+                f"'{name}' is a node with its own balance, not a boundary. To drive it by a given temperature put it under 'prescribed'.",
+                where,
+            )
     for name in network.boundaries:
         if name not in boundaries:
-            raise ScenarioError(f"boundary '{name}' of {network.title} has no temperature. Give it one in the scenario's boundaries.", where)
+            raise ScenarioError(
+                f"boundary '{name}' of {network.title} has no temperature. Give it one in the scenario's boundaries.", where
+            )
     loads = {load(k): v for k, v in scenario.loads.items()}
     commands = {load(k): v for k, v in scenario.commands.items()}
     both = sorted(set(loads) & set(commands))
@@ -193,26 +199,31 @@ def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) 
     sets = [network.numbers({**free, **schedule.overrides(k)}) for k in range(len(schedule.rows))]
     for node, first in sets[0].capacitances.items():
         if first is not None and any(value_of(s.capacitances[node] or 0.0) != value_of(first) for s in sets):
-            raise ScenarioError(f"the capacitance of '{node}' would change with the schedule; only conductors and loads can.", network.title)
+            raise ScenarioError(
+                f"the capacitance of '{node}' would change with the schedule; only conductors and loads can.", network.title
+            )
     reference = max(range(len(sets)), key=lambda k: _magnitude(sets[k]))
     base = sets[reference]
     out: dict[tuple[str, int, int], Signal] = {}
-    for table in ("conductors", "loads"):
-        seen: dict[str, int] = {}
-        for r, row in enumerate(getattr(base, table)):
-            position = seen.get(row.name, 0)
-            seen[row.name] = position + 1
-            for c, mine in enumerate(row.coefficients):
-                values = [getattr(s, table)[r].coefficients[c] for s in sets]
-                ratio = _ratios(mine, values, row.name, network.title)
-                if ratio is not None:
-                    out[row.name, position, c] = Table(schedule.times, ratio[schedule.index], schedule.hold) if schedule.times.size > 1 else Constant(float(ratio[0]))
+    every: list[tuple[ConductorRow | LoadRow, ...]] = [(*s.conductors, *s.loads) for s in sets]
+    seen: dict[str, int] = {}
+    for r, row in enumerate(every[reference]):
+        position = seen.get(row.name, 0)
+        seen[row.name] = position + 1
+        for c, mine in enumerate(row.coefficients):
+            ratio = _ratios(mine, [rows[r].coefficients[c] for rows in every], row.name, network.title)
+            if ratio is not None:
+                moving = (
+                    Table(schedule.times, ratio[schedule.index], schedule.hold) if schedule.times.size > 1 else Constant(float(ratio[0]))
+                )
+                out[row.name, position, c] = moving
     return base, out
 
 
 def _magnitude(numbers: Numbers) -> float:
     """Return a size by which the reference sample is chosen: one at which no scheduled coefficient vanishes, if there is any."""
-    return float(np.sum([np.log1p(abs(value_of(r.coefficients[0]))) for r in (*numbers.conductors, *numbers.loads)]))
+    rows: tuple[ConductorRow | LoadRow, ...] = (*numbers.conductors, *numbers.loads)
+    return float(sum(np.log1p(abs(value_of(r.coefficients[0]))) for r in rows))
 
 
 def _ratios(mine: Number, values: list[Number], name: str, title: str) -> Array | None:
@@ -222,10 +233,15 @@ def _ratios(mine: Number, values: list[Number], name: str, title: str) -> Array 
     if (plain == base).all():
         return None
     if base == 0.0:
-        raise ScenarioError(f"the coefficient of '{name}' vanishes at the reference of its schedule. Schedule one parameter at a time.", title)
+        raise ScenarioError(
+            f"the coefficient of '{name}' vanishes at the reference of its schedule. Schedule one parameter at a time.", title
+        )
     ratio = plain / base
     if isinstance(mine, Dual):
         for r, v in zip(ratio, values, strict=True):
             if isinstance(v, Dual) and not np.allclose(v.gradient, r * mine.gradient, rtol=1e-9, atol=1e-12 * np.abs(mine.gradient).max()):
-                raise ScenarioError(f"in '{name}' a freed parameter and a scheduled one do not act as a product, so their effects cannot be told apart.", title)
+                raise ScenarioError(
+                    f"in '{name}' a freed parameter and a scheduled one do not act as a product, so their effects cannot be told apart.",
+                    title,
+                )
     return ratio

@@ -97,7 +97,7 @@ class Scenario:
         for name in changes:
             if name not in fields:
                 raise ScenarioError(f"a scenario has no '{name}'.{nearest(name, fields)}", self.title)
-        merged = {k: {**getattr(self, k), **v} if isinstance(v, Mapping) else v for k, v in changes.items()}
+        merged: dict[str, Any] = {k: {**getattr(self, k), **v} if isinstance(v, Mapping) else v for k, v in changes.items()}
         return replace(self, **merged)
 
 

@@ -60,7 +60,7 @@ class Trace:
 
     def at(self, time: float | Array) -> Array:
         """Temperature at times within the run, straight lines between stored times. [degC]"""
-        return np.interp(time, self.times, self.celsius)
+        return np.asarray(np.interp(time, self.times, self.celsius))
 
     def crossing(self, limit: float) -> float | None:
         """Return the first time at which the node is above a limit [degC], or None. [s]"""

@@ -54,7 +54,7 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
             if unstable:
                 raise SolverError("the balance found is not stable: a power grows faster with temperature than the heat can leave.", where)
             _, jacobian, slopes = engine.rhs(a, temperatures, time, gradients)
-            moves = -np.linalg.solve(jacobian, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
+            moves: Array = -np.linalg.solve(jacobian, slopes).astype(float) if slopes is not None else np.zeros((temperatures.size, 0))
             return temperatures, moves
     raise SolverError("no steady state was found; a power may run away with temperature.", where)
 
@@ -66,7 +66,7 @@ def _no_steady(engine: Engine, a: Assembled) -> str:
     parts = unreached(engine.wiring.network, a.numbers, powers)
     if parts:
         return f"there is no steady state: {parts[0].message()}."
-    return "there is no steady state: the equations are singular. Look for a power that grows with temperature, or for nodes joined to nothing."
+    return "there is no steady state: the equations are singular. Look for a power that grows with temperature."
 
 
 def _columns(engine: Engine, a: Assembled) -> Array:

@@ -41,7 +41,13 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
         raise ScenarioError("a run needs a duration above zero.", f"{scenario.title}, duration")
     if times is not None:
         wanted = np.asarray(times, dtype=float)
-        if wanted.ndim != 1 or wanted.size == 0 or (np.diff(wanted) <= 0).any() or wanted[0] < 0 or wanted[-1] > scenario.seconds * (1 + 1e-12):
+        if (
+            wanted.ndim != 1
+            or wanted.size == 0
+            or (np.diff(wanted) <= 0).any()
+            or wanted[0] < 0
+            or wanted[-1] > scenario.seconds * (1 + 1e-12)
+        ):
             raise ScenarioError("output times must increase and lie within the duration.", scenario.title)
         return wanted
     if every is None:
@@ -101,6 +107,7 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         powers[load.path] = mean * (1.0 if f"watts {load.path}" in wiring.signals else value_of(first.coefficients[0]))
     out = [part.message() for part in unreached(wiring.network, numbers, powers)]
     if scenario.as_printed:
-        out.append("vacuum as printed: every coefficient is zero, radiation inside it included; the temperatures are an upper bound, not a prediction")
+        out.append(
+            "vacuum as printed: every coefficient is zero, radiation in it included; the temperatures are an upper bound"
+        )
     return tuple(out)
-

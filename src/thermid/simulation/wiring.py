@@ -285,7 +285,7 @@ def _csr(values: Sequence[Number], free: int) -> tuple[Array, Array, Array]:
             indices += where.tolist()
             data += number.gradient[where].tolist()
         indptr.append(len(indices))
-    return np.array(indptr, dtype=np.int32), np.array(indices, dtype=np.int32), np.array(data)  # type: ignore[return-value]
+    return np.array(indptr, dtype=np.int32), np.array(indices, dtype=np.int32), np.array(data)
 
 
 def _numbered(rows: Sequence[Row]) -> Iterator[tuple[Row, int]]:
@@ -300,5 +300,3 @@ def _numbered(rows: Sequence[Row]) -> Iterator[tuple[Row, int]]:
 def curve_arrays(given: Curve) -> tuple[Array, Array, Array]:
     """Return knots, values and slopes of a table for the kernel."""
     return given.x, given.y, slopes(given)
-
-

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -131,10 +132,15 @@ class Net:
         return [v * (self.signal(c[1], t) if c[1] >= 0 else 1.0) for v, c in zip(values, self.coefs, strict=True)]
 
     def look_up(self, table: int, at: float) -> float:
-        from scipy.interpolate import CubicHermiteSpline
-
+        """Cubic Hermite value in Bernstein form, constant outside."""
         x, y, d = self.tables[table]
-        return float(CubicHermiteSpline(x, y, d)(min(max(at, x[0]), x[-1])))
+        if not x[0] < at < x[-1]:
+            return float(y[0] if at <= x[0] else y[-1])
+        i = bisect.bisect_right(x, at) - 1
+        w = x[i + 1] - x[i]
+        s = (at - x[i]) / w
+        points = (y[i], y[i] + w * d[i] / 3, y[i + 1] - w * d[i + 1] / 3, y[i + 1])
+        return float(sum(math.comb(3, j) * s**j * (1 - s) ** (3 - j) * v for j, v in enumerate(points)))
 
     def heat(self, row: tuple[int, int, int, list[int], int], temperatures: np.ndarray, c: list[float]) -> float:
         kind, a, b, slots, table = row

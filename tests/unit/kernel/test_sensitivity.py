@@ -9,7 +9,7 @@ from unit.kernel.test_rows import menagerie
 
 from thermid import _kernel as k
 
-TIGHT = {"rtol": 1e-10, "atol": 1e-10}
+TIGHT = {"rtol": 0.0, "atol": 3e-11}
 
 
 def differences(net: Net, times: np.ndarray, h: float, **options: float) -> np.ndarray:
@@ -27,7 +27,7 @@ def test_every_coefficient_against_differences() -> None:
     times = np.array([0.0, 4.0, 11.0, 19.0, 33.0, 60.0])
     r = net.run(times, sens=True, **TIGHT)
     assert r.status == k.OK
-    expected = differences(net, times, 1e-5, **TIGHT)
+    expected = differences(net, times, 1e-4, **TIGHT)
     scale = np.abs(expected).max(axis=(0, 1))
     # Loads that never act have no sensitivity at all: then both must be zero.
     error = np.abs(r.sensitivities - expected).max(axis=(0, 1))
@@ -105,25 +105,31 @@ def test_both_kinds_together_and_boundaries_observed() -> None:
     np.testing.assert_allclose(r.sensitivities[1, 1], [-50 * 0.5 * decay, decay + 2 * (1 - decay)], rtol=1e-6)
 
 
-@pytest.mark.parametrize("shift", [0.0, 0.3])
-def test_noisy_input(shift: float) -> None:
-    """The dense-output correction reaches the sensitivities: outputs between steps agree with differences."""
+def room(noise: float) -> tuple[Net, np.ndarray]:
+    """Two masses and a massless node in a room sampled at 1 s, with white noise quantised to 1/16 K, and the sample times."""
     rng = np.random.default_rng(3)
     grid = np.arange(0.0, 1201.0)
-    noise = np.round(rng.normal(0, 0.4, grid.size) * 16) / 16
+    samples = 295.0 + np.sin(grid / 300) + np.round(rng.normal(0, noise, grid.size) * 16) / 16
     net = Net()
     a, b, s = net.node(60.0, 300.0), net.node(200.0, 300.0, p3=20.0), net.node(None, 300.0)
-    air = net.boundary(gain=net.coef(1.0, net.input(k.SAMPLED_LINEAR, grid, 295.0 + noise)))
-    net.link(k.POWER, a, air, net.coef(0.25 + shift, p0=1.0), net.coef(0.25))
+    air = net.boundary(gain=net.coef(1.0, net.input(k.SAMPLED_LINEAR, grid, samples)))
+    net.link(k.POWER, a, air, net.coef(0.25, p0=1.0), net.coef(0.25))
     net.link(k.RADIATION, b, air, net.coef(5e-9, p1=1e-9))
     net.link(k.LINEAR, s, air, net.coef(0.1, p2=1.0))
     net.link(k.LINEAR, a, s, net.coef(0.5, p4=1.0))
     net.link(k.LINEAR, s, b, net.coef(0.7))
     net.load(k.SIGNAL, a, net.coef(4.0))
+    return net, grid
+
+
+@pytest.mark.parametrize(("noise", "tolerance", "steps"), [(0.05, 1e-4, 100), (0.05, 1e-5, 400), (0.4, 1e-4, 1300)])
+def test_noisy_input(noise: float, tolerance: float, steps: int) -> None:
+    """Outputs between steps agree with a run on the sample grid: the correction reaches the sensitivities too."""
+    net, grid = room(noise)
     times = np.arange(0.0, 1200.0, 7.3)
-    r = net.run(times, sens=True, input_atol=1e-5)
-    exact = net.run(times, sens=True, max_step=1.0, breaks=grid, **TIGHT)
-    assert r.steps < 800
-    np.testing.assert_allclose(r.traces, exact.traces, atol=2e-5)
+    r = net.run(times, sens=True, input_atol=tolerance)
+    exact = net.run(times, sens=True, max_step=1.0, breaks=grid, rtol=0.0, atol=1e-9)
+    assert r.steps < steps
+    np.testing.assert_allclose(r.traces, exact.traces, rtol=0, atol=tolerance)
     scale = np.abs(exact.sensitivities).max(axis=(0, 1))
-    assert (np.abs(r.sensitivities - exact.sensitivities).max(axis=(0, 1)) < 1e-4 * np.maximum(scale, 1.0)).all()
+    assert (np.abs(r.sensitivities - exact.sensitivities).max(axis=(0, 1)) < tolerance * np.maximum(scale, 1.0)).all()

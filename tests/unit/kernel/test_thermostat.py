@@ -112,7 +112,7 @@ def test_given_initial_state() -> None:
     net = heated()
     for given, power in ((1, True), (0, False)):
         r = net.run([0.0, 5.0], start=[297.0, 297.0], on=np.array([given], np.int32))
-        assert (r.load_energy[0] > 0) is power
+        assert bool(r.load_energy[0] > 0) is power
     assert net.run([0.0, 5.0], start=[297.0, 297.0]).load_energy[0] == 0.0
 
 

@@ -54,7 +54,9 @@ def pair(part: Callable[..., Model]) -> Callable[..., Model]:
             "needs": ["room"],
             "offers": ["mid", "a.case"],
             "submodels": {"a": {"use": part(), "bind": {"air": "room"}}, "b": {"use": part(title="Other"), "bind": {"air": "room"}}},
-            "joints": {"stack": {"between": ["a.skin", "b.skin"], "area": "20 [cm^2]", "contact_conductance": "200 [W/(m^2 K)]", "mid": "mid"}},
+            "joints": {
+                "stack": {"between": ["a.skin", "b.skin"], "area": "20 [cm^2]", "contact_conductance": "200 [W/(m^2 K)]", "mid": "mid"}
+            },
             "aliases": {"first": "a", "first_case": "a.case"},
         }
         return model_from_dict(_changed(base, changes or {}))

@@ -45,21 +45,42 @@ def test_a_deck_with_a_part(decks: Decks) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (BOX.replace("capacitance", "capacitanse"), "main.toml:6, nodes.case.capacitanse: 'capacitanse' is no field here. Did you mean 'capacitance'?"),
+        (
+            BOX.replace("capacitance", "capacitanse"),
+            "main.toml:6, nodes.case.capacitanse: 'capacitanse' is no field here. Did you mean 'capacitance'?",
+        ),
         (BOX.replace("htc =", "hct ="), "main.toml:12, surfaces.skin.hct: 'hct' is no field here. Did you mean 'htc'?"),
         (BOX.replace("[nodes]", "[nods]"), "main.toml:5, nods: 'nods' is no field here. Did you mean 'nodes'?"),
         (BOX.replace('title = "Box"\n', ""), "main.toml, title: is missing."),
         (BOX.replace('area = "0.05 [m^2]"\n', ""), "main.toml:8, surfaces.skin.area: is missing."),
-        (BOX.replace('"5 [W/(m^2 K)]"', '{ value = "5 [W/(m^2 K)]", mn = 2 }'), "main.toml:12, surfaces.skin.htc.mn: 'mn' is no field here. Did you mean 'min'?"),
-        (BOX.replace('"5 [W/(m^2 K)]"', '{ coefficient = "5 [W/(m^2 K)]", exponnt = 0.25 }'), "surfaces.skin.htc.exponnt: 'exponnt' is no field here. Did you mean 'exponent'?"),
-        (BOX.replace('"5 [W/(m^2 K)]"', "true"), "main.toml:12, surfaces.skin.htc: a value is a text with its unit, '2.5 [W]', a number, or a table with value"),
+        (
+            BOX.replace('"5 [W/(m^2 K)]"', '{ value = "5 [W/(m^2 K)]", mn = 2 }'),
+            "main.toml:12, surfaces.skin.htc.mn: 'mn' is no field here. Did you mean 'min'?",
+        ),
+        (
+            BOX.replace('"5 [W/(m^2 K)]"', '{ coefficient = "5 [W/(m^2 K)]", exponnt = 0.25 }'),
+            "surfaces.skin.htc.exponnt: 'exponnt' is no field here. Did you mean 'exponent'?",
+        ),
+        (
+            BOX.replace('"5 [W/(m^2 K)]"', "true"),
+            "main.toml:12, surfaces.skin.htc: a value is a text with its unit, '2.5 [W]', a number, or a table with value",
+        ),
         (BOX.replace('"5 [W/(m^2 K)]"', "[1, 2]"), "main.toml:12, surfaces.skin.htc: a value is a text with its unit"),
         (BOX.replace('"5 [W/(m^2 K)]"', "nan"), "main.toml:12, surfaces.skin.htc: nan is no value."),
         (BOX + 'colour = "red"\n', "main.toml:13, surfaces.skin.colour: 'colour' is no field here."),
         ('box = "purple"\n' + BOX, "main.toml:1, box: input should be 'white', 'light grey', 'dark grey' or 'black'."),
-        (BOX + '[conductors]\nc = { kind = "conducton", between = ["case", "air"] }\n', "main.toml:14, conductors.c.kind: 'conducton' is none of conduction, contact"),
-        (BOX + '[conductors]\nc = { kind = "conduction", between = ["case"] }\n', 'main.toml:14, conductors.c.between: names two ends: between = ["a", "b"].'),
-        (BOX + '[loads]\nq = { into = "case", power = "1 [W]", periodic = { period = "9 [s]", dty = 1 } }\n', "loads.q.periodic.dty: 'dty' is no field here. Did you mean 'duty'?"),
+        (
+            BOX + '[conductors]\nc = { kind = "conducton", between = ["case", "air"] }\n',
+            "main.toml:14, conductors.c.kind: 'conducton' is none of conduction, contact",
+        ),
+        (
+            BOX + '[conductors]\nc = { kind = "conduction", between = ["case"] }\n',
+            'main.toml:14, conductors.c.between: names two ends: between = ["a", "b"].',
+        ),
+        (
+            BOX + '[loads]\nq = { into = "case", power = "1 [W]", periodic = { period = "9 [s]", dty = 1 } }\n',
+            "loads.q.periodic.dty: 'dty' is no field here. Did you mean 'duty'?",
+        ),
     ],
 )
 def test_grammar(decks: Decks, text: str, message: str) -> None:
@@ -144,7 +165,9 @@ def test_byte_order_mark_is_fine(tmp_path: Path) -> None:
 def test_huge_file(tmp_path: Path) -> None:
     with (tmp_path / "x.toml").open("wb") as file:
         file.truncate(5_000_000)
-    with pytest.raises(DeckError, match=r"x\.toml: the file has 5\.0 MB; a deck is a text of a few kilobytes\. Put tables of data into a log\."):
+    with pytest.raises(
+        DeckError, match=r"x\.toml: the file has 5\.0 MB; a deck is a text of a few kilobytes\. Put tables of data into a log\."
+    ):
         load_model(tmp_path / "x.toml")
 
 
@@ -160,7 +183,10 @@ def test_a_part_outside_the_project(decks: Decks, tmp_path: Path, name: str) -> 
     (tmp_path.parent / "secret.toml").write_text(BOX, encoding="utf-8")
     with pytest.raises(DeckError) as caught:
         decks(main=using(name))
-    assert str(caught.value) == f"main.toml:4, submodels.part.use: '{name}' leaves the project (thermid.toml marks its root). Copy the file into the project."
+    assert (
+        str(caught.value)
+        == f"main.toml:4, submodels.part.use: '{name}' leaves the project (thermid.toml marks its root). Copy the file into the project."
+    )
 
 
 def test_a_symbolic_link_out_of_the_project(decks: Decks, tmp_path: Path) -> None:
@@ -191,7 +217,7 @@ def test_other_roots(tmp_path: Path) -> None:
     (tmp_path / "project/thermid.toml").write_text("", encoding="utf-8")
     found = resolve_inside(tmp_path / "project", "../data/log.csv", "here", (tmp_path / "data",))
     assert found == (tmp_path / "data/log.csv").resolve()
-    with pytest.raises(DeckError, match="here: '../data/log.csv' leaves the project"):
+    with pytest.raises(DeckError, match=r"here: '\.\./data/log\.csv' leaves the project"):
         resolve_inside(tmp_path / "project", "../data/log.csv", "here")
 
 

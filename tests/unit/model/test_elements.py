@@ -29,27 +29,58 @@ def conductance(model: Model, name: str = "c") -> float:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (conductor(), "Box, conductors.c: a conductor of kind 'conduction' needs conductivity and area and thickness, or conductance, or resistance. Given: nothing."),
+        (
+            conductor(),
+            "Box, conductors.c: a conductor of kind 'conduction' needs conductivity and area and thickness, or conductance, or resistance. "
+            "Given: nothing.",
+        ),
         (conductor(conductance="1 [W/K]", resistance="1 [K/W]"), "or resistance. Given: conductance, resistance."),
         (conductor(conductance="1 [W/K]", htc="1 [W/(m^2 K)]"), "It has no htc."),
         (conductor(conductance="1 [W/K]", between=["case", "case"]), "Box, conductors.c: both ends are the same node."),
-        (conductor(conductance="1 [W/K]", table={"points": [["0 [degC]", "1 [W/K]"], ["9 [degC]", "1 [W/K]"]]}), "a conductor of kind 'conduction' has no table of points."),
+        (
+            conductor(conductance="1 [W/K]", table={"points": [["0 [degC]", "1 [W/K]"], ["9 [degC]", "1 [W/K]"]]}),
+            "a conductor of kind 'conduction' has no table of points.",
+        ),
         (conductor(kind="table"), "a conductor of kind 'table' needs table of points."),
-        (conductor(kind="table", table={"points": [["0 [degC]", "1 [W/K]"]]}), "a table needs at least two points, with increasing temperatures."),
+        (
+            conductor(kind="table", table={"points": [["0 [degC]", "1 [W/K]"]]}),
+            "a table needs at least two points, with increasing temperatures.",
+        ),
         (conductor(kind="table", table={"points": [["9 [degC]", "1 [W/K]"], ["0 [degC]", "1 [W/K]"]]}), "with increasing temperatures"),
-        ({"nodes/case": {"mass": "1 [kg]"}}, "Box, nodes.case: a node has mass and specific_heat, or capacitance, or nothing (a massless node)."),
+        (
+            {"nodes/case": {"mass": "1 [kg]"}},
+            "Box, nodes.case: a node has mass and specific_heat, or capacitance, or nothing (a massless node).",
+        ),
         ({"nodes/case/capacitance": "1 [J/K]"}, "a node has mass and specific_heat, or capacitance, or nothing"),
         ({"surfaces/skin/effective_htc": "5 [W/(m^2 K)]"}, "Box, surfaces.skin: a surface has htc (convection alone) or effective_htc"),
         ({"surfaces/skin/htc": None}, "Box, surfaces.skin: a surface exchanges nothing: give htc, effective_htc or emissivity."),
         ({"loads/heat/power": None}, "Box, loads.heat: a load has power, or a table of power over temperature; one of them."),
-        ({"loads/heat/temperature_coefficient": "0.01 [1/K]"}, "temperature_coefficient needs reference_temperature: the temperature at which `power` holds."),
+        (
+            {"loads/heat/temperature_coefficient": "0.01 [1/K]"},
+            "temperature_coefficient needs reference_temperature: the temperature at which `power` holds.",
+        ),
         ({"loads/heat/scale": 2}, "scale belongs to a table of power; for a constant power change power itself."),
         (
-            {"loads/heat": {"into": "case", "power": "1 [W]", "exponential_coefficient": "0.1 [1/K]", "quadratic_coefficient": "0.1 [1/K^2]", "reference_temperature": "300 [K]"}},
+            {
+                "loads/heat": {
+                    "into": "case",
+                    "power": "1 [W]",
+                    "exponential_coefficient": "0.1 [1/K]",
+                    "quadratic_coefficient": "0.1 [1/K^2]",
+                    "reference_temperature": "300 [K]",
+                }
+            },
             "exponential_coefficient and the polynomial coefficients exclude one another.",
         ),
         (
-            {"loads/heat": {"into": "case", "power": "1 [W]", "periodic": {"period": "9 [s]", "duty": 0.5}, "thermostat": {"on_below": "1 [degC]", "off_above": "2 [degC]"}}},
+            {
+                "loads/heat": {
+                    "into": "case",
+                    "power": "1 [W]",
+                    "periodic": {"period": "9 [s]", "duty": 0.5},
+                    "thermostat": {"on_below": "1 [degC]", "off_above": "2 [degC]"},
+                }
+            },
             "periodic and thermostat cannot act on one load. Split it into two loads.",
         ),
     ],
@@ -70,12 +101,21 @@ def test_joint_of_one_surface(pair: Build) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (conductor(resistance="0 [K/W]"), "Box, conductors.c: a zero resistance would make two nodes one. Merge them, or give a small resistance above zero."),
-        (conductor(conductivity="1 [W/(m K)]", area="1 [m^2]", thickness="0 [mm]"), "Box, conductors.c: a zero thickness is a zero resistance, which would make two nodes one."),
+        (
+            conductor(resistance="0 [K/W]"),
+            "Box, conductors.c: a zero resistance would make two nodes one. Merge them, or give a small resistance above zero.",
+        ),
+        (
+            conductor(conductivity="1 [W/(m K)]", area="1 [m^2]", thickness="0 [mm]"),
+            "Box, conductors.c: a zero thickness is a zero resistance, which would make two nodes one.",
+        ),
         (conductor(conductance="-1 [W/K]"), "Box, conductors.c: 'c' would have a negative conductance; heat would flow uphill."),
         (conductor(conductivity="1 [W/(m K)]", area="1 [m^2]", thickness="-1 [mm]"), "'c' would have a negative conductance"),
         ({"surfaces/skin/htc": "-5 [W/(m^2 K)]"}, "Box, surfaces.skin: 'skin' would have a negative conductance"),
-        ({"nodes/case/mass": "0 [kg]"}, "Box, nodes.case: a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out."),
+        (
+            {"nodes/case/mass": "0 [kg]"},
+            "Box, nodes.case: a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out.",
+        ),
         ({"nodes/case/mass": "-1 [kg]"}, "a node's capacitance must be above zero and finite"),
         ({"nodes/case": {"capacitance": "inf [J/K]"}}, "a node's capacitance must be above zero and finite"),
         (
@@ -176,5 +216,7 @@ def test_gap_takes_area_from_both_faces(pair: Build) -> None:
 
 
 def test_joint_of_two_slabs(pair: Build) -> None:
-    model = pair({"joints/stack/contact_conductance": None, "joints/stack/conductivity": "16 [W/(m K)]", "joints/stack/thickness": "4 [mm]"})
+    model = pair(
+        {"joints/stack/contact_conductance": None, "joints/stack/conductivity": "16 [W/(m K)]", "joints/stack/thickness": "4 [mm]"}
+    )
     assert conductance(model, "stack.second") == pytest.approx(16 * 0.002 / 0.004, rel=1e-15)

@@ -17,7 +17,10 @@ Build = Callable[..., Model]
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"conductors": {"c": {"kind": "conduction", "between": ["cas", "air"], "conductance": "1 [W/K]"}}}, "Box, conductors.c: no node 'cas'. Did you mean 'case'?"),
+        (
+            {"conductors": {"c": {"kind": "conduction", "between": ["cas", "air"], "conductance": "1 [W/K]"}}},
+            "Box, conductors.c: no node 'cas'. Did you mean 'case'?",
+        ),
         ({"loads/heat/into": "csae"}, "Box, loads.heat: no node 'csae'. Did you mean 'case'?"),
         ({"surfaces/skin/to": "aire"}, "Box, surfaces.skin: no node 'aire'. Did you mean 'air'?"),
         ({"loads/heat/power": "2*powr"}, "Box, loads.heat.power: no parameter 'powr'. Did you mean 'power'?"),
@@ -25,7 +28,10 @@ Build = Callable[..., Model]
         ({"set": {"skin.hct": "1 [W/(m^2 K)]"}}, "Box, set.skin.hct: no parameter 'skin.hct'. Did you mean 'skin.htc'?"),
         ({"offers": ["cas"]}, "Box, offers: it offers 'cas', but has no such node or surface. Did you mean 'case'?"),
         ({"aliases": {"Acc": "cse"}}, "Box, aliases.Acc: the alias 'Acc' stands for 'cse', which does not exist. Did you mean 'case'?"),
-        ({"joints": {"j": {"between": ["skin", "skn"], "area": "1 [cm^2]", "contact_conductance": "9 [W/(m^2 K)]"}}}, "no surface 'skn'. Did you mean 'skin'?"),
+        (
+            {"joints": {"j": {"between": ["skin", "skn"], "area": "1 [cm^2]", "contact_conductance": "9 [W/(m^2 K)]"}}},
+            "no surface 'skn'. Did you mean 'skin'?",
+        ),
     ],
 )
 def test_unknown_name_in_a_part(part: Build, changes: dict[str, Any], message: str) -> None:
@@ -40,9 +46,18 @@ def test_unknown_name_in_a_part(part: Build, changes: dict[str, Any], message: s
         ({"set": {"a.skin.htcc": "1 [W/(m^2 K)]"}}, "Pair, set.a.skin.htcc: no parameter 'a.skin.htcc'. Did you mean 'a.skin.htc'?"),
         ({"submodels/a/bind": {"air": "roum"}}, "Pair, submodels.a.bind.air: no node 'roum'. Did you mean 'room'?"),
         ({"submodels/a/bind": {"air": "room", "aire": "room"}}, "Pair, submodels.a.bind: 'a' needs air, not 'aire'. Did you mean 'air'?"),
-        ({"joints/stack/between": ["a.skn", "b.skin"]}, "Pair, joints.stack: 'a' does not offer 'skn'. Did you mean 'skin'? It offers case, skin."),
-        ({"conductors": {"c": {"kind": "conduction", "between": ["a.cas", "room"], "conductance": "1 [W/K]"}}}, "Pair, conductors.c: no node 'a.cas'. Did you mean 'a.case'?"),
-        ({"joints/stack/gap": {"area": "1 [cm^2]", "htc": "4 [W/(m^2 K)]", "to": "rom"}}, "Pair, joints.stack: no node 'rom'. Did you mean 'room'?"),
+        (
+            {"joints/stack/between": ["a.skn", "b.skin"]},
+            "Pair, joints.stack: 'a' does not offer 'skn'. Did you mean 'skin'? It offers case, skin.",
+        ),
+        (
+            {"conductors": {"c": {"kind": "conduction", "between": ["a.cas", "room"], "conductance": "1 [W/K]"}}},
+            "Pair, conductors.c: no node 'a.cas'. Did you mean 'a.case'?",
+        ),
+        (
+            {"joints/stack/gap": {"area": "1 [cm^2]", "htc": "4 [W/(m^2 K)]", "to": "rom"}},
+            "Pair, joints.stack: no node 'rom'. Did you mean 'room'?",
+        ),
     ],
 )
 def test_unknown_name_in_a_pair(pair: Build, changes: dict[str, Any], message: str) -> None:
@@ -52,7 +67,9 @@ def test_unknown_name_in_a_pair(pair: Build, changes: dict[str, Any], message: s
 
 
 def test_need_not_bound(pair: Build) -> None:
-    with pytest.raises(DeckError, match=r"Pair, submodels\.a: port 'air' of 'a' is bound to nothing\. Give it a node: bind = \{ air = \"\.\.\.\" \}\."):
+    with pytest.raises(
+        DeckError, match=r"Pair, submodels\.a: port 'air' of 'a' is bound to nothing\. Give it a node: bind = \{ air = \"\.\.\.\" \}\."
+    ):
         flatten(pair({"submodels/a/bind": {}}))
 
 
@@ -77,10 +94,16 @@ def test_inner_node_that_is_not_offered(part: Build, pair: Build) -> None:
         ({"parameters/a.b": "1"}, "'a.b' is no name"),
         ({"parameters/é": "1"}, "'é' is no name"),
         ({"needs": ["air", "a b"]}, "Box, needs: 'a b' is no name"),
-        ({"parameters/lambda": "1"}, "Box, parameters.lambda: 'lambda' is a word that expressions cannot hold as a name. Choose another one."),
+        (
+            {"parameters/lambda": "1"},
+            "Box, parameters.lambda: 'lambda' is a word that expressions cannot hold as a name. Choose another one.",
+        ),
         ({"parameters/inf": "1"}, "'inf' is a word that expressions cannot hold"),
         ({"parameters/case": "1"}, "Box, nodes.case: 'case' is already the name of one of parameters. A model has one namespace."),
-        ({"loads/skin": {"into": "case", "power": "1 [W]"}}, "Box, loads.skin: 'skin' is already the name of one of surfaces. A model has one namespace."),
+        (
+            {"loads/skin": {"into": "case", "power": "1 [W]"}},
+            "Box, loads.skin: 'skin' is already the name of one of surfaces. A model has one namespace.",
+        ),
         ({"needs": ["air", "case"]}, "Box, needs: 'case' is already the name of one of nodes. A model has one namespace."),
         ({"needs": ["air", "air"]}, "Box, needs: 'air' is already the name of a need. A model has one namespace."),
         ({"aliases": {"case": "skin"}}, "Box, aliases.case: 'case' is already the name of one of nodes; an alias would hide it."),
@@ -95,7 +118,7 @@ def test_names_that_are_refused(part: Build, changes: dict[str, Any], message: s
 
 @pytest.mark.parametrize("mid", ["room", "stack", "a.case", "a"])
 def test_mid_that_is_taken(pair: Build, mid: str) -> None:
-    with pytest.raises(DeckError, match="is already the name of|is no name"):
+    with pytest.raises(DeckError, match=r"is already the name of|is no name"):
         pair({"joints/stack/mid": mid})
 
 

@@ -58,7 +58,10 @@ def test_replacement_without_a_used_port(part: Build, pair: Build) -> None:
 
 
 def test_replacement_with_an_unbound_need(part: Build, pair: Build) -> None:
-    with pytest.raises(DeckError, match=r"its replacement has air, case, skin, walls: its need walls is bound to nothing\. Add the port or keep the old part"):
+    with pytest.raises(
+        DeckError,
+        match=r"its replacement has air, case, skin, walls: its need walls is bound to nothing\. Add the port or keep the old part",
+    ):
         pair().replace("b", part({"needs": ["air", "walls"]}))
 
 
@@ -102,7 +105,9 @@ def bench(part: Build, **lead: Any) -> Model:
 
 
 def test_flight_model_drops_what_belongs_to_the_test(part: Build, pair: Build) -> None:
-    model = pair({"submodels/a/use": bench(part), "set": {"a.lead.conductance": "0.2 [W/K]", "a.power": "5 [W]"}, "aliases": {"T": "a.probe"}})
+    model = pair(
+        {"submodels/a/use": bench(part), "set": {"a.lead.conductance": "0.2 [W/K]", "a.power": "5 [W]"}, "aliases": {"T": "a.probe"}}
+    )
     model = model.with_values({"a.lead.conductance": "0.3 [W/K]", "a.power": "6 [W]"}, origin="stage")
     assert "a.probe" in flatten(model).names.nodes
     flight = model.without_test_only()
@@ -132,7 +137,10 @@ def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
     ("changes", "line"),
     [
         ({"loads/heat/into": "csae"}, "error: Box, loads.heat: no node 'csae'. Did you mean 'case'?"),
-        ({"surfaces/skin/htc": "0 [W/(m^2 K)]"}, "warning: Box, nodes.case: 'case' has no path to a boundary: warms at 10.6667 K/h without limit. Join it to a boundary."),
+        (
+            {"surfaces/skin/htc": "0 [W/(m^2 K)]"},
+            "warning: Box, nodes.case: 'case' has no path to a boundary: warms at 10.6667 K/h without limit. Join it to a boundary.",
+        ),
         ({"surfaces/skin/htc": "0 [W/(m^2 K)]"}, "warning: Box, loads.heat: 'heat' heats 'case', from which no heat can leave."),
         (
             {"surfaces/skin/htc": "0 [W/(m^2 K)]", "loads/heat/periodic": {"period": "1 [h]", "duty": 0.5}},
@@ -143,17 +151,32 @@ def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
             "warning: Box, nodes.case: 'case' has no path to a boundary: cools at 8 K/h without limit. Join it to a boundary.",
         ),
         (
-            {"nodes/p": {"capacitance": "1 [J/K]"}, "nodes/q": {"capacitance": "1 [J/K]"}, "conductors/c": {"kind": "conduction", "between": ["p", "q"], "conductance": "1 [W/K]"}},
+            {
+                "nodes/p": {"capacitance": "1 [J/K]"},
+                "nodes/q": {"capacitance": "1 [J/K]"},
+                "conductors/c": {"kind": "conduction", "between": ["p", "q"], "conductance": "1 [W/K]"},
+            },
             "warning: Box, nodes.p: 'p' and 'q' have no path to a boundary: the heat that is there stays there.",
         ),
-        ({"nodes/lost": {"capacitance": "1 [J/K]"}}, "warning: Box, nodes.lost: nothing is attached to 'lost'; its temperature never changes. Join it or leave it out."),
+        (
+            {"nodes/lost": {"capacitance": "1 [J/K]"}},
+            "warning: Box, nodes.lost: nothing is attached to 'lost'; its temperature never changes. Join it or leave it out.",
+        ),
         ({"needs": ["air", "walls"]}, "warning: Box, needs: nothing is attached to the need 'walls'. Join it or leave it out."),
-        ({"nodes/star": {}}, "error: Box, nodes.star: the massless node 'star' has no conductance to anything that has a temperature. Join it, or give it a mass."),
+        (
+            {"nodes/star": {}},
+            "error: Box, nodes.star: the massless node 'star' has no conductance to anything that has a temperature. "
+            "Join it, or give it a mass.",
+        ),
         (
             {"nodes/s": {}, "nodes/t": {}, "conductors/c": {"kind": "conduction", "between": ["s", "t"], "conductance": "1 [W/K]"}},
-            "error: Box, nodes.s: the massless nodes 's' and 't' have no conductance to anything that has a temperature. Join it, or give it a mass.",
+            "error: Box, nodes.s: the massless nodes 's' and 't' have no conductance to anything that has a temperature. "
+            "Join it, or give it a mass.",
         ),
-        ({"loads/waste": {"into": "air", "power": "1 [W]"}}, "warning: Box, loads.waste: 'waste' heats 'air', whose temperature is given; it changes nothing."),
+        (
+            {"loads/waste": {"into": "air", "power": "1 [W]"}},
+            "warning: Box, loads.waste: 'waste' heats 'air', whose temperature is given; it changes nothing.",
+        ),
         ({"parameters/spare": "1"}, "warning: Box, parameters.spare: the parameter 'spare' is declared but nothing uses it."),
         ({"surfaces/skin/emissivity": 1.2}, "error: Box, surfaces.skin.emissivity: an emissivity of 1.2 does not exist; give 0 to 1."),
         (
@@ -164,15 +187,32 @@ def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
             {"surfaces/skin/htc": {"coefficient": "1.4 [W/(m^2 K)]", "exponent": 1.25}},
             "warning: Box, surfaces.skin.htc.exponent: an exponent of 1.25 is not one of natural convection, which has 1/4 or 1/3.",
         ),
-        ({"conductors/c": {"kind": "conduction", "between": ["case", "air"], "resistance": "0 [K/W]"}}, "error: Box, conductors.c: a zero resistance would make two nodes one. Merge them, or give a small resistance above zero."),
-        ({"conductors/c": {"kind": "conduction", "between": ["case", "air"], "conductance": "-1 [W/K]"}}, "error: Box, conductors.c: 'c' would have a negative conductance; heat would flow uphill."),
-        ({"nodes/case/mass": "0 [kg]"}, "error: Box, nodes.case: the capacitance of 'case' must be above zero and finite. For a massless node leave mass and capacitance out."),
-        ({"nodes/case/test_only": False, "loads/heat/test_only": True}, "note: Box: one element is for the test only: 'heat'. Flight models leave them out."),
+        (
+            {"conductors/c": {"kind": "conduction", "between": ["case", "air"], "resistance": "0 [K/W]"}},
+            "error: Box, conductors.c: a zero resistance would make two nodes one. Merge them, or give a small resistance above zero.",
+        ),
+        (
+            {"conductors/c": {"kind": "conduction", "between": ["case", "air"], "conductance": "-1 [W/K]"}},
+            "error: Box, conductors.c: 'c' would have a negative conductance; heat would flow uphill.",
+        ),
+        (
+            {"nodes/case/mass": "0 [kg]"},
+            "error: Box, nodes.case: the capacitance of 'case' must be above zero and finite. "
+            "For a massless node leave mass and capacitance out.",
+        ),
+        (
+            {"nodes/case/test_only": False, "loads/heat/test_only": True},
+            "note: Box: one element is for the test only: 'heat'. Flight models leave them out.",
+        ),
         (
             {"surfaces/skin/htc": None, "surfaces/skin/effective_htc": "5 [W/(m^2 K)]"},
-            "note: Box, surfaces.skin: the coefficient of 'skin' contains radiation, and no emissivity is given: a vacuum run will be refused.",
+            "note: Box, surfaces.skin: the coefficient of 'skin' contains radiation, and no emissivity is given: "
+            "a vacuum run will be refused.",
         ),
-        ({"parameters/power": {"value": "4 [W]", "source": "measured"}}, "note: Box: 4 of 5 values have no source: 'area', 'case.mass', 'case.specific_heat' and 'skin.htc'."),
+        (
+            {"parameters/power": {"value": "4 [W]", "source": "measured"}},
+            "note: Box: 4 of 5 values have no source: 'area', 'case.mass', 'case.specific_heat' and 'skin.htc'.",
+        ),
     ],
 )
 def test_finding(part: Build, changes: dict[str, Any], line: str) -> None:
@@ -204,7 +244,9 @@ def test_flow_warms_only_downstream(part: Build) -> None:
     stream = {"kind": "flow", "mass_flow": "1 [g/s]", "specific_heat": "1000 [J/(kg K)]"}
     closed = {"surfaces/skin/htc": "0 [W/(m^2 K)]"}
     assert said(part(closed | {"conductors/c": stream | {"between": ["air", "case"]}}), "warning") == []
-    assert any("warms at 10.6667 K/h" in line for line in said(part(closed | {"conductors/c": stream | {"between": ["case", "air"]}}), "warning"))
+    assert any(
+        "warms at 10.6667 K/h" in line for line in said(part(closed | {"conductors/c": stream | {"between": ["case", "air"]}}), "warning")
+    )
 
 
 def test_errors_come_first_and_nothing_twice(part: Build) -> None:

@@ -88,8 +88,13 @@ both = { kind = "effective", between = ["back", "air"], effective_htc = "5 [W/(m
 glow = { kind = "radiation", between = ["plate", "walls"], emissivity = 0.1, area = "5 [cm^2]" }
 pairs = { kind = "radiation", between = ["back", "walls"], exchange_factor = "derived", area = "5 [cm^2]" }
 stream = { kind = "flow", between = ["air", "back"], mass_flow = "0.01 [g/s]", specific_heat = "1006 [J/(kg K)]" }
-valve = { kind = "table", between = ["plate", "back"], scale = 2, table = { points = [["-20 [degC]", "0.1 [W/K]"], ["33.3 [degC]", "0.3 [W/K]"]] } }
-steep = { kind = "table", between = ["plate", "air"], table = { over = "difference", points = [["-5 [K]", "1 [mW/K]"], ["0.1 [K]", "2 [mW/K]"]] } }
+valve = { kind = "table", between = ["plate", "back"], scale = 2, table = { points = [
+    ["-20 [degC]", "0.1 [W/K]"],   # cold
+    ["33.3 [degC]", "0.3 [W/K]"],
+] } }
+steep = { kind = "table", between = ["plate", "air"], table = { over = "difference", points = [
+    ["-5 [K]", "1 [mW/K]"], ["0.1 [K]", "2 [mW/K]"],
+] } }
 
 [joints.weld]
 between = ["front", "one.skin"]
@@ -106,13 +111,25 @@ thickness = "0.1 [mm]"
 
 [loads]
 steady = { into = "plate", power = { value = "2 [W]", min = 1, max = 3 } }
-bend = { into = "plate", power = "1 [W]", temperature_coefficient = "0.4 [%/K]", quadratic_coefficient = "0 [1/K^2]", reference_temperature = "low" }
-runaway = { into = "plate", power = "1 [mW]", exponential_coefficient = "0.05 [1/K]", reference_temperature = "25 [degC]", command_curve = 0.1 }
 curve = { into = "back", scale = 1.5, table = { points = [["0 [degC]", "1 [W]"], ["60 [degC]", "0.5 [W]"]] } }
 pulse = { into = "back", power = "1 [W]", periodic = { period = "10 [min]", duty = "30 [%]" } }
 wave = { into = "back", power = "1 [W]", sine = { amplitude = "0.5 [W]", period = "1 [h]" } }
 stat = { into = "back", power = "5 [W]", thermostat = { sensor = "plate", on_below = "low", off_above = "25 [degC]" } }
 prop = { into = "back", power = "5 [W]", proportional = { gain = "0.5 [W/K]", setpoint = "low" } }
+
+[loads.bend]
+into = "plate"
+power = "1 [W]"
+temperature_coefficient = "0.4 [%/K]"
+quadratic_coefficient = "0 [1/K^2]"
+reference_temperature = "low"
+
+[loads.runaway]
+into = "plate"
+power = "1 [mW]"
+exponential_coefficient = "0.05 [1/K]"
+reference_temperature = "25 [degC]"
+command_curve = 0.1
 
 [submodels]
 one = { use = "Box.toml", bind = { air = "air" } }
@@ -129,9 +146,11 @@ first = "one"
 
 def numbers(model: Model) -> Any:
     found = compile_network(model).numbers()
-    return found.capacitances, [(r.name, r.form, r.ends, r.coefficients, r.curve) for r in (*found.conductors,)], [
-        (r.name, r.form, r.node, r.sensor, r.coefficients, r.curve, r.signal) for r in found.loads
-    ]
+    return (
+        found.capacitances,
+        [(r.name, r.form, r.ends, r.coefficients, r.curve) for r in (*found.conductors,)],
+        [(r.name, r.form, r.node, r.sensor, r.coefficients, r.curve, r.signal) for r in found.loads],
+    )
 
 
 @pytest.fixture
@@ -233,7 +252,10 @@ def test_two_parts_of_one_title_that_differ(sink: Model, tmp_path: Path) -> None
 
 
 def test_identity_is_of_the_meaning(sink: Model, decks: Decks) -> None:
-    reordered = decks(other=SINK.replace("# two boundaries", "").replace('ratio = 0.25\n', "").replace("[parameters]\n", "[parameters]\nratio = 0.25\n"), Box=BOX)
+    reordered = decks(
+        other=SINK.replace("# two boundaries", "").replace("ratio = 0.25\n", "").replace("[parameters]\n", "[parameters]\nratio = 0.25\n"),
+        Box=BOX,
+    )
     assert reordered.identity() == sink.identity()
     assert sink.with_values({"ratio": 0.3}).identity() != sink.identity()
     assert decks(third=SINK.replace("0.02 [m^2]", "0.021 [m^2]"), Box=BOX).identity() != sink.identity()

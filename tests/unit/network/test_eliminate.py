@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ def random_model(seed: int, states: int, massless: int) -> Model:
     rng = np.random.default_rng(seed)
     names = [f"c{k}" for k in range(states)] + [f"m{k}" for k in range(massless)]
     order = [*rng.permutation(names).tolist(), "air"]
-    links = list(zip(order, order[1:], strict=False))
+    links = list(pairwise(order))
     links += [tuple(rng.choice([*order, "walls"], 2, replace=False).tolist()) for _ in range(2 * len(order))]
     return model_from_dict(
         {
@@ -33,7 +34,8 @@ def random_model(seed: int, states: int, massless: int) -> Model:
             "needs": ["air", "walls"],
             "nodes": {n: {"capacitance": f"{rng.uniform(10, 1000)!r} [J/K]"} if n[0] == "c" else {} for n in names},
             "conductors": {
-                f"g{k}": {"kind": "conduction", "between": list(ends), "conductance": f"{10 ** rng.uniform(-2, 1)!r} [W/K]"} for k, ends in enumerate(links)
+                f"g{k}": {"kind": "conduction", "between": list(ends), "conductance": f"{10 ** rng.uniform(-2, 1)!r} [W/K]"}
+                for k, ends in enumerate(links)
             },
         }
     )
@@ -75,7 +77,9 @@ def test_against_the_schur_complement(seed: int, states: int, massless: int) -> 
     got, d_got = laplacian(kept, small.conductors, len(paths))
     rows = [n in small.nodes for n in kept]  # conductors between two boundaries are dropped: compare the rows of unknown nodes
     scale = np.abs(full).max()
-    np.testing.assert_allclose(got[rows][:, rows] - np.diag(np.diag(got)[rows]), wanted[rows][:, rows] - np.diag(np.diag(wanted)[rows]), atol=1e-13 * scale)
+    np.testing.assert_allclose(
+        got[rows][:, rows] - np.diag(np.diag(got)[rows]), wanted[rows][:, rows] - np.diag(np.diag(wanted)[rows]), atol=1e-13 * scale
+    )
     np.testing.assert_allclose(got[rows], wanted[rows], atol=1e-13 * scale)
     np.testing.assert_allclose(d_got[:, rows], d_wanted[:, rows], atol=1e-11 * (1 + np.abs(d_wanted).max()))
     # massless temperatures from the rest, in the order in which they can be computed
@@ -93,7 +97,10 @@ def chain(*conductances: str, **more: Any) -> Model:
             "title": "Chain",
             "needs": ["air"],
             "nodes": {"case": {"capacitance": "10 [J/K]"}} | {n: {} for n in names[1:-1]},
-            "conductors": {f"g{k}": {"kind": "conduction", "between": [a, b], "conductance": g} for k, (a, b, g) in enumerate(zip(names, names[1:], conductances, strict=False))},
+            "conductors": {
+                f"g{k}": {"kind": "conduction", "between": [a, b], "conductance": g}
+                for k, (a, b, g) in enumerate(zip(names, names[1:], conductances, strict=False))
+            },
         }
         | more
     )
@@ -122,7 +129,9 @@ def test_a_cut_chain_carries_nothing_in_finite_numbers() -> None:
 
 def test_a_massless_node_without_conductance() -> None:
     network = compile_network(chain("1 [W/K]", "0 [W/K]", "0 [W/K]", "1 [W/K]"))
-    with pytest.raises(DeckError, match=r"Chain, nodes\.m2: the massless node 'm2' has no conductance to anything, so its temperature is undefined\."):
+    with pytest.raises(
+        DeckError, match=r"Chain, nodes\.m2: the massless node 'm2' has no conductance to anything, so its temperature is undefined\."
+    ):
         reduced(network, network.numbers())
 
 

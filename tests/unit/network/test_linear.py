@@ -26,7 +26,13 @@ def test_numbers_of_the_stack() -> None:
     """Resistances and capacitances of the reference case, from the deck."""
     numbers = compile_network(load_model(STACK)).numbers()
     found = {row.name: float(row.coefficients[0]) for row in numbers.conductors}  # type: ignore[arg-type]
-    wanted = {"proc.skin": 3.593502947, "ele.skin": 7.223653710, "stack.gap": 9.328358209, "stack.first": 1.390410959, "stack.second": 1.390410959}
+    wanted = {
+        "proc.skin": 3.593502947,
+        "ele.skin": 7.223653710,
+        "stack.gap": 9.328358209,
+        "stack.first": 1.390410959,
+        "stack.second": 1.390410959,
+    }
     assert {name: 1 / g for name, g in found.items()} == pytest.approx(wanted, rel=1e-9)
     assert numbers.capacitances["proc.case"] == pytest.approx(1468.8, rel=1e-12)
     assert numbers.capacitances["ele.case"] == pytest.approx(707.52, rel=1e-12)
@@ -84,7 +90,10 @@ def random_deck(rng: np.random.Generator) -> dict[str, Any]:
         "title": "random",
         "needs": ["air"],
         "nodes": {f"n{k}": {"capacitance": f"{10 ** rng.uniform(0, 4)!r} [J/K]"} for k in range(n)},
-        "conductors": {f"g{k}": {"kind": "conduction", "between": list(e), "conductance": f"{10 ** rng.uniform(-3, 2)!r} [W/K]"} for k, e in enumerate(links)},
+        "conductors": {
+            f"g{k}": {"kind": "conduction", "between": list(e), "conductance": f"{10 ** rng.uniform(-3, 2)!r} [W/K]"}
+            for k, e in enumerate(links)
+        },
     }
 
 
@@ -124,7 +133,14 @@ def test_flow_is_one_way() -> None:
     ("extra", "name"),
     [
         ({"conductors": {"glow": {"kind": "radiation", "between": ["a", "air"], "emissivity": 0.3, "area": "1 [m^2]"}}}, "glow"),
-        ({"loads": {"hot": {"into": "a", "power": "1 [W]", "temperature_coefficient": "0.01 [1/K]", "reference_temperature": "300 [K]"}}}, "hot"),
+        (
+            {
+                "loads": {
+                    "hot": {"into": "a", "power": "1 [W]", "temperature_coefficient": "0.01 [1/K]", "reference_temperature": "300 [K]"}
+                }
+            },
+            "hot",
+        ),
     ],
 )
 def test_what_is_not_linear_has_no_one_matrix(extra: dict[str, Any], name: str) -> None:

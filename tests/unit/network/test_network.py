@@ -49,7 +49,15 @@ def test_millimetres_or_metres_give_the_same_network_bit_for_bit() -> None:
                 "title": "Slab",
                 "needs": ["air"],
                 "nodes": {"a": {"mass": mass, "specific_heat": "0.9 [kJ/(kg K)]"}, "b": {"capacitance": "1 [J/K]"}},
-                "conductors": {"c": {"kind": "conduction", "between": ["a", "b"], "conductivity": "130 [W/(m K)]", "area": area, "thickness": thickness}},
+                "conductors": {
+                    "c": {
+                        "kind": "conduction",
+                        "between": ["a", "b"],
+                        "conductivity": "130 [W/(m K)]",
+                        "area": area,
+                        "thickness": thickness,
+                    }
+                },
                 "surfaces": {"s": {"of": "b", "to": "air", "area": area, "htc": htc}},
             }
         )
@@ -72,7 +80,14 @@ def test_derivatives_against_finite_differences() -> None:
                 "t": {"of": "b", "to": "air", "area": "(1 - share)*side**2", "effective_htc": "5 [W/(m^2 K)]"},
             },
             "joints": {"j": {"between": ["s", "t"], "area": "share*side**2", "conductivity": "k", "thickness": "side/100"}},
-            "conductors": {"c1": {"kind": "convection", "between": ["a", "air"], "htc": {"coefficient": "2 [W/(m^2 K)]", "exponent": "share"}, "area": "side**2"}},
+            "conductors": {
+                "c1": {
+                    "kind": "convection",
+                    "between": ["a", "air"],
+                    "htc": {"coefficient": "2 [W/(m^2 K)]", "exponent": "share"},
+                    "area": "side**2",
+                }
+            },
             "loads": {"q": {"into": "a", "power": "p*(1 - share)"}},
         }
     )
@@ -83,7 +98,11 @@ def test_derivatives_against_finite_differences() -> None:
 
     def flatly(values: dict[str, Any]) -> list[Any]:
         found = network.numbers(values)
-        return [c for r in found.conductors for c in r.coefficients] + list(found.capacitances.values())[:2] + [c for r in found.loads for c in r.coefficients]
+        return (
+            [c for r in found.conductors for c in r.coefficients]
+            + list(found.capacitances.values())[:2]
+            + [c for r in found.loads for c in r.coefficients]
+        )
 
     dual = flatly(dict(free_numbers(paths, point)))
     for k, path in enumerate(paths):
@@ -114,8 +133,18 @@ def test_negative_conductance_at_other_values() -> None:
 
 def test_nested_equals_flat() -> None:
     """Property 4, on the rows: names apart, a tree and its flat twin are the same network."""
-    part = model_from_dict({"title": "Box", "needs": ["air"], "offers": ["case"], "nodes": {"case": {"capacitance": "100 [J/K]"}}, "conductors": {"out": {"kind": "conduction", "between": ["case", "air"], "conductance": "0.2 [W/K]"}}})
-    level = model_from_dict({"title": "L1", "needs": ["room"], "offers": ["p.case"], "submodels": {"p": {"use": part, "bind": {"air": "room"}}}})
+    part = model_from_dict(
+        {
+            "title": "Box",
+            "needs": ["air"],
+            "offers": ["case"],
+            "nodes": {"case": {"capacitance": "100 [J/K]"}},
+            "conductors": {"out": {"kind": "conduction", "between": ["case", "air"], "conductance": "0.2 [W/K]"}},
+        }
+    )
+    level = model_from_dict(
+        {"title": "L1", "needs": ["room"], "offers": ["p.case"], "submodels": {"p": {"use": part, "bind": {"air": "room"}}}}
+    )
     top = model_from_dict(
         {
             "title": "L2",
@@ -138,7 +167,15 @@ def test_nested_equals_flat() -> None:
 
 def test_prescribed_nodes_become_boundaries() -> None:
     model = box(htc="5 [W/(m^2 K)]")
-    other = model_from_dict({"title": "W", "needs": ["air"], "nodes": {"n": {"capacitance": "1 [J/K]"}}, "submodels": {"b": {"use": model, "bind": {"air": "n"}}}, "aliases": {"T": "n"}})
+    other = model_from_dict(
+        {
+            "title": "W",
+            "needs": ["air"],
+            "nodes": {"n": {"capacitance": "1 [J/K]"}},
+            "submodels": {"b": {"use": model, "bind": {"air": "n"}}},
+            "aliases": {"T": "n"},
+        }
+    )
     network = compile_network(other, prescribed=["T"])
     assert (network.nodes, network.boundaries, network.prescribed) == (("b.case",), ("air", "n"), ("n",))
     assert list(network.numbers().capacitances) == ["b.case"]
@@ -210,17 +247,29 @@ def test_vacuum_as_printed_sets_the_coefficient_to_exactly_zero() -> None:
 
 
 def test_solids_do_not_feel_the_pressure() -> None:
-    model = model_from_dict({"title": "S", "needs": ["air"], "nodes": {"n": {"capacitance": "1 [J/K]"}}, "conductors": {"c": {"kind": "contact", "between": ["n", "air"], "contact_conductance": "9 [W/(m^2 K)]", "area": "1 [m^2]"}}})
+    model = model_from_dict(
+        {
+            "title": "S",
+            "needs": ["air"],
+            "nodes": {"n": {"capacitance": "1 [J/K]"}},
+            "conductors": {"c": {"kind": "contact", "between": ["n", "air"], "contact_conductance": "9 [W/(m^2 K)]", "area": "1 [m^2]"}},
+        }
+    )
     assert rows(model, EMPTY)["c linear"].coefficients == (9.0,)
     assert rows(model, Environment(Constant(1000.0)))["c linear"].coefficients == (9.0,)
 
 
-@pytest.mark.parametrize("pressure", [Constant(5000.0), Constant(2e5), Constant(0.02), Table(np.array([0.0, 9.0]), np.array([ATMOSPHERE, 100.0]), hold=True)])
+@pytest.mark.parametrize(
+    "pressure", [Constant(5000.0), Constant(2e5), Constant(0.02), Table(np.array([0.0, 9.0]), np.array([ATMOSPHERE, 100.0]), hold=True)]
+)
 def test_pressures_between_are_refused(pressure: Any) -> None:
     odd = float(Environment(pressure).samples()[-1])
     with pytest.raises(ScenarioError) as caught:
         rows(box(htc="5 [W/(m^2 K)]"), Environment(pressure))
-    assert f"Box, surfaces.skin: the gas 'air' is at {odd:.4g} Pa. Between one atmosphere and vacuum convection follows laws of rarefied gas" in str(caught.value)
+    assert (
+        f"Box, surfaces.skin: the gas 'air' is at {odd:.4g} Pa. Between one atmosphere and vacuum convection follows laws of rarefied gas"
+        in str(caught.value)
+    )
     assert f"give one atmosphere, or at most {VACUUM_LIMIT:g} Pa" in str(caught.value)
 
 
@@ -233,7 +282,10 @@ def test_changing_pressure_switches_rows() -> None:
     pump = Environment(Table(np.array([0.0, 600.0]), np.array([ATMOSPHERE, 1e-3]), hold=True))
     found = rows(box(htc="5 [W/(m^2 K)]"), pump)
     assert list(found) == ["skin linear gas *"]
-    assert list(rows(box(effective_htc="6 [W/(m^2 K)]", emissivity=0.3), pump, gas="air")) == ["skin linear gas air", "skin radiation no gas air"]
+    assert list(rows(box(effective_htc="6 [W/(m^2 K)]", emissivity=0.3), pump, gas="air")) == [
+        "skin linear gas air",
+        "skin radiation no gas air",
+    ]
     assert list(rows(box(effective_htc="6 [W/(m^2 K)]"), pump, as_printed=True)) == ["skin linear gas *"]
     signals = Media({"air": pump}).signals()
     times = np.array([0.0, 599.0, 600.0, 9000.0])
@@ -274,7 +326,9 @@ def test_one_gas_is_not_the_other() -> None:
 
 
 def test_gravity_of_another_place_is_refused_where_gas_convects() -> None:
-    with pytest.raises(ScenarioError, match=r"gravity in 'air' is 0 m/s\^2; a coefficient of natural convection fitted on the ground does not hold there"):
+    with pytest.raises(
+        ScenarioError, match=r"gravity in 'air' is 0 m/s\^2; a coefficient of natural convection fitted on the ground does not hold there"
+    ):
         rows(box(htc="5 [W/(m^2 K)]"), Environment(gravity=0.0))
     assert rows(box(htc="5 [W/(m^2 K)]"), Environment(Constant(0.0), gravity=0.0))["skin linear"].coefficients == (0.0,)
 

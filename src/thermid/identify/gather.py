@@ -1,0 +1,192 @@
+"""From a request to the residuals over its unknowns: parameters, local values, constant errors, and where each of them acts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from thermid.errors import IdentificationError, RecordError, nearest
+from thermid.identify.experiment import Experiment, first_reading, meet
+from thermid.identify.inherit import handed_on
+from thermid.identify.request import Request
+from thermid.identify.residuals import Problem
+from thermid.identify.ties import tied
+from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
+from thermid.model.signal import Constant, literal
+from thermid.units import TEMPERATURE, require
+
+__all__ = ["problem_for"]
+
+
+def problem_for(request: Request) -> Problem:
+    """Return the residuals of a request.
+
+    Raises
+    ------
+    RecordError             Without records, or with two of one name.
+    IdentificationError     When a prior, a weight or a reading names nothing.
+    """
+    where = request.name or request.model.title
+    if not request.records:
+        raise RecordError("a calibration needs at least one record.", where)
+    names = [r.name for r in request.records]
+    twice = sorted({n for n in names if names.count(n) > 1})
+    if twice:
+        raise RecordError(f"two records are named '{twice[0]}'.", where)
+    experiments = tuple(meet(request.model, r, request.scenario(r), request.window, request.weights) for r in request.records)
+    _check_weights(request, experiments, where)
+    unknowns = [*_parameters(request, experiments), *_locals(request, experiments), *_nuisances(request, experiments)]
+    starts = [_starts(request, e) for e in experiments]
+    unknowns = _reaching(unknowns, starts, request.held_bias)
+    settled = tuple(_settled(request, e, s) for e, s in zip(experiments, starts, strict=True))
+    coupled = tuple(handed_on(v, unknowns) for v in request.inherited)
+    noise = {o.sensor: 1.0 for e in experiments for o in e.observations}
+    return Problem(settled, tuple(unknowns), noise, request.options, dict(request.held_bias), coupled)
+
+
+def _check_weights(request: Request, experiments: Sequence[Experiment], where: str) -> None:
+    sensors = {o.sensor for e in experiments for o in e.observations}
+    for sensor, weight in request.weights.items():
+        if sensor not in sensors:
+            raise IdentificationError(f"a weight is given for '{sensor}', which is no sensor here.{nearest(sensor, sensors)}", where)
+        if not (math.isfinite(weight) and weight > 0):
+            raise IdentificationError(f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where)
+
+
+def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return the freed parameters, those that come from a stage below with their covariance among them."""
+    flat = experiments[0].network.flat
+    values = flat.parameters.evaluate({})
+    wanted = [*request.free, *(p for v in request.inherited for p in v.parameters)]
+    priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
+    unknowns: dict[str, Unknown] = {}
+    taken: set[str] = set()
+    for raw in wanted:
+        path = flat.parameters.freeable(raw, request.model.canonical)
+        if path in taken:
+            continue
+        group = (path,) if request.untie else tied(request.model, flat.parameters, path)
+        taken |= set(group)
+        targets = [Target(i, p) for i in range(len(experiments)) for p in group]
+        given = flat.parameters.table[path].parameter
+        unknown = parameter_unknown(path, given, flat.parameters.dimension(path), values[path], targets, None)
+        unknowns[path] = replace(unknown, prior=_prior(unknown, priors.pop(path))) if path in priors else unknown
+    for path in priors:
+        raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)
+    return list(unknowns.values())
+
+
+def _prior(unknown: Unknown, texts: tuple[str, str]) -> Prior:
+    """Return a prior in the fitted form of an unknown."""
+    where = f"priors.{unknown.name}"
+    slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
+    mean = literal(texts[0], slot, where) if texts[0] else unknown.start
+    relative = texts[1].rstrip(" ]").endswith("%")
+    sd = abs(mean) * literal(texts[1], "1", where) if relative else literal(texts[1], "K" if slot == TEMPERATURE else slot, where)
+    if sd <= 0 or (unknown.log and mean <= 0):
+        raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", where)
+    return Prior(math.log(mean), sd / mean) if unknown.log else Prior(mean, sd)
+
+
+def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return one unknown per record and local name, and one per node that starts at its own reading."""
+    out = []
+    for i, experiment in enumerate(experiments):
+        named = set()
+        for raw, spec in request.locals_of(experiment.record).items():
+            name = _wired(experiment, raw)
+            named.add(name)
+            start = request.local_start(experiment.record, raw)
+            prior = Prior(start, spec.sd) if math.isfinite(spec.sd) else None
+            out.append(Unknown(f"{experiment.record.name}: {name}", "local", (Target(i, name),), start, prior=prior, unit="degC"))
+        for node in experiment.loose if request.fit_start else ():
+            name, start = f"initial.{node}", float(experiment.scenario.initial[node])
+            if name not in named:
+                out.append(Unknown(f"{experiment.record.name}: {name}", "local", (Target(i, name),), start, unit="degC"))
+    return out
+
+
+def _wired(experiment: Experiment, raw: str) -> str:
+    """Return the name in the wiring of a boundary or of ``initial.<node>``."""
+    head, _, node = raw.partition(".")
+    return f"initial.{experiment.network.find(node)}" if head == "initial" and node else experiment.network.find(raw)
+
+
+def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument."""
+    sensors: dict[str, float] = {}
+    shared: dict[str, tuple[float, list[Target]]] = {}
+    for i, experiment in enumerate(experiments):
+        sensors |= {o.sensor: o.accuracy for o in experiment.observations if o.accuracy and o.sensor not in request.held_bias}
+        for sensor, (target, sd) in experiment.shared.items():
+            shared.setdefault(sensor, (sd, []))[1].append(Target(i, target))
+    out = []
+    for sensor, sd in sensors.items():
+        mean, spread = request.bias_priors.get(sensor, (0.0, sd))
+        out.append(Unknown(f"sensor {sensor}", "sensor", (), mean, prior=Prior(mean, spread), unit="K"))
+    for sensor, (sd, targets) in shared.items():
+        start = 1.0 if targets[0].name.startswith("scale.") else 0.0
+        out.append(Unknown(f"{sensor} error", "shared", tuple(targets), start, prior=Prior(start, sd), unit="1" if start else "K"))
+    return out
+
+
+@dataclass(frozen=True)
+class _Start:
+    """A temperature that stands on a first reading: its value before corrections, its sensor, and a parameter that is added."""
+
+    reading: float
+    sensor: str
+    offset: str
+    shift: float
+
+
+def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
+    """Return name in the wiring -> the first reading that stands there."""
+    found: dict[str, tuple[str, str]] = {f"initial.{node}": (sensor, "") for node, sensor in experiment.readings.items()}
+    if not request.fit_start:
+        own = {o.node: o.sensor for o in experiment.observations}
+        found |= {f"initial.{node}": (own[node], "") for node in experiment.loose}
+    found |= {_wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
+    for raw in request.locals_of(experiment.record):
+        found.pop(_wired(experiment, raw), None)
+    out = {}
+    parameters = experiment.network.flat.parameters
+    for name, (sensor, offset) in found.items():
+        shift, path = 0.0, ""
+        if offset:
+            path = parameters.freeable(offset, request.model.canonical)
+            require(parameters.dimension(path), "K", parameters.table[path].parameter.unit)
+            shift = float(parameters.evaluate({})[path])
+        out[name] = _Start(first_reading(experiment.record, sensor, request.window), sensor, path, shift)
+    return out
+
+
+def _reaching(unknowns: Sequence[Unknown], starts: Sequence[Mapping[str, _Start]], held: Mapping[str, float]) -> list[Unknown]:
+    """Return the unknowns, each acting also on the temperatures that stand on its sensor's first reading, or that it is added to.
+
+    The value is reading - constant error + offset; what is not looked for stands in the first target's constant.
+    """
+    sensors = {u.name.removeprefix("sensor "): k for k, u in enumerate(unknowns) if u.kind == "sensor"}
+    parameters = {u.name: k for k, u in enumerate(unknowns) if u.kind == "parameter"}
+    more: dict[int, list[Target]] = {}
+    for i, named in enumerate(starts):
+        for name, s in named.items():
+            acting = [(k, factor) for k, factor in ((sensors.get(s.sensor), -1.0), (parameters.get(s.offset), 1.0)) if k is not None]
+            constant = s.reading - (0.0 if s.sensor in sensors else held.get(s.sensor, 0.0)) + (0.0 if s.offset in parameters else s.shift)
+            for k, factor in acting:
+                more.setdefault(k, []).append(Target(i, name, constant, factor))
+                constant = 0.0
+    return [replace(u, targets=(*u.targets, *more.get(k, ()))) for k, u in enumerate(unknowns)]
+
+
+def _settled(request: Request, experiment: Experiment, starts: Mapping[str, _Start]) -> Experiment:
+    """Return the experiment with every temperature that stands on a reading corrected by what is known."""
+    boundaries, initial = {}, {}
+    for name, start in starts.items():
+        value = start.reading - request.held_bias.get(start.sensor, 0.0) + start.shift
+        if name.startswith("initial."):
+            initial[name.removeprefix("initial.")] = value
+        else:
+            boundaries[name] = Constant(value)
+    return replace(experiment, scenario=experiment.scenario.with_(boundaries=boundaries, initial=initial))

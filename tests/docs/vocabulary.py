@@ -1,0 +1,183 @@
+"""The names of the code by the headings of docs/nomenclature.md, with the unit of each where it has one."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+import thermid as td
+from thermid import errors
+from thermid.identify import campaign_schema
+from thermid.identify.validate import Criteria
+from thermid.identify.values import FittedValue, FittedValues
+from thermid.measure.bindings import _KEYS as CHANNEL_KEYS
+from thermid.measure.steps import STEPS
+from thermid.model import schema
+from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS
+from thermid.model.kinds import KINDS
+from thermid.model.signal import Sine, Table
+from thermid.units import TEMPERATURE
+
+from .pages import ROOT, codes, tables
+
+PAGE = ROOT / "docs" / "nomenclature.md"
+ANY = "*"
+"""The unit of the thing it stands for."""
+
+Names = Mapping[str, str | None]
+"""Name -> unit; None where there is no number, `ANY` where the unit is that of something else."""
+
+SURFACE_SLOTS = {k: v for kind in ("convection", "effective", "radiation") for k, v in KINDS[kind].slots.items()}
+JOINT_SLOTS = {k: v for kind in ("contact", "conduction") for k, v in KINDS[kind].slots.items()}
+SCENARIO_UNITS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ANY}
+SCENARIO_UNITS |= {"start": TEMPERATURE, "initial": TEMPERATURE, "duration": "s"}
+CAMPAIGN_UNITS = SCENARIO_UNITS | {"window": "s", "sd": ANY, "mean": ANY}
+LOCAL_UNITS = {"start": TEMPERATURE, "sd": "K"}
+ERROR_UNITS = {"noise": ANY, "accuracy": ANY, "resolution": ANY}
+
+
+def _of(names: Iterable[str], units: Mapping[str, str] | None = None) -> dict[str, str | None]:
+    """Names with their units, those of a group by their own name within it."""
+    return {name: (units or {}).get(name) for name in names}
+
+
+def _model(table: type, units: Mapping[str, str] | None = None) -> Names:
+    """Keys of a table of a file, as its author writes them."""
+    fields = table.model_fields  # type: ignore[attr-defined]  # a pydantic model
+    return _of([field.alias or name for name, field in fields.items()], units)
+
+
+def _group(name: str, slots: Mapping[str, str]) -> dict[str, str]:
+    return {inner: slot for path, slot in slots.items() for group, _, inner in [path.partition(".")] if group == name and inner}
+
+
+def _plain(fields: Iterable[dataclasses.Field[object]]) -> list[str]:
+    return [f.name for f in fields if not f.name.startswith("_")]
+
+
+def _values_file() -> Names:
+    """Keys of a values file as it is written."""
+    value = FittedValue("a", 1.0, 0.1, 0.1, True, "W", 1.0, (0.0, 2.0), prior=(0.0, 1.0))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "x.toml"
+        FittedValues("s", {"a": value}, np.eye(1)).save(path)
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    units = {"value": "SI", "error": "SI", "error_random": "SI", "start": "SI", "bounds": "SI"}
+    return _of([*data, *data["values"]["a"]], units)
+
+
+def _exceptions() -> Names:
+    return _of(n for n in errors.__all__ if isinstance(getattr(errors, n), type))
+
+
+def _step_names() -> Names:
+    return _of(STEPS)
+
+
+def by_heading() -> dict[str, Names]:
+    """Heading of the page -> the names that its tables must hold, no more and no fewer."""
+    conductor = [n for n in schema.ConductorTable.model_fields if n not in {s.partition(".")[0] for k in KINDS.values() for s in k.slots}]
+    return {
+        "Public names": _of(td.__all__),
+        "Deck": _model(schema.Deck),
+        "Value": _model(schema.ValueTable, {"value": ANY, "min": ANY, "max": ANY}),
+        "Node": _model(schema.NodeTable, dict(NODE_SLOTS)),
+        "Surface": _model(schema.SurfaceTable, SURFACE_SLOTS),
+        "Natural convection": _model(schema.PowerLaw, _group("htc", KINDS["convection"].slots)),
+        "Conductor": _of(conductor),
+        "Table of points": _model(schema.Points),
+        "Joint": _model(schema.JointTable, JOINT_SLOTS),
+        "Gap of a joint": _model(schema.Gap, SURFACE_SLOTS),
+        "Heat load": _model(schema.LoadTable, dict(LOAD_SLOTS)),
+        "Periodic load": _model(schema.Periodic, _group("periodic", LOAD_SLOTS)),
+        "Sine of a load": _model(schema.SinePower, _group("sine", LOAD_SLOTS)),
+        "Thermostat": _model(schema.Thermostat, _group("thermostat", LOAD_SLOTS)),
+        "Proportional heater": _model(schema.Proportional, _group("proportional", LOAD_SLOTS)),
+        "Submodel": _model(schema.SubmodelTable),
+        "Scenario": _of(_plain(dataclasses.fields(td.Scenario)), SCENARIO_UNITS),
+        "Gas": _of(_plain(dataclasses.fields(td.Environment)), {"pressure": "Pa", "humidity": "1", "gravity": "m/s^2"}),
+        "Signal": _of(
+            dict.fromkeys([*_plain(dataclasses.fields(Table)), *_plain(dataclasses.fields(Sine)), "file", "column", "unit", "time"]),
+            {"times": "s", "period": "s", "phase": "rad", "values": ANY, "mean": ANY, "amplitude": ANY},
+        ),
+        "Campaign": _model(campaign_schema.CampaignFile),
+        "Log": _model(campaign_schema.RecordTable),
+        "Channel of a log": _of(CHANNEL_KEYS, ERROR_UNITS),
+        "Preparation": _step_names(),
+        "Stage": _model(campaign_schema.StageTable, CAMPAIGN_UNITS),
+        "Inheritance": _model(campaign_schema.InheritTable),
+        "Local value": _model(campaign_schema.LocalTable, LOCAL_UNITS),
+        "Prior": _model(campaign_schema.PriorTable, CAMPAIGN_UNITS),
+        "Scenario of a stage": _model(campaign_schema.ScenarioTable, SCENARIO_UNITS),
+        "Verdict of a campaign": _model(campaign_schema.VerdictTable),
+        "Criteria": _of(_plain(dataclasses.fields(Criteria)), {"rmse": "K", "max_error": "K", "mean_error": "K"}),
+        "Options of the integrator": _of(
+            _plain(dataclasses.fields(td.Options)), {"tolerance": "K", "relative": "1", "input_tolerance": "K", "max_step": "s"}
+        ),
+        "Values file": _values_file(),
+        "Errors": _exceptions(),
+    }
+
+
+def unheaded() -> set[str]:
+    """Tables of the files that no heading above stands for."""
+    from pydantic import BaseModel
+
+    def made(module: object) -> set[type]:
+        return {v for v in vars(module).values() if isinstance(v, type) and issubclass(v, BaseModel) and v.__module__ == module.__name__}  # type: ignore[attr-defined]
+
+    found = {c for module in (schema, campaign_schema) for c in made(module) if c.model_fields}
+    shown = [set(names) for names in by_heading().values()]
+    conductor = set(by_heading()["Conductor"])
+    return {c.__name__ for c in found if {f.alias or n for n, f in c.model_fields.items()} not in shown and not conductor <= set(c.model_fields)}
+
+
+def words_of_the_code() -> set[str]:
+    """Every class, function, field and file key that a row of the page may use."""
+    out: set[str] = {name for names in by_heading().values() for name in names} | {s for k in KINDS.values() for s in k.slots} | set(KINDS)
+    for path in (ROOT / "src" / "thermid").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef | ast.FunctionDef):
+                out.add(node.name)
+            elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                out.add(node.target.id)
+    return out
+
+
+def disagreements(text: str) -> Iterator[str]:
+    """What the page says and the code does not, and the other way round."""
+    shown = tables(text)
+    for heading, names in by_heading().items():
+        rows = {codes(row[0])[0]: row for row in shown.get(heading, []) if codes(row[0])}
+        yield from (f"'{heading}' lacks `{name}`" for name in names if name not in rows)
+        yield from (f"'{heading}' has `{name}`, which the code does not have" for name in rows if name not in names)
+        yield from (f"'{heading}': `{name}` has no meaning" for name, row in rows.items() if len(row[-1]) < 3)
+        for name, unit in names.items():
+            if unit is not None and name in rows:
+                yield from _unit(f"'{heading}': `{name}`", unit, rows[name][1] if len(rows[name]) > 2 else "")
+    yield from _kinds(shown.get("Kinds of conductor", []))
+
+
+def _unit(what: str, unit: str, cell: str) -> Iterator[str]:
+    wanted = {ANY: "its own", TEMPERATURE: "degC or K", "1": "-"}.get(unit, unit)
+    if cell != wanted:
+        yield f"{what} is in {wanted}, the page says '{cell}'"
+
+
+def _kinds(rows: list[list[str]]) -> Iterator[str]:
+    found = {codes(row[0])[0]: row[1] for row in rows}
+    yield from (f"'Kinds of conductor' lacks `{kind}`" for kind in KINDS if kind not in found)
+    yield from (f"'Kinds of conductor' has `{kind}`, which the code does not have" for kind in found if kind not in KINDS)
+    for kind, cell in found.items():
+        if kind in KINDS:
+            slots = dict(re.findall(r"`([\w.]+)` \[([^\]]+)\]", cell))
+            wanted = {name: "-" if unit == "1" else unit for name, unit in KINDS[kind].slots.items()}
+            if slots != wanted:
+                yield f"the fields of kind `{kind}` are {wanted}, the page says {slots}"

@@ -1,0 +1,147 @@
+"""A page is worked through as a reader would: its files written, its Python run, its commands typed, its outputs compared."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import thermid as td
+from thermid.identify.campaignfile import read_campaign
+
+from .pages import ROOT, Block, blocks, differences, near
+
+OTHER_PROGRAMS = ("make", "pip", "git", "pre-commit", ".venv/bin/pip", ".venv/bin/pre-commit")
+EXIT_CODE = re.compile(r"#.*exit code (\d)\s*$")
+
+
+def _load_deck(path: Path) -> None:
+    errors = [str(finding) for finding in td.load_model(path).check() if finding.severity == "error"]
+    assert not errors, errors
+
+
+def _load_campaign(path: Path) -> None:
+    source = read_campaign(path)
+    for stage in source.content.stages:
+        source.model(stage.model, stage.name)
+
+
+LOADERS = {"deck": _load_deck, "scenario": td.load_scenario, "campaign": _load_campaign, "values": td.load_values}
+
+
+@dataclass
+class Workshop:
+    """A folder with a copy of the examples, and what a page has done in it so far."""
+
+    page: str
+    folder: Path
+    names: dict[str, Any] = field(default_factory=lambda: {"__name__": "page"})
+    said: str = ""
+
+    @classmethod
+    def of(cls, page: str, folder: Path) -> Workshop:
+        """Lay out the folder."""
+        ignore = shutil.ignore_patterns("__pycache__", "results", "logs", "out")
+        shutil.copytree(ROOT / "examples", folder / "examples", ignore=ignore)
+        return cls(page, folder)
+
+    def work(self, elsewhere: set[str]) -> None:
+        """Do what every block says; `elsewhere` are second words of Python blocks that another test runs."""
+        for block in blocks((ROOT / self.page).read_text(encoding="utf-8")):
+            kind, rest = block.words[0] if block.words else "", block.words[1:]
+            place = f"{self.page}:{block.line}"
+            if rest and rest[0] in elsewhere:
+                continue
+            if kind == "toml":
+                self._toml(block, rest, place)
+            elif kind == "python" and not rest:
+                self._python(block, place)
+            elif kind == "sh" and not rest:
+                self.said = "".join(self._commands(block, place))
+            elif kind == "text" and not rest:
+                assert not (found := list(differences(block.text, self.said))), f"{place}\n{found[0]}"
+            elif kind == "json" and not rest:
+                problems = list(missing(json.loads(block.text, parse_float=Shown), json.loads(self.said)))
+                assert not problems, f"{place}: {problems[0]}"
+            else:
+                raise AssertionError(f"{place}: nobody knows a block '{' '.join(block.words)}'")
+
+    def _toml(self, block: Block, rest: tuple[str, ...], place: str) -> None:
+        assert rest, f"{place}: say what it is: toml deck, scenario, campaign or values"
+        assert rest[0] in LOADERS, f"{place}: say what it is: toml deck, scenario, campaign or values"
+        path = self.folder / (rest[1] if len(rest) > 1 else f"line_{block.line}.toml")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(block.text, encoding="utf-8")
+        try:
+            LOADERS[rest[0]](path)
+        except td.ThermidError as error:
+            raise AssertionError(f"{place}: {error}") from error
+
+    def _python(self, block: Block, place: str) -> None:
+        code = compile("\n" * (block.line - 1) + block.text, place, "exec")
+        heard = io.StringIO()
+        with contextlib.redirect_stdout(heard), contextlib.chdir(self.folder):
+            exec(code, self.names)
+        self.said = heard.getvalue()
+
+    def _commands(self, block: Block, place: str) -> Iterator[str]:
+        for number, line in enumerate(block.text.splitlines()):
+            words = shlex.split(line, comments=True)
+            if not words:
+                continue
+            where = f"{place} + {number}: {line}"
+            if words[0] in OTHER_PROGRAMS:
+                self._other(words, where)
+                continue
+            assert words[0] in ("thermid", "python"), f"{where}: nobody runs this"
+            start = ["-m", "thermid"] if words[0] == "thermid" else []
+            environment = {k: v for k, v in os.environ.items() if k != "THERMID_DATA"} | {"COLUMNS": "140", "NO_COLOR": "1"}
+            command = [sys.executable, *start, *words[1:]]
+            done = subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, text=True, check=False)
+            expected = int(found[1]) if (found := EXIT_CODE.search(line)) else 0
+            assert done.returncode == expected, f"{where}\nexit code {done.returncode}\n{done.stdout}{done.stderr}"
+            yield done.stdout + (done.stderr if expected else "")
+
+    def _other(self, words: list[str], where: str) -> None:
+        """Commands that are not run here must at least be there."""
+        if words[0] == "make":
+            targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+            unknown = [w for w in words[1:] if "=" not in w and w not in targets]
+            assert not unknown, f"{where}: the Makefile has no {unknown}"
+        elif words[0].endswith("pre-commit"):
+            assert (ROOT / ".pre-commit-config.yaml").is_file(), where
+
+
+class Shown(str):
+    """A number of a page as it is written."""
+
+
+def missing(shown: Any, found: Any, path: str = "") -> Iterator[str]:
+    """What an object on a page holds and the one found does not."""
+    if isinstance(shown, Shown):
+        if not near(shown, float(found)):
+            yield f"{path} is shown as {shown} and is {found}"
+    elif isinstance(shown, dict):
+        for key, value in shown.items():
+            if not isinstance(found, dict) or key not in found:
+                yield f"there is no {path}.{key}"
+            else:
+                yield from missing(value, found[key], f"{path}.{key}")
+    elif isinstance(shown, list):
+        for k, value in enumerate(shown):
+            if not isinstance(found, list) or k >= len(found):
+                yield f"there is no {path}[{k}]"
+            else:
+                yield from missing(value, found[k], f"{path}[{k}]")
+    elif shown != found:
+        yield f"{path} is shown as {shown!r} and is {found!r}"
