@@ -38,7 +38,7 @@ SURFACE_SLOTS = {k: v for kind in ("convection", "effective", "radiation") for k
 JOINT_SLOTS = {k: v for kind in ("contact", "conduction") for k, v in KINDS[kind].slots.items()}
 SCENARIO_UNITS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ANY}
 SCENARIO_UNITS |= {"start": TEMPERATURE, "initial": TEMPERATURE, "duration": "s"}
-CAMPAIGN_UNITS = SCENARIO_UNITS | {"window": "s", "sd": ANY, "mean": ANY}
+CAMPAIGN_UNITS = {"window": "s", "sd": ANY, "mean": ANY, "weights": "1", "knee": "1"}
 LOCAL_UNITS = {"start": TEMPERATURE, "sd": "K"}
 ERROR_UNITS = {"noise": ANY, "accuracy": ANY, "resolution": ANY}
 
@@ -77,10 +77,6 @@ def _exceptions() -> Names:
     return _of(n for n in errors.__all__ if isinstance(getattr(errors, n), type))
 
 
-def _step_names() -> Names:
-    return _of(STEPS)
-
-
 def by_heading() -> dict[str, Names]:
     """Heading of the page -> the names that its tables must hold, no more and no fewer."""
     conductor = [n for n in schema.ConductorTable.model_fields if n not in {s.partition(".")[0] for k in KINDS.values() for s in k.slots}]
@@ -110,9 +106,10 @@ def by_heading() -> dict[str, Names]:
         "Campaign": _model(campaign_schema.CampaignFile),
         "Log": _model(campaign_schema.RecordTable),
         "Channel of a log": _of(CHANNEL_KEYS, ERROR_UNITS),
-        "Preparation": _step_names(),
+        "Preparation": _of(STEPS),
         "Stage": _model(campaign_schema.StageTable, CAMPAIGN_UNITS),
         "Inheritance": _model(campaign_schema.InheritTable),
+        "Reading": _model(campaign_schema.ReadingTable),
         "Local value": _model(campaign_schema.LocalTable, LOCAL_UNITS),
         "Prior": _model(campaign_schema.PriorTable, CAMPAIGN_UNITS),
         "Scenario of a stage": _model(campaign_schema.ScenarioTable, SCENARIO_UNITS),
@@ -163,6 +160,7 @@ def disagreements(text: str) -> Iterator[str]:
             if unit is not None and name in rows:
                 yield from _unit(f"'{heading}': `{name}`", unit, rows[name][1] if len(rows[name]) > 2 else "")
     yield from _kinds(shown.get("Kinds of conductor", []))
+    yield from _steps(shown.get("Preparation", []))
 
 
 def _unit(what: str, unit: str, cell: str) -> Iterator[str]:
@@ -181,3 +179,10 @@ def _kinds(rows: list[list[str]]) -> Iterator[str]:
             wanted = {name: "-" if unit == "1" else unit for name, unit in KINDS[kind].slots.items()}
             if slots != wanted:
                 yield f"the fields of kind `{kind}` are {wanted}, the page says {slots}"
+
+
+def _steps(rows: list[list[str]]) -> Iterator[str]:
+    for row in rows:
+        name, options = codes(row[0])[0], tuple(re.findall(r"\w+", row[1].partition("(")[2]))
+        if name in STEPS and options != STEPS[name].options:
+            yield f"the options of step `{name}` are {STEPS[name].options}, the page says {options}"

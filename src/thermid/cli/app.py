@@ -132,7 +132,7 @@ def simulate(
     if values is not None:
         from thermid.identify.values import load_values
 
-        model = model.with_values(load_values(values).parameters, values.name)
+        model = model.with_values(load_values(values).assignments, values.name)
     if param:
         model = model.with_values(_pairs(param, "--param"), "command line")
     given = _scenario(model, scenario, boundary, load, start, duration)

@@ -113,7 +113,12 @@ class Calibration:
     @property
     def fitted_model(self) -> Model:
         """The model with the fitted values laid over it."""
-        return self.model.with_values(self.values.parameters, f"stage '{self.stage}'")
+        return self.model.with_values(self.values.assignments, f"stage '{self.stage}'")
+
+    @property
+    def instrument_errors(self) -> dict[str, float]:
+        """Channel -> constant error that was found for a logged boundary (added to it [K]) or power (a factor)."""
+        return {p.removesuffix(" error"): v.value for p, v in self.values.items() if v.kind == "shared"}
 
     @property
     def reduced_chi_square(self) -> float:

@@ -57,9 +57,14 @@ class ReadingTable(_Strict):
 class InheritTable(_Strict):
     """Values of a stage below, handed to a submodel; ``fixed`` or with their covariance as ``prior``."""
 
-    stage: str
+    stage: str | list[str]
     as_: Literal["fixed", "prior"] = Field("fixed", alias="as")
     only: list[str] = []
+
+    @property
+    def stages(self) -> list[str]:
+        """The stages whose values are handed on."""
+        return [self.stage] if isinstance(self.stage, str) else self.stage
 
 
 class PriorTable(_Strict):

@@ -212,9 +212,9 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
         if stage.name in done:
             raise DeckError(f"two stages are named '{stage.name}'.", source.where(f"stages.{k}"))
         for part, inherit in stage.inherit.items():
-            if inherit.stage not in done:
+            for below in (name for name in inherit.stages if name not in done):
                 raise DeckError(
-                    f"'{part}' inherits from stage '{inherit.stage}', which does not come before.{nearest(inherit.stage, done)}", source.where(f"stages.{k}.inherit")
+                    f"'{part}' inherits from stage '{below}', which does not come before.{nearest(below, done)}", source.where(f"stages.{k}.inherit")
                 )
         done.append(stage.name)
     for k, verdict in enumerate(verdicts):

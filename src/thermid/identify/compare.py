@@ -26,6 +26,5 @@ def compare(model: Model, record: Record, *, scenario: Scenario | None = None, w
     ------
     ThermidError   When the record does not fit the model.
     """
-    accurate = {c.name: 0.0 for c in record.channels.values()}
-    request = Request(model, (record,), scenarios={"*": scenario} if scenario else {}, held_bias=accurate, window=window, fit_start=False)
+    request = Request(model, (record,), scenarios={"*": scenario} if scenario else {}, held_errors={}, window=window, fit_start=False)
     return fit(request)

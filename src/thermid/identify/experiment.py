@@ -101,16 +101,56 @@ def _bound(record: Record, channel: Channel, network: Network) -> tuple[str, str
     if channel.role in ("load", "command") or (channel.role == "auto" and canonical in loads):
         if canonical not in loads:
             raise RecordError(f"no load '{target}' in {network.title}.{nearest(canonical, loads)}", where)
+        if channel.role == "auto" and channel.quantity != "power":
+            # without a unit a column is read as degrees Celsius, and 4 W would become 277
+            raise RecordError(
+                f"'{target}' is a load of {network.title}, but the channel holds a {channel.quantity}. Bind it with load = '{target}', or give its unit.",
+                where,
+            )
         return ("command" if channel.role == "command" else "load"), canonical
     path = network.find(target, where)
     role = "boundary" if path in network.boundaries else "node"
     if channel.role not in ("auto", role):
         raise RecordError(f"'{target}' is a {role} of {network.title}, not a {channel.role}.", where)
+    if channel.quantity != "temperature":
+        raise RecordError(f"'{target}' is a {role} of {network.title}, but the channel holds a {channel.quantity}. Bind it to a load.", where)
     return role, path
 
 
+@dataclass
+class _Inputs:
+    """What the channels of a record drive, on top of what the scenario gives."""
+
+    boundaries: dict[str, Any]
+    loads: dict[str, Any]
+    commands: dict[str, Any]
+    gains: dict[str, str]
+    shared: dict[str, tuple[str, float]] = field(default_factory=dict)
+
+    def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
+        """Lay the signal of a channel over a boundary or load, with its constant error taken off or noted as one to look for."""
+        if role == "boundary":
+            self.boundaries[path] = signal if errors is None else _corrected(signal, shift=errors.get(channel.name, 0.0))
+            if errors is None and channel.accuracy:
+                self.shared[channel.name] = (path, channel.accuracy)
+        elif channel.gain or role == "command":
+            self.commands[path] = signal
+            if channel.gain:
+                self.gains[path] = channel.gain
+        else:
+            self.loads[path] = signal if errors is None else _corrected(signal, factor=errors.get(channel.name, 1.0))
+            power = _power_while_on(signal)
+            if errors is None and channel.accuracy and power > 0:
+                self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
+
+
 def meet(
-    model: Model, record: Record, scenario: Scenario | None = None, window: float = 0.0, weights: Mapping[str, float] | None = None
+    model: Model,
+    record: Record,
+    scenario: Scenario | None = None,
+    window: float = 0.0,
+    weights: Mapping[str, float] | None = None,
+    errors: Mapping[str, float] | None = None,
 ) -> Experiment:
     """Return a record bound to a model.
 
@@ -122,6 +162,8 @@ def meet(
                             first reading stands there; ``start = "measured"`` starts every observed node at its first reading.
     window : float          First readings are medians over this time. [s]
     weights : dict          Sensor -> weight of its residuals, 1 where none is given.
+    errors : dict           Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given, even
+                            empty, none is looked for.
 
     Raises
     ------
@@ -130,28 +172,15 @@ def meet(
     base = scenario or Scenario(record.name)
     network = compile_network(model, media=base.media(), prescribed=tuple(base.prescribed))
     zero = float(record.times[0])
-    boundaries: dict[str, Any] = {network.find(k): v for k, v in base.boundaries.items()}
-    loads, commands, gains = dict(base.loads), dict(base.commands), dict(base.gains)
-    shared: dict[str, tuple[str, float]] = {}
+    given = {network.find(k): v for k, v in base.boundaries.items()}
+    inputs = _Inputs(given, dict(base.loads), dict(base.commands), dict(base.gains))
     observed: list[tuple[Channel, str]] = []
     for channel in record.channels.values():
         role, path = _bound(record, channel, network)
         if role == "node":
             observed.append((channel, path))
-            continue
-        signal = _signal(record, channel.name, zero, held=role == "command" or channel.quantity in ("power", "command"))
-        if role == "boundary":
-            boundaries[path] = signal
-            if channel.accuracy:
-                shared[channel.name] = (path, channel.accuracy)
-        elif channel.gain or role == "command":
-            commands[path] = signal
-            if channel.gain:
-                gains[path] = channel.gain
         else:
-            loads[path] = signal
-            if channel.accuracy:
-                shared[channel.name] = (f"scale.{path}", channel.accuracy / max(float(np.mean(np.abs(_values(signal)))), 1e-12))
+            inputs.take(channel, role, path, _signal(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
         raise RecordError(f"no channel observes a node of {network.title}; there is nothing to compare.", record.name)
     grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
@@ -161,13 +190,31 @@ def meet(
     start, initial, readings, loose = _starts(record, base, network, first, window)
     duration = float(record.times[-1]) - zero
     made = replace(
-        base, title=record.name, boundaries=boundaries, loads=loads, commands=commands, gains=gains, start=start, initial=initial, duration=duration
+        base,
+        title=record.name,
+        boundaries=inputs.boundaries,
+        loads=inputs.loads,
+        commands=inputs.commands,
+        gains=inputs.gains,
+        start=start,
+        initial=initial,
+        duration=duration,
     )
-    return Experiment(record, network, made, times, observations, shared, readings, loose)
+    return Experiment(record, network, made, times, observations, inputs.shared, readings, loose)
 
 
-def _values(signal: Signal) -> Array:
-    return signal.values if isinstance(signal, Table) else np.array([signal.value if isinstance(signal, Constant) else signal.mean])
+def _power_while_on(signal: Signal) -> float:
+    """Return the mean power weighted by itself, so that pauses do not count; zero for a load that is always off. [W]"""
+    values = np.abs(signal.values if isinstance(signal, Table) else signal.at(np.zeros(1)))
+    total = float(values.sum())
+    return float(values @ values) / total if total > 0 else 0.0
+
+
+def _corrected(signal: Signal, factor: float = 1.0, shift: float = 0.0) -> Signal:
+    """Return a logged signal times a factor, with a constant added."""
+    if isinstance(signal, Table):
+        return replace(signal, values=factor * signal.values + shift)
+    return Constant(float(factor * signal.at(np.zeros(1))[0] + shift))
 
 
 def _signal(record: Record, name: str, zero: float, held: bool) -> Signal:
@@ -204,7 +251,7 @@ def _starts(
         return first_reading(record, base.start, window), initial, readings, ()
     if base.start not in ("", MEASURED):
         return base.start, initial, readings, ()
-    loose = tuple(n for n in first if n not in initial)
+    loose = tuple(n for n in first if n not in initial and _massive(network, n))
     initial |= {n: first[n] for n in loose}
     mean = float(np.mean(list(first.values())))
     return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose

@@ -13,7 +13,7 @@ from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.identify.ties import tied
 from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
-from thermid.model.signal import Constant, literal
+from thermid.model.signal import Constant, Table, literal
 from thermid.units import TEMPERATURE, require
 
 __all__ = ["problem_for"]
@@ -34,7 +34,7 @@ def problem_for(request: Request) -> Problem:
     twice = sorted({n for n in names if names.count(n) > 1})
     if twice:
         raise RecordError(f"two records are named '{twice[0]}'.", where)
-    experiments = tuple(meet(request.model, r, request.scenario(r), request.window, request.weights) for r in request.records)
+    experiments = tuple(meet(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records)
     _check_weights(request, experiments, where)
     unknowns = [*_parameters(request, experiments), *_locals(request, experiments), *_nuisances(request, experiments)]
     starts = [_starts(request, e) for e in experiments]
@@ -71,6 +71,7 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
         targets = [Target(i, p) for i in range(len(experiments)) for p in group]
         given = flat.parameters.table[path].parameter
         unknown = parameter_unknown(path, given, flat.parameters.dimension(path), values[path], targets, None)
+        unknown = replace(unknown, also=tuple(p for p in group if p != path))
         unknowns[path] = replace(unknown, prior=_prior(unknown, priors.pop(path))) if path in priors else unknown
     for path in priors:
         raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)
@@ -96,6 +97,11 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
         named = set()
         for raw, spec in request.locals_of(experiment.record).items():
             name = _wired(experiment, raw)
+            if isinstance(experiment.scenario.boundaries.get(name), Table):
+                raise IdentificationError(
+                    f"'{raw}' follows a channel of {experiment.record.name}, so it has no local value. Ignore the channel, or give it an accuracy.",
+                    f"local.{raw}",
+                )
             named.add(name)
             start = request.local_start(experiment.record, raw)
             prior = Prior(start, spec.sd) if math.isfinite(spec.sd) else None
@@ -114,13 +120,19 @@ def _wired(experiment: Experiment, raw: str) -> str:
 
 
 def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
-    """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument."""
+    """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument.
+
+    A meter's accuracy is in watts and its error is looked for as a factor, so the record with the largest power says how well it is known.
+    """
+    if request.held_errors is not None:
+        return []
     sensors: dict[str, float] = {}
     shared: dict[str, tuple[float, list[Target]]] = {}
     for i, experiment in enumerate(experiments):
         sensors |= {o.sensor: o.accuracy for o in experiment.observations if o.accuracy and o.sensor not in request.held_bias}
         for sensor, (target, sd) in experiment.shared.items():
-            shared.setdefault(sensor, (sd, []))[1].append(Target(i, target))
+            known, targets = shared.get(sensor, (math.inf, []))
+            shared[sensor] = (min(sd, known), [*targets, Target(i, target)])
     out = []
     for sensor, sd in sensors.items():
         mean, spread = request.bias_priors.get(sensor, (0.0, sd))

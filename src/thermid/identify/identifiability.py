@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.residuals import Problem
+from thermid.identify.solve import at_least_square
 from thermid.simulation.engine import Options
 
 __all__ = ["Blind", "blind_spots"]
@@ -55,7 +56,7 @@ def blind_spots(problem: Problem, fitted: Array) -> tuple[Blind, ...]:
     seen = np.flatnonzero(length > 1e-12 * largest)
     if seen.size < 2:
         return tuple(out)
-    _, s, v = np.linalg.svd(rows[:, seen] / length[seen], full_matrices=False)
+    _, s, v = np.linalg.svd(at_least_square(rows[:, seen] / length[seen]), full_matrices=False)
     null = v[s < RANK_TOLERANCE * s[0]]
     for direction in _simplest(null):
         weights = direction / length[seen]

@@ -16,7 +16,7 @@ from thermid.identify.solve import Fit
 from thermid.units import unit
 
 if TYPE_CHECKING:
-    from thermid.identify.calibrate import Request
+    from thermid.identify.request import Request
     from thermid.identify.calibration import Calibration
 
 __all__ = ["refuse_after", "refuse_before"]

@@ -45,7 +45,10 @@ class LocalSpec:
             raise IdentificationError(f"a local value has start and sd, not {', '.join(sorted(unknown))}.", where)
         if "start" not in table:
             raise IdentificationError("a local value needs a start.", where)
-        return cls(str(table["start"]), literal(table["sd"], "K", where) if "sd" in table else math.inf)
+        sd = literal(table["sd"], "K", where) if "sd" in table else math.inf
+        if not sd > 0:
+            raise IdentificationError(f"the standard deviation {table['sd']} of a local value must be above zero.", where)
+        return cls(str(table["start"]), sd)
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,8 @@ class Request:
     priors : dict                   Parameter path -> (mean, sd) as texts; an empty mean is the value at the start, and an sd in % is relative.
     inherited : tuple               FittedValues whose members are free here too, with their covariance as prior.
     held_bias : dict                Sensor -> constant error that is not looked for. [K]
+    held_errors : dict              Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given,
+                                    even empty, no constant error of any instrument is looked for.
     bias_priors : dict              Sensor -> (mean, sd) of its constant error, from a stage below. [K]
     weights : dict                  Sensor -> weight of its residuals, 1 where none is given.
     untie : bool                    Whether instances of one definition get values of their own.
@@ -109,6 +114,7 @@ class Request:
     priors: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     inherited: tuple[FittedValues, ...] = ()
     held_bias: Mapping[str, float] = field(default_factory=dict)
+    held_errors: Mapping[str, float] | None = None
     bias_priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     weights: Mapping[str, float] = field(default_factory=dict)
     untie: bool = False

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError
 from thermid.identify.residuals import FAILED, Problem
 
-__all__ = ["Fit", "covariances", "ended", "minimise"]
+__all__ = ["Fit", "at_least_square", "covariances", "ended", "minimise"]
 
 Array = NDArray[np.float64]
 
@@ -164,13 +164,18 @@ def covariances(fit: Fit, problem: Problem) -> tuple[Array, Array]:
     return total, random
 
 
+def at_least_square(rows: Array) -> Array:
+    """Return a matrix with rows of zeros below it, so that its singular values count every unknown; data may be fewer than unknowns."""
+    return np.concatenate([rows, np.zeros((max(0, rows.shape[1] - rows.shape[0]), rows.shape[1]))])
+
+
 def _inverse(rows: Array) -> Array:
     """Return (J'J)^-1 by singular values of the column-scaled matrix; directions without information get an infinite variance."""
     if rows.shape[1] == 0:
         return np.zeros((0, 0))
     scale = np.linalg.norm(rows, axis=0)
     scale[scale == 0] = 1.0
-    _, s, v = np.linalg.svd(rows / scale, full_matrices=False)
+    _, s, v = np.linalg.svd(at_least_square(rows / scale), full_matrices=False)
     weak = s < 1e-12 * s[0]
     inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s))
     out = (v.T * inverse**2) @ v

@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -129,7 +129,7 @@ def run_stages(
     for k, stage in enumerate(source.content.stages):
         try:
             request = _request(source, stage, k, done)
-            keys[stage.name] = _key(request, [keys[i.stage] for i in stage.inherit.values()])
+            keys[stage.name] = _key(request, [keys[name] for i in stage.inherit.values() for name in i.stages])
             kept = recall(folder, stage.name, keys[stage.name])
             found = fit(request, _told(notice, stage.name), kept)
             if kept is None:
@@ -155,15 +155,16 @@ def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[st
     seen: dict[str, str] = {}
     remarks: list[str] = []
     for part, inherit in stage.inherit.items():
-        below = done[inherit.stage]
-        values = below.values.only(inherit.only) if inherit.only else below.values
-        model = _inherited(model, part, values)
-        remarks += _shadowed(model, part, values)
-        seen |= below.seen
-        if inherit.as_ == "prior":
-            handed.append(_prefixed(values, "" if part == "." else f"{part}."))
-        else:
-            bias_priors |= {s: (v.value, v.error) for s, v in values.sensors.items()}
+        for name in inherit.stages:
+            below = done[name]
+            values = below.values.only(inherit.only) if inherit.only else below.values
+            model = _inherited(model, part, values)
+            remarks += _shadowed(model, part, values)
+            seen |= below.seen
+            if inherit.as_ == "prior":
+                handed.append(_prefixed(values, "" if part == "." else f"{part}."))
+            else:
+                bias_priors |= {s: (v.value, v.error) for s, v in values.sensors.items()}
     records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
     return Request(
         model,
@@ -198,7 +199,7 @@ def _plain(tables: Mapping[str, Any]) -> dict[str, Any]:
 
 def _inherited(model: Model, part: str, below: FittedValues) -> Model:
     """Return the model with the values of a stage below laid over one of its parts; ``.`` is the model itself."""
-    values = below.parameters
+    values = below.assignments
     if part == ".":
         return model.with_values(values, _origin(below))
     inner = model.submodel(part)
@@ -217,13 +218,15 @@ def _shadowed(model: Model, part: str, below: FittedValues) -> list[str]:
     """Return a remark for every inherited value that the deck's own [set] hides."""
     prefix = "" if part == "." else f"{part}."
     table = parameter_table(model)
-    hidden = [prefix + p for p in below.parameters if any(who == _origin(below) for who, _ in table[prefix + p].shadowed)]
+    hidden = [prefix + p for p in below.assignments if any(who == _origin(below) for who, _ in table[prefix + p].shadowed)]
     return [f"'{p}' is {table[p].parameter.text} by {table[p].origin}, which hides what stage '{below.stage}' found." for p in hidden]
 
 
 def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
     """Return fitted values under the paths that they have in the model above."""
-    items = {prefix + p if v.kind == "parameter" else p: v for p, v in values.items()}
+    items = {
+        prefix + p if v.kind == "parameter" else p: replace(v, also=tuple(prefix + q for q in v.also)) for p, v in values.items()
+    }
     return FittedValues(values.stage, items, values.covariance, values.provenance)
 
 

@@ -16,7 +16,7 @@ from thermid.identify.unknowns import Unknown
 from thermid.identify.values import FittedValue, FittedValues
 
 if TYPE_CHECKING:
-    from thermid.identify.calibrate import Request
+    from thermid.identify.request import Request
 
 __all__ = ["summarise"]
 
@@ -71,7 +71,7 @@ def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) 
     slope = u.slope(fitted)
     errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(random)) if u.kind == "parameter" else 0.0)
     prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
-    return FittedValue(u.name, u.to_value(fitted), errors[0], errors[1], u.log, u.unit, u.start, (u.low, u.high), origin, u.kind, prior)
+    return FittedValue(u.name, u.to_value(fitted), errors[0], errors[1], u.log, u.unit, u.start, (u.low, u.high), origin, u.kind, prior, u.also)
 
 
 def _local(u: Unknown, fitted: float, variance: float) -> Local:
@@ -103,8 +103,10 @@ def _warnings(problem: Problem, found: Fit, total: Array, blocks: tuple[Block, .
             if np.isfinite(bound) and abs(found.fitted[k] - bound) < max(1e-4 * max(abs(bound), u.scale), 0.02 * error):
                 shown = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
                 out.append(f"'{u.name}' ended at its {side} bound {shown:.6g}; its error is not meaningful. Widen the bound or fix it.")
-        if u.prior is not None and abs(found.fitted[k] - u.prior.mean) > 3 * u.prior.sd:
-            out.append(f"'{u.name}' lies {abs(found.fitted[k] - u.prior.mean) / u.prior.sd:.1f} standard deviations from its prior; one of them is wrong.")
+        if u.prior is not None and u.kind != "local" and abs(found.fitted[k] - u.prior.mean) > 3 * u.prior.sd:
+            far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd
+            out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
+    out += _strained(problem, found)
     reduced = found.chi_square / max(freedom, 1)
     for names, far, freed in _moved(problem, found):
         out.append(
@@ -119,6 +121,23 @@ def _warnings(problem: Problem, found: Fit, total: Array, blocks: tuple[Block, .
         share = f"{len(coloured)} of {len(blocks)} traces" if len(blocks) > 1 else "the trace"
         out.append(f"residuals of {share} are not white: the model misses something, or the readings were filtered; the random errors are too small.")
     return out
+
+
+def _strained(problem: Problem, found: Fit) -> list[str]:
+    """Return one remark on the values of single records that lie far from their priors."""
+    far = {
+        u.name: abs(found.fitted[k] - u.prior.mean) / u.prior.sd
+        for k, u in enumerate(problem.unknowns)
+        if u.kind == "local" and u.prior is not None and abs(found.fitted[k] - u.prior.mean) > 3 * u.prior.sd
+    }
+    if not far:
+        return []
+    worst = max(far, key=far.__getitem__)
+    count = sum(u.kind == "local" and u.prior is not None for u in problem.unknowns)
+    return [
+        f"{len(far)} of {count} values of single records lie more than 3 standard deviations from their priors, '{worst}' the farthest with "
+        f"{far[worst]:.1f}: the priors are too tight, or the model makes these values answer for something that it misses."
+    ]
 
 
 def _moved(problem: Problem, found: Fit) -> list[tuple[str, float, int]]:

@@ -53,6 +53,7 @@ class Unknown:
     low, high : float       Bounds. [SI]
     prior : Prior or None   In the fitted form.
     unit : str              For reports.
+    also : tuple of str     Paths of other instances that share the value.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Unknown:
     high: float = math.inf
     prior: Prior | None = None
     unit: str = "1"
+    also: tuple[str, ...] = ()
 
     def to_fitted(self, value: float) -> float:
         """Return the fitted form of a value."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,8 @@ from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario
 
 __all__ = ["Check", "Criteria", "Verdict", "validate"]
+
+LIMITS = ("rmse", "max_error", "mean_error")
 
 
 @dataclass(frozen=True)
@@ -38,9 +40,11 @@ class Criteria:
     @classmethod
     def read(cls, table: Mapping[str, Any], where: str) -> Criteria:
         """Return criteria from a table of a campaign."""
-        for key in table:
-            if key not in cls.__dataclass_fields__:
-                raise IdentificationError(f"there is no criterion '{key}'.{nearest(key, cls.__dataclass_fields__)}", where)
+        _known(table, cls.__dataclass_fields__, where)
+        for sensor, own in table.get("sensors", {}).items():
+            if not isinstance(own, Mapping):
+                raise IdentificationError("the criteria of a sensor are a table such as { rmse = '1 [K]' }.", f"{where}.sensors.{sensor}")
+            _known(own, LIMITS, f"{where}.sensors.{sensor}")
         return cls(**table)
 
     def limits(self, sensor: str) -> dict[str, float]:
@@ -50,13 +54,19 @@ class Criteria:
         ------
         IdentificationError   When nothing is asked of it.
         """
-        own = {k: getattr(self, k) for k in ("rmse", "max_error", "mean_error")} | dict((self.sensors or {}).get(sensor, {}))
+        own = {k: getattr(self, k) for k in LIMITS} | dict((self.sensors or {}).get(sensor, {}))
         limits = {k: literal(v, "K", f"criteria.{k}") for k, v in own.items() if v}
         if not limits:
             raise IdentificationError(f"no criterion is given for '{sensor}'. A verdict needs at least one limit: rmse, max_error or mean_error.")
         if any(not math.isfinite(v) or v <= 0 for v in limits.values()):
             raise IdentificationError("a limit must be above zero.", "criteria")
         return limits
+
+
+def _known(given: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+    for key in given:
+        if key not in known:
+            raise IdentificationError(f"there is no criterion '{key}'.{nearest(key, known)}", where)
 
 
 @dataclass(frozen=True)
@@ -133,7 +143,7 @@ def validate(
 
     Parameters
     ----------
-    calibration : Calibration   The fit; its values and its sensors' constant errors are held.
+    calibration : Calibration   The fit; its values and its instruments' constant errors are held.
     record : Record             The held-out log.
     criteria : Criteria         Limits.
     scenario : Scenario         What the log does not say.
@@ -156,6 +166,7 @@ def validate(
         scenarios={"*": scenario} if scenario else {},
         local=specs,
         held_bias=calibration.bias,
+        held_errors=calibration.instrument_errors,
         window=window,
         name=calibration.stage,
         fit_start=False,
@@ -163,6 +174,9 @@ def validate(
     )
     prediction = fit(request)
     statistics = prediction.statistics[record.name]
+    for sensor in criteria.sensors or {}:
+        if sensor not in statistics:
+            raise IdentificationError(f"criteria are given for '{sensor}', which is no sensor of {record.name}.{nearest(sensor, statistics)}")
     checks = []
     for sensor, s in statistics.items():
         found = {"rmse": s.rmse, "max_error": abs(s.largest), "mean_error": abs(s.mean)}

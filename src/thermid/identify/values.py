@@ -38,6 +38,7 @@ class FittedValue:
     bounds : (float, float) [SI]
     origin : str            Stage and records.
     kind : str              'parameter', 'sensor' (a sensor's constant error) or 'shared' (that of a logged boundary or power).
+    also : tuple of str     Paths of other instances that share the value.
     prior : (float, float)  Mean and standard deviation, fitted form, of the prior that its error already holds; None without.
     """
 
@@ -52,6 +53,7 @@ class FittedValue:
     origin: str = ""
     kind: str = "parameter"
     prior: tuple[float, float] | None = None
+    also: tuple[str, ...] = ()
 
     def as_parameter(self) -> Parameter:
         """Return it as a parameter of a model."""
@@ -134,6 +136,11 @@ class FittedValues(Mapping[str, FittedValue]):
         return {p: v for p, v in self.items_.items() if v.kind == "parameter"}
 
     @property
+    def assignments(self) -> dict[str, FittedValue]:
+        """Every path of a model that gets a value, instances that share one among them."""
+        return {path: v for p, v in self.parameters.items() for path in (p, *v.also)}
+
+    @property
     def sensors(self) -> dict[str, FittedValue]:
         """Sensor -> its constant error."""
         return {p.removeprefix("sensor "): v for p, v in self.items_.items() if v.kind == "sensor"}
@@ -164,6 +171,8 @@ class FittedValues(Mapping[str, FittedValue]):
             entry.add("bounds", [_finite(b) for b in v.bounds])
             entry.add("origin", v.origin)
             entry.add("kind", v.kind)
+            if v.also:
+                entry.add("also", list(v.also))
             if v.prior is not None:
                 entry.add("prior", list(v.prior))
             table.add(name, entry)
@@ -201,6 +210,7 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
                 v["origin"],
                 v["kind"],
                 (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None,
+                tuple(v.get("also", ())),
             )
             for name, v in data["values"].items()
         }

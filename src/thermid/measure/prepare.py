@@ -153,12 +153,15 @@ def gap_limit(times: FloatArray, valid: BoolArray, step: float, max_gap: str | f
     return max(windows.gap_from(times[valid]), 2.0 * step)
 
 
-def resample(record: Record, step: str | float, max_gap: str | float | None = None) -> Record:
+def resample(record: Record, step: str | float, max_gap: str | float | None = None, *, switches: bool = False) -> Record:
     """Return the record on an even grid from its first time.
 
     Powers and commands hold their last sample; all else runs straight between valid samples. Nothing is filled in across more than
     `max_gap` (by default see `gap_limit`): such samples are masked as 'gap'. A coarser grid
     keeps the noise of single samples, so filter first.
+
+    A power or command that changes between two grid times would seem to change at the later one. With `switches` the instants of such
+    changes are kept as times of their own, at which all else is masked as 'switch'; the grid is then no longer even.
 
     Raises
     ------
@@ -166,15 +169,29 @@ def resample(record: Record, step: str | float, max_gap: str | float | None = No
     """
     width = window_of(record, step, "resample")
     count = int(np.floor(record.duration / width + 1e-9)) + 1
-    grid = record.times[0] + width * np.arange(count)
+    even = record.times[0] + width * np.arange(count)
+    grid = np.union1d(even, _switches(record, even[-1])) if switches else even
+    regular = np.isin(grid, even)
     made: dict[str, Channel] = {}
     for each in record.channels.values():
         law = windows.hold if each.held else windows.interpolate
         each.checked()
         values, valid = law(record.times, each.values, each.valid, grid, gap_limit(record.times, each.valid, width, max_gap))
-        made[each.name] = replace(each, values=values, valid=valid, masks={"gap": ~valid}).checked()
+        masks = {"gap": ~valid} if each.held else {"gap": ~valid & regular, "switch": ~regular}
+        made[each.name] = replace(each, values=values, valid=valid & (regular | each.held), masks=masks).checked()
     text = f"resample: {record.times.size} samples to {count} at {width:g} s; powers and commands held, others linear"
-    gaps = ", ".join(f"{each.name} {each.flags['gap']}" for each in made.values() if each.flags)
+    text += f"; {grid.size - count} instants of their changes kept" if switches else ""
+    gaps = ", ".join(f"{each.name} {each.flags['gap']}" for each in made.values() if "gap" in each.flags)
     raw = not any(done.startswith(("filter", "median")) for done in record.steps) and width > 2 * windows.usual_step(record.times)
     text += (f"; masked as gaps: {gaps}" if gaps else "") + ("; no filter before it, so single samples were picked" if raw else "")
     return replace(record, times=grid, channels=made, steps=(*record.steps, text))
+
+
+def _switches(record: Record, last: float) -> FloatArray:
+    """Return the times up to `last` at which a held channel has another value than before [s]."""
+    out = np.zeros(0)
+    for each in record.channels.values():
+        if each.held:
+            times, values = record.times[each.valid], each.values[each.valid]
+            out = np.union1d(out, times[1:][np.diff(values) != 0])
+    return out[out <= last]

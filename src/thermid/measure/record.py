@@ -137,9 +137,9 @@ class Record:
         """Return the samples from `start` to `end`, both included; texts such as ``"2 [s]"``, "start", "end", or seconds."""
         return prepare.trim(self, start, end)
 
-    def resample(self, step: str | float, max_gap: str | float | None = None) -> Record:
-        """Return the record on an even grid; see `prepare.resample`."""
-        return prepare.resample(self, step, max_gap)
+    def resample(self, step: str | float, max_gap: str | float | None = None, *, switches: bool = False) -> Record:
+        """Return the record on an even grid, with the instants at which a command changes kept if asked; see `prepare.resample`."""
+        return prepare.resample(self, step, max_gap, switches=switches)
 
     def median(self, window: str | float, *, powers: bool = False) -> Record:
         """Return temperatures (and powers, if asked) through a centred moving median; see `prepare.median`."""

@@ -25,7 +25,7 @@ STEPS: Final = {
     "trim": Step("trim", 1, ("start", "end")),
     "median": Step("median", 1, ("window", "powers")),
     "filter": Step("filter", 1, ("window", "powers")),
-    "resample": Step("resample", 1, ("step", "max_gap")),
+    "resample": Step("resample", 1, ("step", "max_gap", "switches")),
     "spikes": Step("flag_spikes", 2, ("threshold", "window", "channels")),
     "faults": Step("flag_faults", 0, ("codes", "low", "high", "jump", "channels")),
     "mask": Step("mask", 1, ("channel", "start", "end", "reason")),

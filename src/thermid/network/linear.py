@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import value_of
-from thermid.errors import SolverError
-from thermid.network.eliminate import Reduced, reduce_network
+from thermid.errors import DeckError, SolverError
 from thermid.network.network import Network, Numbers
 
 __all__ = ["Modes", "StateSpace", "modes", "state_space"]
@@ -25,20 +24,26 @@ Array = NDArray[np.float64]
 class StateSpace:
     """dT/dt = A T + B_boundary T_b + B_load Q, massless nodes eliminated.
 
+    Q is the power of each load; heat into a massless node is shared among its neighbours.
+
     Parameters
     ----------
     nodes : tuple of str            States, in order.
     boundaries : tuple of str       Given temperatures, in order.
     A : array (nodes, nodes)                [1/s]
     B_boundary : array (nodes, boundaries)  [1/s]
+    loads : tuple of str            Loads, in order.
+    B_load : array (nodes, loads)           [K/J]
     capacitances : array (nodes,)           [J/K]
-    recover : tuple                         As in `Reduced`: massless nodes from the states and boundaries.
+    recover : tuple                         Massless node -> node or boundary -> weight of its temperature, where no load heats it.
     """
 
     nodes: tuple[str, ...]
     boundaries: tuple[str, ...]
     A: Array
     B_boundary: Array
+    loads: tuple[str, ...]
+    B_load: Array
     capacitances: Array
     recover: tuple[tuple[str, dict[str, float]], ...]
 
@@ -62,39 +67,77 @@ class Modes:
 def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
     """Return the matrices of a linear network.
 
+    Parameters
+    ----------
+    network : Network   The compiled model.
+    numbers : Numbers   Its rows at other values than the model's own.
+
     Raises
     ------
-    SolverError   When a conductor is not linear or a load depends on temperature; linearise about a steady state instead.
+    SolverError   When a conductor is not linear or changes in time, or a load depends on temperature.
+    DeckError     When a massless node has no conductance to anything, so that its temperature is undefined.
     """
     numbers = numbers or network.numbers()
-    crooked = [row.name for row in numbers.conductors if row.form not in ("linear", "flow")]
+    crooked = [row.name for row in numbers.conductors if row.form not in ("linear", "flow") or row.signal]
     crooked += [row.name for row in numbers.loads if row.form != "signal"]
     if crooked:
         raise SolverError(
             f"'{crooked[0]}' is not linear, so there is no one matrix. Ask for the time constants at a temperature instead.", network.title
         )
-    reduced = reduce_network(network, numbers, tuple(n for n, c in numbers.capacitances.items() if c is None))
-    return _matrices(network, reduced)
+    massive = [k for k, n in enumerate(network.nodes) if numbers.capacitances[n] is not None]
+    massless = [k for k, n in enumerate(network.nodes) if numbers.capacitances[n] is None]
+    capacity = np.array([value_of(numbers.capacitances[network.nodes[k]] or 0.0) for k in massive])
+    heat, given = _conductances(network, numbers)
+    loads = tuple(load.path for load in network.flat.loads)
+    into = np.zeros((len(network.nodes), len(loads)))
+    for k, load in enumerate(network.flat.loads):
+        if load.node in network.nodes:
+            into[network.nodes.index(load.node), k] = 1.0
+    everything = np.hstack((heat[:, massive], given, into))
+    weights = _weights(network, heat, everything, massless)
+    reduced = (everything[massive] + heat[np.ix_(massive, massless)] @ weights) / capacity[:, None]
+    nodes = tuple(network.nodes[k] for k in massive)
+    a, b, c = np.split(reduced, (len(nodes), len(nodes) + len(network.boundaries)), axis=1)
+    sources = (*nodes, *network.boundaries)
+    recover = tuple(
+        (network.nodes[k], {n: float(w) for n, w in zip(sources, row, strict=False) if w}) for k, row in zip(massless, weights, strict=True)
+    )
+    return StateSpace(nodes, network.boundaries, a, b, loads, c, capacity, recover)
 
 
-def _matrices(network: Network, reduced: Reduced) -> StateSpace:
-    index = {name: k for k, name in enumerate(reduced.nodes)}
+def _conductances(network: Network, numbers: Numbers) -> tuple[Array, Array]:
+    """Return the heat into each node by the temperatures of the nodes (nodes, nodes) and of the boundaries (nodes, boundaries). [W/K]"""
+    index = {name: k for k, name in enumerate(network.nodes)}
     outer = {name: k for k, name in enumerate(network.boundaries)}
     heat, given = np.zeros((len(index), len(index))), np.zeros((len(index), len(outer)))
-    for row in reduced.conductors:
+    for row in numbers.conductors:
         g = value_of(row.coefficients[0])
         for here, there in (row.ends, row.ends[::-1]):
-            if here not in index or (row.form == "flow" and here == row.ends[0]):
+            if here not in index or here == there or (row.form == "flow" and here == row.ends[0]):
                 continue
             heat[index[here], index[here]] -= g
             if there in index:
                 heat[index[here], index[there]] += g
             else:
                 given[index[here], outer[there]] += g
-    capacity = np.array([value_of(c) for c in reduced.capacitances.values() if c is not None])
-    recover = tuple((n, {k: value_of(w) for k, w in weights.items()}) for n, weights in reduced.recover)
-    scale = 1.0 / capacity[:, None]
-    return StateSpace(reduced.nodes, network.boundaries, heat * scale, given * scale, capacity, recover)
+    return heat, given
+
+
+def _weights(network: Network, heat: Array, everything: Array, massless: list[int]) -> Array:
+    """Return what the temperature of each massless node takes from the states, boundaries and loads (massless, all of them)."""
+    own = -heat[np.ix_(massless, massless)]
+    temperatures = everything.shape[1] - len(network.flat.loads)
+    try:
+        weights: Array = np.linalg.solve(own, everything[massless])
+    except np.linalg.LinAlgError:
+        weights = np.zeros((len(massless), everything.shape[1]))
+    # the weights of temperatures add up to one wherever a temperature is defined
+    lost = [k for k, total in zip(massless, weights[:, :temperatures].sum(axis=1), strict=True) if not abs(total - 1.0) < 1e-6]
+    if lost:
+        name = network.nodes[lost[0]]
+        where = next((n.where for n in network.flat.nodes if n.path == name), network.title)
+        raise DeckError(f"the massless node '{name}' has no conductance to anything, so its temperature is undefined.", where)
+    return weights
 
 
 def modes(space: StateSpace) -> Modes:

@@ -65,6 +65,8 @@ class Answer:
     load_energy, boundary_energy, flow_energy       Per load row, boundary and one-way row. [J]
     end : float                                     [s]
     statistics : dict
+    on : array (loads,)                             Which thermostats are on at the end, by load row.
+    switched : tuple of (float, int, int)           Time [s], load row and new state of every switching, in order.
     """
 
     temperatures: Array
@@ -76,6 +78,15 @@ class Answer:
     flow_energy: Array
     end: float
     statistics: Mapping[str, Any]
+    on: NDArray[np.int32]
+    switched: tuple[tuple[float, int, int], ...] = ()
+
+    def states(self, times: Array) -> NDArray[np.int32]:
+        """Return which thermostats are on (times, loads), from the instants at which they switched."""
+        out = np.tile(self.on, (times.size, 1)).astype(np.int32)
+        for time, row, state in reversed(self.switched):
+            out[times < time, row] = 1 - state
+        return out
 
 
 class Engine:
@@ -146,9 +157,9 @@ class Engine:
         }
         flows = found.conductor_energy[self.flow_rows] if self.flow_rows.size else np.zeros(0)
         slopes = found.sensitivities if found.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
-        return Answer(
-            found.traces, slopes, a.initial, found.final_temperatures, found.load_energy, found.boundary_energy, flows, end, statistics
-        )
+        switched = tuple(zip(found.event_times.tolist(), found.event_loads.tolist(), found.event_states.tolist(), strict=True))
+        energies = (found.load_energy, found.boundary_energy, flows)
+        return Answer(found.traces, slopes, a.initial, found.final_temperatures, *energies, end, statistics, found.on, switched)
 
     def _breaks(self, end: float) -> Array:
         """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
@@ -212,9 +223,9 @@ class Engine:
         slow = np.abs(rates) < 1e-13 * max(float(np.abs(rates).max(initial=0.0)), 1e-300)
         return np.sort(np.where(slow, np.inf, -1.0 / np.where(slow, -1.0, rates)))[::-1]
 
-    def powers(self, a: Assembled, temperatures: Array, times: Array) -> dict[str, Array]:
-        """Return load -> power (times,); rows of one load are summed. [W]"""
-        table = self.problem.load_powers(a.coefficients, temperatures, np.ascontiguousarray(times, dtype=float))
+    def powers(self, a: Assembled, temperatures: Array, times: Array, on: NDArray[np.int32] | None = None) -> dict[str, Array]:
+        """Return load -> power (times,), thermostats on or off as given (times, loads); rows of one load are summed. [W]"""
+        table = self.problem.load_powers(a.coefficients, temperatures, np.ascontiguousarray(times, dtype=float), on)
         out: dict[str, Array] = {}
         for k, name in enumerate(self.load_names):
             out[name] = out.get(name, 0.0) + table[:, k]

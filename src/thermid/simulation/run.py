@@ -64,7 +64,7 @@ class Run:
 
     def powers(self, times: Array, temperatures: Array) -> dict[str, Array]:
         """Return load -> power (times,). [W]"""
-        return self.engine.powers(self.assembled, self._columns(temperatures), times)
+        return self.engine.powers(self.assembled, self._columns(temperatures), times, self.answer.states(times))
 
     def _columns(self, temperatures: Array) -> Array:
         index = self._index(self.all_nodes())
@@ -79,6 +79,8 @@ class Run:
         capacities = np.array([value_of(c) if c is not None else 0.0 for c in self.assembled.reduced.capacitances.values()])
         change = answer.final - answer.initial
         stored = float(capacities @ change)
-        size = max(abs(loads), abs(boundaries), float(capacities @ np.abs(change)), 1e-300)
+        # heat that only passes through, from one boundary to another, is heat that the integrator handled too
+        gross = max(float(np.abs(part).sum()) for part in (answer.load_energy, answer.boundary_energy, answer.flow_energy))
+        size = max(gross, float(capacities @ np.abs(change)), 1e-300)
         residual = loads - boundaries - stored
         return HeatBalance(loads, boundaries, stored, residual, abs(residual) / size)

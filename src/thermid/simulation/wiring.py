@@ -190,6 +190,8 @@ class Wiring:
     def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> list[Any]:
         out = []
         for row, position in _numbered(rows):
+            if row.ends[0] == row.ends[1]:
+                continue  # two needs of a part may be bound to one node; no heat flows from a node to itself
             places = []
             for c, number in enumerate(row.coefficients):
                 places.append(make.add(number, self._conductor_signal(row, position, c)))

@@ -1,0 +1,117 @@
+"""Tables as values, and numbers as a person reads them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from thermid.identify.values import FittedValue
+from thermid.units import unit
+
+__all__ = ["DASH", "Cell", "Column", "Table", "absolute", "digits_of", "duration", "number", "pretty", "significant"]
+
+DASH = "–"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell: its text, what is shown on pointing at it, and a class for its looks."""
+
+    text: str
+    tip: str = ""
+    look: str = ""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its heading, whether it holds numbers, and what is shown on pointing at it."""
+
+    title: str
+    numeric: bool = False
+    tip: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a report.
+
+    Parameters
+    ----------
+    columns : tuple of Column
+    rows : tuple of tuples of Cell  As many cells as columns each.
+    caption : str                   What it shows, and how to read it.
+    """
+
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    caption: str = ""
+
+    @classmethod
+    def of(cls, columns: Sequence[Column], rows: Sequence[Sequence[Cell | str]], caption: str = "") -> Table:
+        """Return a table; texts become cells."""
+        made = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
+        if any(len(row) != len(columns) for row in made):
+            raise ValueError("a row has not as many cells as there are columns")
+        return cls(tuple(columns), made, caption)
+
+
+def pretty(text: str) -> str:
+    """Return a unit as it is printed.
+
+    >>> pretty("W/(m^2 K)")
+    'W/(m² K)'
+    """
+    for old, new in (("^2", "²"), ("^3", "³"), ("^-1", "⁻¹"), ("degC", "°C"), ("*", "·")):
+        text = text.replace(old, new)
+    return DASH if text in ("", "1") else text
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Return a number with some significant digits, without an exponent from 1e-4 to 1e6.
+
+    >>> number(1535.04, 3), number(0.00012345), number(float("inf"))
+    ('1535', '0.0001234', '–')
+    """
+    if not math.isfinite(value):
+        return DASH
+    size = abs(value)
+    if size == 0.0:
+        return "0"
+    if not 1e-4 <= size < 1e6:
+        return f"{value:.{digits}g}"
+    return f"{value:.{max(0, digits - 1 - math.floor(math.log10(size)))}f}"
+
+
+def digits_of(error: float) -> int | None:
+    """Return how many decimals show two digits of an error; None where there is no error.
+
+    >>> digits_of(0.16), digits_of(0.0029), digits_of(35.0)
+    (2, 4, 0)
+    """
+    if not math.isfinite(error) or error <= 0 or error < 1e-10:
+        return None
+    return max(0, 1 - math.floor(math.log10(error)))
+
+
+def significant(value: float, error: float) -> str:
+    """Return a number with as many decimals as its error has two digits."""
+    decimals = digits_of(error)
+    return number(value, 6) if decimals is None or abs(value) >= 1e6 else f"{value:.{decimals}f}"
+
+
+def absolute(fitted: FittedValue, value: float) -> float:
+    """Return an SI value (no difference) in the unit of a fitted one."""
+    of = unit(fitted.unit)
+    return (value - float(of.offset)) / float(of.factor)
+
+
+def duration(seconds: float) -> str:
+    """Return a time as a person says it.
+
+    >>> duration(18000.0), duration(90.0)
+    ('5 h', '90 s')
+    """
+    if seconds <= 300:
+        return f"{seconds:.4g} s"
+    return f"{seconds / 60:.4g} min" if seconds < 3 * 3600 else f"{seconds / 3600:.4g} h"
