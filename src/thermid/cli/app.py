@@ -6,7 +6,7 @@ import json
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -39,13 +39,22 @@ def main() -> None:
     """Run the command line and leave with its exit code."""
     from thermid.errors import ThermidError
 
+    as_json = "--json" in sys.argv[1:]
     try:
-        app()
+        # with --json a wrong option is an object too, so typer must not print its own words
+        code = app(standalone_mode=not as_json)
     except ThermidError as error:
-        _fail(error, "--json" in sys.argv)
+        _fail(error, as_json)
+    except OSError as error:
+        _fail(ThermidError(f"{error.strerror or error}: '{Path(str(error.filename)).name}'."), as_json)
+    except Exception as error:
+        if not hasattr(error, "format_message"):
+            raise
+        _fail(ThermidError(error.format_message(), "command line"), as_json)
+    raise SystemExit(code)
 
 
-def _fail(error: ThermidError, as_json: bool) -> None:
+def _fail(error: ThermidError, as_json: bool) -> NoReturn:
     """Say what went wrong and leave."""
     if as_json:
         typer.echo(json.dumps({"schema": 1, "status": "error", "message": error.message, "where": error.where}))
@@ -90,7 +99,9 @@ def check(deck: Deck, as_json: Json = False) -> None:
         found = [{"severity": f.severity, "where": f.where, "message": f.message} for f in model.check()]
     bad = any(f["severity"] == "error" for f in found)
     if as_json:
-        typer.echo(json.dumps({"schema": 1, "status": "error" if bad else "ok", "findings": found}))
+        first = next((f for f in found if f["severity"] == "error"), None)
+        error = {"message": first["message"], "where": first["where"]} if first is not None else {}
+        typer.echo(json.dumps({"schema": 1, "status": "error" if bad else "ok", **error, "findings": found}))
     else:
         for f in found:
             typer.echo(f"{f['severity']}: {f['where']}: {f['message']}")
@@ -111,7 +122,9 @@ def simulate(
     at: Annotated[Pairs, typer.Option("--at", help="A time to report, such as '1 [h]'; may be repeated.")] = [],  # noqa: B006
     every: Annotated[str | None, typer.Option("--every", help="Interval of the stored samples.")] = None,
     vacuum: Annotated[bool, typer.Option("--vacuum", help="No gas: convection goes, radiation stays.")] = False,
-    as_printed: Annotated[bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")] = False,
+    as_printed: Annotated[
+        bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")
+    ] = False,
     values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write the temperatures to a CSV file.")] = None,
     netcdf: Annotated[Path | None, typer.Option("--netcdf", help="Write everything to a netCDF file.")] = None,

@@ -50,7 +50,7 @@ def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: 
             "steady_C": None if steady is None else steady[name] - ICE_POINT,
         }
     balance = solution.heat_balance()
-    return clean(
+    out: dict[str, Any] = clean(
         {
             "schema": SCHEMA,
             "status": "ok",
@@ -62,6 +62,7 @@ def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: 
             "warnings": list(solution.warnings),
         }
     )
+    return out
 
 
 def _sensor(s: SensorStatistics) -> dict[str, Any]:
@@ -102,13 +103,15 @@ def _verdict(v: Verdict) -> dict[str, Any]:
         "conditional": v.conditional,
         "fitted_locally": list(v.fitted_locally),
         "sensors": {n: _sensor(s) for n, s in v.statistics.items()},
-        "checks": [{"sensor": c.sensor, "criterion": c.criterion, "found_K": c.found, "limit_K": c.limit, "passed": c.passed} for c in v.checks],
+        "checks": [
+            {"sensor": c.sensor, "criterion": c.criterion, "found_K": c.found, "limit_K": c.limit, "passed": c.passed} for c in v.checks
+        ],
     }
 
 
 def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
     """Return the object of ``thermid calibrate --json``."""
-    return clean(
+    out: dict[str, Any] = clean(
         {
             "schema": SCHEMA,
             "status": "ok",
@@ -119,3 +122,4 @@ def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
             "values_files": values,
         }
     )
+    return out

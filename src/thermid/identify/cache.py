@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["file_name", "recall", "remember"]
+__all__ = ["file_name", "in_full", "recall", "remember"]
 
 Array = NDArray[np.float64]
+
+
+def in_full(value: Any) -> Any:
+    """Return what JSON cannot hold in a form that it can, every digit of every sample kept."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: getattr(value, f.name) for f in fields(value)}
+    return str(value)
 
 
 def file_name(stage: str) -> str:

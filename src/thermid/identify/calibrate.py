@@ -78,22 +78,28 @@ def _fit(request: Request, progress: Progress | None, known: Mapping[str, float]
     problem = problem_for(request)
     stated = all(o.noise is not None for o in problem.observations())
     if known is not None and list(known) == [u.name for u in problem.unknowns]:
-        at = np.array(list(known.values()))
-        problem = problem if stated else replace(problem, noise=_measured_noise(problem, at))
-        found = ended(problem, at, request.loss, request.knee)
+        found = ended(problem, np.array(list(known.values())), request.loss, request.knee)
     else:
         refuse_before(request, problem, lambda r: fit(r))
         found = minimise(problem, request.loss, request.knee, progress=progress)
         if not stated:
-            problem = replace(problem, noise=_measured_noise(problem, found.fitted))
-            found = minimise(problem, request.loss, request.knee, found.fitted, progress)
+            weighed = replace(problem, noise=_measured_noise(problem, found.fitted, request.loss))
+            found = minimise(weighed, request.loss, request.knee, found.fitted, progress)
+    if not stated:
+        # from the end alone, so that a fit taken from before says the same
+        problem = replace(problem, noise=_measured_noise(problem, found.fitted, request.loss))
+        again = ended(problem, found.fitted, request.loss, request.knee)
+        found = replace(again, evaluations=found.evaluations, message=found.message, converged=found.converged)
     total, random = covariances(found, problem)
     refuse_after(request, problem, found, total)
     return summarise(request, problem, found, total, random)
 
 
-def _measured_noise(problem: Problem, fitted: Array) -> dict[str, float]:
-    """Return sensor -> noise: as stated, or the RMS of its residuals where nothing was stated. [K]"""
+def _measured_noise(problem: Problem, fitted: Array, loss: str) -> dict[str, float]:
+    """Return sensor -> noise: as stated, or the RMS of its residuals where nothing was stated. [K]
+
+    Where the loss is robust, outliers are expected; 1.4826 times the median size of the residuals stands for their RMS.
+    """
     stated = {o.sensor: o.noise for o in problem.observations()}
     out: dict[str, float] = {}
     blocks = problem.blocks(fitted)
@@ -102,5 +108,6 @@ def _measured_noise(problem: Problem, fitted: Array) -> dict[str, float]:
             out[sensor] = noise
         else:
             left = np.concatenate([b.residuals for b in blocks if b.sensor == sensor])
-            out[sensor] = max(float(np.sqrt(np.mean(left**2))), 1e-6)
+            size = np.sqrt(np.mean(left**2)) if loss == "linear" else 1.4826 * np.median(np.abs(left))
+            out[sensor] = max(float(size), 1e-6)
     return out

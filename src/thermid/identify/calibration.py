@@ -44,7 +44,7 @@ class SensorStatistics:
     @property
     def white(self) -> bool:
         """Whether neighbouring residuals are uncorrelated, at the 95 % level (1.96 / sqrt n)."""
-        return abs(self.lag_one) < 1.96 / np.sqrt(self.samples)
+        return bool(abs(self.lag_one) < 1.96 / np.sqrt(self.samples))
 
 
 def statistics_of(residuals: Array, bias: float) -> SensorStatistics:
@@ -89,6 +89,7 @@ class Calibration:
     synthetic : bool            Whether any record was made and not measured.
     experiments : tuple         The records bound to the model.
     fitted : dict               Unknown -> its fitted form at the end.
+    converged : bool            Whether the minimisation ended by its own tolerances.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
     """
 
@@ -109,6 +110,7 @@ class Calibration:
     seen: Mapping[str, str] = field(default_factory=dict)
     experiments: tuple[Experiment, ...] = field(default=(), repr=False)
     fitted: Mapping[str, float] = field(default_factory=dict, repr=False)
+    converged: bool = True
 
     @property
     def fitted_model(self) -> Model:
@@ -162,7 +164,9 @@ class Calibration:
         kind = " (synthetic data)" if self.synthetic else ""
         count = f"{len(fitted)} free parameter{'s' if len(fitted) != 1 else ''}"
         records = f" in {len(self.records)} records" if len(self.records) > 1 else ""
-        lines = [f"{self.stage}: {count}, {samples} samples of {len(self.sensors)} channel{'s' if len(self.sensors) != 1 else ''}{records}{kind}"]
+        lines = [
+            f"{self.stage}: {count}, {samples} samples of {len(self.sensors)} channel{'s' if len(self.sensors) != 1 else ''}{records}{kind}"
+        ]
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
         for name, s in self.sensors.items():

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError, MissingDataError, RecordError, nearest
+from thermid.identify.cache import file_name
 from thermid.identify.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.model.model import Model
@@ -55,17 +56,32 @@ class CampaignSource:
         MissingDataError   When a log is not where the campaign says.
         """
         if not self._files:
+            out: dict[str, tuple[Path, RecordTable]] = {}
             for name, table in self.content.records.items():
-                if (table.file is None) == (table.files is None):
-                    raise DeckError("a record has `file`, or `files` with patterns; one of them.", self.where(f"records.{name}"))
-                if table.file is not None:
-                    self._files[name] = (self._find(name, table.file, table)[0], table)
-                    continue
-                patterns = [table.files] if isinstance(table.files, str) else table.files or []
-                for pattern in patterns:
-                    for found in self._find(name, pattern, table):
-                        self._files[found.name.split(".")[0]] = (found, table)
+                for own, file in self._files_of(name, table):
+                    if own in out and out[own][0] != file:
+                        where = self.where(f"records.{name}")
+                        raise DeckError(
+                            f"two logs give a record '{own}': '{out[own][0].name}' and '{file.name}'. Give one of them a name by `file`.",
+                            where,
+                        )
+                    out[own] = (file, table)
+            for name in self.content.checksums:
+                if name not in out:
+                    raise DeckError(
+                        f"a checksum is given for '{name}', which is no record.{nearest(name, out)}", self.where(f"checksums.{name}")
+                    )
+            self._files.update(out)
         return self._files
+
+    def _files_of(self, name: str, table: RecordTable) -> list[tuple[str, Path]]:
+        """Return the names of the records of a table, each with its file."""
+        if (table.file is None) == (table.files is None):
+            raise DeckError("a record has `file`, or `files` with patterns; one of them.", self.where(f"records.{name}"))
+        if table.file is not None:
+            return [(name, self._find(name, table.file, table)[0])]
+        patterns = [table.files] if isinstance(table.files, str) else table.files or []
+        return [(file.name.split(".")[0], file) for pattern in patterns for file in self._find(name, pattern, table)]
 
     def _find(self, name: str, pattern: str, table: RecordTable) -> list[Path]:
         """Return the files of a pattern, in the data folder where one is given, or beside the campaign."""
@@ -151,8 +167,10 @@ def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:
     if isinstance(target, str):
         return replace(channel, target=target)
     (role, path), *more = [(k, v) for k, v in target.items() if k in ("node", "boundary", "load", "command")] or [("", "")]
-    if not role or more:
-        raise RecordError(f"a binding has one of node, boundary, load and command, not {', '.join(target)}.", channel.name)
+    if not role or more or set(target) - {role, "gain"}:
+        raise RecordError(
+            f"a binding has one of node, boundary, load and command, and for a load a gain; not {', '.join(target)}.", channel.name
+        )
     return replace(channel, role=role, target=path, gain=target.get("gain", channel.gain))
 
 
@@ -211,10 +229,16 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
     for k, stage in enumerate(stages):
         if stage.name in done:
             raise DeckError(f"two stages are named '{stage.name}'.", source.where(f"stages.{k}"))
+        if not stage.name.strip():
+            raise DeckError("a stage needs a name.", source.where(f"stages.{k}.name"))
+        twin = next((n for n in done if file_name(n).lower() == file_name(stage.name).lower()), None)
+        if twin is not None:
+            raise DeckError(f"stages '{twin}' and '{stage.name}' would be saved under one file name.", source.where(f"stages.{k}.name"))
         for part, inherit in stage.inherit.items():
             for below in (name for name in inherit.stages if name not in done):
                 raise DeckError(
-                    f"'{part}' inherits from stage '{below}', which does not come before.{nearest(below, done)}", source.where(f"stages.{k}.inherit")
+                    f"'{part}' inherits from stage '{below}', which does not come before.{nearest(below, done)}",
+                    source.where(f"stages.{k}.inherit"),
                 )
         done.append(stage.name)
     for k, verdict in enumerate(verdicts):

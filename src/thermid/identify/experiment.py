@@ -113,7 +113,9 @@ def _bound(record: Record, channel: Channel, network: Network) -> tuple[str, str
     if channel.role not in ("auto", role):
         raise RecordError(f"'{target}' is a {role} of {network.title}, not a {channel.role}.", where)
     if channel.quantity != "temperature":
-        raise RecordError(f"'{target}' is a {role} of {network.title}, but the channel holds a {channel.quantity}. Bind it to a load.", where)
+        raise RecordError(
+            f"'{target}' is a {role} of {network.title}, but the channel holds a {channel.quantity}. Bind it to a load.", where
+        )
     return role, path
 
 

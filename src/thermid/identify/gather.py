@@ -34,7 +34,11 @@ def problem_for(request: Request) -> Problem:
     twice = sorted({n for n in names if names.count(n) > 1})
     if twice:
         raise RecordError(f"two records are named '{twice[0]}'.", where)
-    experiments = tuple(meet(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records)
+    for name in (n for n in request.scenarios if n not in (*names, "*")):
+        raise RecordError(f"a scenario is given for '{name}', which is no record here.{nearest(name, names)}", where)
+    experiments = tuple(
+        meet(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
+    )
     _check_weights(request, experiments, where)
     unknowns = [*_parameters(request, experiments), *_locals(request, experiments), *_nuisances(request, experiments)]
     starts = [_starts(request, e) for e in experiments]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,11 @@ from numpy.typing import NDArray
 from thermid.identify.unknowns import Unknown
 from thermid.identify.values import FittedValues
 
-__all__ = ["handed_on"]
+if TYPE_CHECKING:
+    from thermid.identify.calibration import Calibration
+    from thermid.measure import Record
+
+__all__ = ["counted_twice", "handed_on"]
 
 Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-12
@@ -41,3 +46,20 @@ def handed_on(values: FittedValues, unknowns: Sequence[Unknown]) -> tuple[NDArra
     root = (v[:, kept] * np.sqrt(s[kept])).T / scale
     centre = scale * (v[:, kept] / s[kept] @ (v[:, kept].T @ (scale * vector)))
     return np.array([order[p] for p in members], dtype=np.int64), centre, root
+
+
+def counted_twice(below: Mapping[str, Calibration], records: Sequence[Record]) -> list[str]:
+    """Return a remark for every record whose readings reach a stage as samples and, through a stage below, as prior too.
+
+    Parameters
+    ----------
+    below : dict        Stage -> Calibration, of those whose result is a prior here.
+    records : tuple     The stage's own.
+    """
+    return [
+        f"record '{r.name}' was fitted by stage '{name}' too, whose result is a prior here: its readings count twice, and the errors are "
+        "too small. Hand the values on as fixed, or use another record."
+        for r in records
+        for name, calibration in below.items()
+        if r.origin.sha256 in calibration.records.values()
+    ]

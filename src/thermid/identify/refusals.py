@@ -16,8 +16,8 @@ from thermid.identify.solve import Fit
 from thermid.units import unit
 
 if TYPE_CHECKING:
-    from thermid.identify.request import Request
     from thermid.identify.calibration import Calibration
+    from thermid.identify.request import Request
 
 __all__ = ["refuse_after", "refuse_before"]
 
@@ -94,7 +94,9 @@ def refuse_after(request: Request, problem: Problem, found: Fit, total: Array) -
             continue
         error = float(np.sqrt(total[k, k]))
         if not np.isfinite(error):
-            raise IdentificationError(f"at the end of the fit no reading depends on '{u.name}'. Fix it.", request.name or request.model.title)
+            raise IdentificationError(
+                f"at the end of the fit no reading depends on '{u.name}'. Fix it.", request.name or request.model.title
+            )
         low, high = u.fitted_bounds()
         if not u.log:
             width = high - low

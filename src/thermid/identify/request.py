@@ -151,4 +151,6 @@ class Request:
             return literal(text, TEMPERATURE)
         except ThermidError as error:
             hint = nearest(text, record.channels)
-            raise IdentificationError(f"'{text}' is no temperature and no channel of {record.name}.{hint} ({error.message})", f"local.{name}") from None
+            raise IdentificationError(
+                f"'{text}' is no temperature and no channel of {record.name}.{hint} ({error.message})", f"local.{name}"
+            ) from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ class Fit:
     converged: bool
 
 
-def _robust(loss: str, samples: int) -> Callable[[Array], Array] | str:
+def _robust(loss: str, samples: int) -> Any:
     """Return a loss for `least_squares` that leaves the rows of the priors as they are."""
     if loss == "linear":
         return "linear"

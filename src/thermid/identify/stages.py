@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.errors import NameNotFoundError, ThermidError, nearest
-from thermid.identify.cache import file_name, recall, remember
+from thermid.identify.cache import file_name, in_full, recall, remember
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, local_of, read_campaign, scenario_of
+from thermid.identify.inherit import counted_twice
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.validate import Criteria, Verdict, validate
 from thermid.identify.values import FittedValues
@@ -132,7 +133,7 @@ def run_stages(
             keys[stage.name] = _key(request, [keys[name] for i in stage.inherit.values() for name in i.stages])
             kept = recall(folder, stage.name, keys[stage.name])
             found = fit(request, _told(notice, stage.name), kept)
-            if kept is None:
+            if kept is None and found.converged:
                 remember(folder, stage.name, keys[stage.name], list(found.fitted), np.array(list(found.fitted.values())))
             done[stage.name] = found
         except ThermidError as error:
@@ -151,6 +152,7 @@ def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[st
     where = source.where(f"stages.{k}")
     model = source.model(stage.model, where)
     handed: list[FittedValues] = []
+    told: dict[str, Calibration] = {}
     bias_priors: dict[str, tuple[float, float]] = {}
     seen: dict[str, str] = {}
     remarks: list[str] = []
@@ -162,6 +164,9 @@ def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[st
             remarks += _shadowed(model, part, values)
             seen |= below.seen
             if inherit.as_ == "prior":
+                # a second part takes the same values, but what they say of sensors counts once
+                values = values.bare() if name in told else values
+                told[name] = below
                 handed.append(_prefixed(values, "" if part == "." else f"{part}."))
             else:
                 bias_priors |= {s: (v.value, v.error) for s, v in values.sensors.items()}
@@ -182,7 +187,7 @@ def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[st
         loss=stage.loss,
         window=literal(stage.window, "s", where),
         name=stage.name,
-        remarks=tuple(remarks),
+        remarks=(*remarks, *counted_twice(told, records)),
         seen=seen,
         readings=readings_of(stage.readings),
     )
@@ -206,7 +211,9 @@ def _inherited(model: Model, part: str, below: FittedValues) -> Model:
     known = parameter_table(inner)
     missing = [p for p in values if p not in known]
     if missing:
-        raise NameNotFoundError(f"stage '{below.stage}' fitted '{missing[0]}', which '{part}' does not have.{nearest(missing[0], known)}", model.title)
+        raise NameNotFoundError(
+            f"stage '{below.stage}' fitted '{missing[0]}', which '{part}' does not have.{nearest(missing[0], known)}", model.title
+        )
     return model.replace(part, inner.with_values(values, _origin(below)))
 
 
@@ -224,9 +231,7 @@ def _shadowed(model: Model, part: str, below: FittedValues) -> list[str]:
 
 def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
     """Return fitted values under the paths that they have in the model above."""
-    items = {
-        prefix + p if v.kind == "parameter" else p: replace(v, also=tuple(prefix + q for q in v.also)) for p, v in values.items()
-    }
+    items = {prefix + p if v.kind == "parameter" else p: replace(v, also=tuple(prefix + q for q in v.also)) for p, v in values.items()}
     return FittedValues(values.stage, items, values.covariance, values.provenance)
 
 
@@ -235,9 +240,12 @@ def _key(request: Request, below: list[str]) -> str:
     content = {
         "version": version("thermid"),
         "model": request.model.identity(),
-        "records": {r.name: [r.origin.sha256, list(r.steps), {n: [c.role, c.target, c.gain, c.noise, c.accuracy] for n, c in r.channels.items()}] for r in request.records},
+        "records": {
+            r.name: [r.origin.sha256, list(r.steps), {n: [c.role, c.target, c.gain, c.noise, c.accuracy] for n, c in r.channels.items()}]
+            for r in request.records
+        },
         "free": request.free,
-        "scenario": repr([(n, s) for n, s in request.scenarios.items()]),
+        "scenario": request.scenarios,
         "local": repr(sorted(request.local.items())),
         "priors": repr(sorted(request.priors.items())),
         "bias": repr(sorted(request.held_bias.items())),
@@ -246,9 +254,10 @@ def _key(request: Request, below: list[str]) -> str:
         "how": [request.untie, request.loss, request.knee, request.window, repr(request.options)],
         "readings": repr(sorted(request.readings.items())),
         "weights": sorted(request.weights.items()),
+        "inherited": [list(values) for values in request.inherited],
         "below": below,
     }
-    return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()
 
 
 def _judge(
@@ -265,7 +274,9 @@ def _judge(
             if record.origin.sha256 in used:
                 from thermid.errors import IdentificationError
 
-                raise IdentificationError(f"record '{name}' was used by {used[record.origin.sha256]}; a validation needs data that no fit has seen.")
+                raise IdentificationError(
+                    f"record '{name}' was used by {used[record.origin.sha256]}; a validation needs data that no fit has seen."
+                )
             yield validate(
                 done[table.model],
                 record,
@@ -278,5 +289,3 @@ def _judge(
             )
         except ThermidError as error:
             raise error.located(where) from None
-
-

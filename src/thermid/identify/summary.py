@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["summarise"]
 
 Array = NDArray[np.float64]
+CHANCE = 0.05
 
 
 def summarise(request: Request, problem: Problem, found: Fit, total: Array, random: Array) -> Calibration:
@@ -60,6 +61,7 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
         {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
         problem.experiments,
         {u.name: float(x) for u, x in zip(problem.unknowns, found.fitted, strict=True)},
+        found.converged,
     )
 
 
@@ -71,7 +73,9 @@ def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) 
     slope = u.slope(fitted)
     errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(random)) if u.kind == "parameter" else 0.0)
     prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
-    return FittedValue(u.name, u.to_value(fitted), errors[0], errors[1], u.log, u.unit, u.start, (u.low, u.high), origin, u.kind, prior, u.also)
+    return FittedValue(
+        u.name, u.to_value(fitted), errors[0], errors[1], u.log, u.unit, u.start, (u.low, u.high), origin, u.kind, prior, u.also
+    )
 
 
 def _local(u: Unknown, fitted: float, variance: float) -> Local:
@@ -117,9 +121,12 @@ def _warnings(problem: Problem, found: Fit, total: Array, blocks: tuple[Block, .
     if stated and freedom > 0 and reduced > 1.5:
         out.append(f"the residuals are {np.sqrt(reduced):.2g} times the stated noise; the errors were widened by that factor.")
     coloured = [b for b in blocks if b.measured.size > 20 and not statistics_of(b.residuals, 0.0).white]
-    if coloured:
+    # at the 95 % level one white trace in twenty looks coloured
+    if len(coloured) > CHANCE * len(blocks) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(blocks)):
         share = f"{len(coloured)} of {len(blocks)} traces" if len(blocks) > 1 else "the trace"
-        out.append(f"residuals of {share} are not white: the model misses something, or the readings were filtered; the random errors are too small.")
+        out.append(
+            f"residuals of {share} are not white: the model misses something, or the readings were filtered; the random errors are too small."
+        )
     return out
 
 

@@ -17,7 +17,9 @@ __all__ = ["Prior", "Target", "Unknown", "parameter_unknown"]
 
 Array = NDArray[np.float64]
 
-POSITIVE = tuple(unit(u).dimension for u in ("W", "W/K", "W/(m^2 K)", "W/(m K)", "m", "m^2", "kg", "kg/s", "J/K", "J/(kg K)", "K/W", "m^2 K/W"))
+POSITIVE = tuple(
+    unit(u).dimension for u in ("W", "W/K", "W/(m^2 K)", "W/(m K)", "m", "m^2", "kg", "kg/s", "J/K", "J/(kg K)", "K/W", "m^2 K/W")
+)
 """Quantities that cannot be negative: they are fitted by their logarithm."""
 
 
@@ -97,7 +99,9 @@ class Unknown:
         return low, math.log(self.high) if math.isfinite(self.high) else math.inf
 
 
-def parameter_unknown(path: str, given: Parameter, dimension: Dimension, value: float, targets: Sequence[Target], prior: Prior | None) -> Unknown:
+def parameter_unknown(
+    path: str, given: Parameter, dimension: Dimension, value: float, targets: Sequence[Target], prior: Prior | None
+) -> Unknown:
     """Return the unknown that a freed parameter is.
 
     A value that cannot be negative is fitted by its logarithm, unless its minimum is zero, which a logarithm could not reach.

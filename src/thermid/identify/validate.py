@@ -57,7 +57,9 @@ class Criteria:
         own = {k: getattr(self, k) for k in LIMITS} | dict((self.sensors or {}).get(sensor, {}))
         limits = {k: literal(v, "K", f"criteria.{k}") for k, v in own.items() if v}
         if not limits:
-            raise IdentificationError(f"no criterion is given for '{sensor}'. A verdict needs at least one limit: rmse, max_error or mean_error.")
+            raise IdentificationError(
+                f"no criterion is given for '{sensor}'. A verdict needs at least one limit: rmse, max_error or mean_error."
+            )
         if any(not math.isfinite(v) or v <= 0 for v in limits.values()):
             raise IdentificationError("a limit must be above zero.", "criteria")
         return limits
@@ -124,7 +126,9 @@ class Verdict:
         about = f" ({self.title})" if self.title else ""
         lines = [f"{self.model} on {self.record}{about}: {word}{condition}"]
         for c in self.checks:
-            lines.append(f"  {c.sensor}: {c.criterion.replace('_', ' ')} {c.found:.3g} K, limit {c.limit:.3g} K: {'met' if c.passed else 'NOT met'}")
+            lines.append(
+                f"  {c.sensor}: {c.criterion.replace('_', ' ')} {c.found:.3g} K, limit {c.limit:.3g} K: {'met' if c.passed else 'NOT met'}"
+            )
         return "\n".join(lines)
 
 
@@ -176,7 +180,9 @@ def validate(
     statistics = prediction.statistics[record.name]
     for sensor in criteria.sensors or {}:
         if sensor not in statistics:
-            raise IdentificationError(f"criteria are given for '{sensor}', which is no sensor of {record.name}.{nearest(sensor, statistics)}")
+            raise IdentificationError(
+                f"criteria are given for '{sensor}', which is no sensor of {record.name}.{nearest(sensor, statistics)}"
+            )
     checks = []
     for sensor, s in statistics.items():
         found = {"rmse": s.rmse, "max_error": abs(s.largest), "mean_error": abs(s.mean)}

@@ -130,6 +130,11 @@ class FittedValues(Mapping[str, FittedValue]):
         items = {p: v for k, (p, v) in enumerate(self.items_.items()) if k in kept}
         return FittedValues(self.stage, items, self.covariance[np.ix_(kept, kept)], self.provenance)
 
+    def bare(self) -> FittedValues:
+        """Return the parameters without the constant errors of instruments, which are marginalised."""
+        kept = [k for k, v in enumerate(self.items_.values()) if v.kind == "parameter"]
+        return FittedValues(self.stage, self.parameters, self.covariance[np.ix_(kept, kept)], self.provenance)
+
     @property
     def parameters(self) -> dict[str, FittedValue]:
         """Those that are parameters of a model."""

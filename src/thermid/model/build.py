@@ -106,7 +106,9 @@ def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
         raise DeckError(f"a conductor of kind '{table['kind']}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(key))
     if table["between"][0] == table["between"][1]:
         raise DeckError("both ends are the same node.", where(key))
-    return Conductor(table["kind"], (table["between"][0], table["between"][1]), given, shape, table["test_only"])
+    if table["takes"] and "area" not in given:
+        raise DeckError("it takes area from a surface but has no area of its own.", where(f"{key}.takes"))
+    return Conductor(table["kind"], (table["between"][0], table["between"][1]), given, shape, tuple(table["takes"]), table["test_only"])
 
 
 def _joint(name: str, table: Mapping[str, Any], where: Where) -> Joint:
@@ -197,7 +199,11 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
         for n, e in model.surfaces.items()
     }
     conductors = {
-        n: {"kind": e.kind, "between": list(e.between)} | _grouped(e.fields) | _curve_to(e.curve, "W/K") | flag(e)
+        n: {"kind": e.kind, "between": list(e.between)}
+        | _grouped(e.fields)
+        | _curve_to(e.curve, "W/K")
+        | ({"takes": list(e.takes)} if e.takes else {})
+        | flag(e)
         for n, e in model.conductors.items()
     }
     joints = {}

@@ -63,6 +63,7 @@ class Conductor:
     between : (str, str)    Paths of the two nodes.
     fields : dict           What the kind needs.
     curve : Curve or None   For the kind `table`.
+    takes : tuple of str    Surfaces that its area is taken from, in the ledger.
     test_only : bool        Whether it exists on the bench only.
     """
 
@@ -70,6 +71,7 @@ class Conductor:
     between: tuple[str, str]
     fields: Fields
     curve: Curve | None = None
+    takes: tuple[str, ...] = ()
     test_only: bool = False
 
 

@@ -129,7 +129,7 @@ def flatten(model: Model) -> Flat:
 
 
 def _takes(model: Model, names: Names) -> dict[str, list[Take]]:
-    """Return surface path -> what each joint takes from it."""
+    """Return surface path -> what each joint or conductor takes from it."""
     out: dict[str, list[Take]] = {}
     for owner, prefix in _walk(model):
         for name, joint in owner.joints.items():
@@ -138,6 +138,10 @@ def _takes(model: Model, names: Names) -> dict[str, list[Take]]:
                 out.setdefault(path, []).append(Take(prefix + name, f"{prefix}{name}.area", "contact"))
                 if joint.gap_to:
                     out[path].append(Take(prefix + name, f"{prefix}{name}.gap.area", "gap"))
+        for name, conductor in owner.conductors.items():
+            for end in conductor.takes:
+                path, _, _ = names.surface(owner, prefix, end, f"conductors.{name}.takes")
+                out.setdefault(path, []).append(Take(prefix + name, f"{prefix}{name}.area", "contact"))
     return out
 
 

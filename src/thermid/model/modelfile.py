@@ -20,6 +20,7 @@ __all__ = ["load_model", "model_from_dict", "project_root", "resolve_inside", "s
 
 MARKER = "thermid.toml"
 LARGEST_FILE = 4_000_000
+DEEPEST = 20
 
 
 def project_root(start: Path) -> Path:
@@ -79,21 +80,29 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     ------
     DeckError       When the file is missing, is no TOML, or does not follow the grammar; the message has file, line and key path.
     """
-    return _load(Path(path), ())
+    return _load(Path(path), (), {})[0]
 
 
-def _load(path: Path, trail: tuple[Path, ...]) -> Model:
-    if path.resolve() in trail:
+Loaded = tuple[Model, str]
+"""A model with its identity, which is the definition that its instances share."""
+
+
+def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loaded:
+    """Return a deck's model; each file is read once, however often it is used."""
+    here = path.resolve()
+    if here in trail:
         raise DeckError(f"the deck uses itself: {' -> '.join(p.name for p in (*trail, path))}.", path.name)
-    data, lines = read_toml(path)
-    deeper = (*trail, path.resolve())
+    if len(trail) >= DEEPEST:
+        raise DeckError(f"decks use decks over more than {DEEPEST} levels.", path.name)
+    if here not in known:
+        data, lines = read_toml(path)
 
-    def use(name: str, where: str) -> tuple[Model, str]:
-        target = resolve_inside(path.parent, name, where)
-        model = _load(target, deeper)
-        return model, model.identity()
+        def use(name: str, where: str) -> Loaded:
+            return _load(resolve_inside(path.parent, name, where), (*trail, here), known)
 
-    return model_from_dict(data, file=path.name, lines=lines, use=use)
+        model = model_from_dict(data, file=path.name, lines=lines, use=use)
+        known[here] = model, model.identity()
+    return known[here]
 
 
 def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[str, int] | None = None, use: Any = None) -> Model:

@@ -10,7 +10,7 @@ __all__ = ["Names", "local_names", "used_offers"]
 
 def used_offers(model: Model, part: str) -> set[str]:
     """Return the nodes and surfaces of a submodel that its user attaches to, names as the part offers them."""
-    ends = [end for conductor in model.conductors.values() for end in conductor.between]
+    ends = [end for conductor in model.conductors.values() for end in (*conductor.between, *conductor.takes)]
     ends += [end for joint in model.joints.values() for end in joint.between]
     for load in model.loads.values():
         ends += [load.into, load.sensor]

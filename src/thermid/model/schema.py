@@ -162,6 +162,7 @@ def _conductor_table() -> type[BaseModel]:
         __base__=_Strict,
         __doc__="A path of heat between two nodes.",
         table=(Points | None, None),
+        takes=(list[str], []),
         test_only=(bool, False),
         **fields,
     )

@@ -128,7 +128,7 @@ def _weights(network: Network, heat: Array, everything: Array, massless: list[in
     own = -heat[np.ix_(massless, massless)]
     temperatures = everything.shape[1] - len(network.flat.loads)
     try:
-        weights: Array = np.linalg.solve(own, everything[massless])
+        weights = np.asarray(np.linalg.solve(own, everything[massless]), dtype=np.float64)
     except np.linalg.LinAlgError:
         weights = np.zeros((len(massless), everything.shape[1]))
     # the weights of temperatures add up to one wherever a temperature is defined

@@ -179,6 +179,9 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     """
     flat = flatten(model)
     driven = tuple(flat.names.find(p) for p in prescribed)
+    for gas in media.environments if media is not None else ():
+        if gas != "*":
+            flat.names.find(gas, "environment")
     nodes = tuple(n.path for n in flat.nodes if n.path not in driven)
     if not nodes:
         raise DeckError("there is no node left whose temperature is unknown.", model.title)

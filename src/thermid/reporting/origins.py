@@ -110,9 +110,9 @@ def held(calibration: Calibration) -> Table:
     rows = []
     for path, entry in values.table.items():
         literal = entry.parameter.expression.literal
+        offset, factor = (float(literal.unit.offset), float(literal.unit.factor)) if literal else (0.0, 1.0)
+        shown = number((float(numbers[path]) - offset) / factor, 6)
         text = literal.unit.text if literal else _unit_text(values.dimension(path))
-        of = unit(text)
-        shown = number((float(numbers[path]) - float(of.offset)) / float(of.factor), 6)
         hides = "; ".join(f"{value} ({origin})" for origin, value in reversed(entry.shadowed))
         written = entry.parameter.text if not literal else DASH
         look = "main" if path in calibration.values.parameters else ""
@@ -122,7 +122,7 @@ def held(calibration: Calibration) -> Table:
 
 
 def _unit_text(dimension: Dimension) -> str:
-    """Return a unit of a dimension: its usual name, or base units."""
+    """Return the SI unit of a dimension: its usual name, or base units."""
     for text in NAMES:
         if unit(text).dimension == dimension:
             return text

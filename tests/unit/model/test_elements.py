@@ -13,6 +13,7 @@ from thermid.model.areas import ledger
 from thermid.model.curves import curve, evaluate, slopes
 from thermid.model.kinds import KINDS, law_conductance
 from thermid.model.model import Model
+from thermid.model.modelfile import model_from_dict
 from thermid.network.network import compile_network
 
 Build = Callable[..., Model]
@@ -220,3 +221,29 @@ def test_joint_of_two_slabs(pair: Build) -> None:
         {"joints/stack/contact_conductance": None, "joints/stack/conductivity": "16 [W/(m K)]", "joints/stack/thickness": "4 [mm]"}
     )
     assert conductance(model, "stack.second") == pytest.approx(16 * 0.002 / 0.004, rel=1e-15)
+
+
+def test_a_conductor_takes_area_from_surfaces() -> None:
+    """A contact that is no joint still takes its area from both surfaces, in the ledger and in what is left to convect."""
+    deck: dict[str, Any] = {
+        "title": "two plates",
+        "needs": ["air"],
+        "nodes": {"a": {"capacitance": "10 [J/K]"}, "b": {"capacitance": "10 [J/K]"}},
+        "surfaces": {
+            "s": {"of": "a", "to": "air", "area": "10 [cm^2]", "htc": "5 [W/(m^2 K)]"},
+            "t": {"of": "b", "to": "air", "area": "10 [cm^2]", "htc": "5 [W/(m^2 K)]"},
+        },
+        "conductors": {
+            "c": {"kind": "contact", "between": ["a", "b"], "area": "2 [cm^2]", "contact_conductance": "100 [W/(m^2 K)]", "takes": ["s", "t"]}
+        },
+    }
+    lines = {line.surface: line for line in ledger(model_from_dict(deck))}
+    assert lines["s"].exposed == pytest.approx(8e-4, rel=1e-12)
+    assert lines["t"].contact == pytest.approx(2e-4, rel=1e-12)
+    deck["conductors"]["c"]["area"] = "12 [cm^2]"
+    with pytest.raises(DeckError, match=r"'s' has 10 cm\^2, but 'c' takes 12 cm\^2"):
+        ledger(model_from_dict(deck))
+    del deck["conductors"]["c"]["area"], deck["conductors"]["c"]["contact_conductance"]
+    deck["conductors"]["c"] |= {"kind": "conduction", "conductance": "1 [W/K]"}
+    with pytest.raises(DeckError, match="takes area from a surface but has no area of its own"):
+        model_from_dict(deck)

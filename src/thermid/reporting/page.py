@@ -1,0 +1,218 @@
+"""`report`: a campaign as one self-contained HTML page."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermid.identify.calibration import Calibration
+from thermid.identify.stages import Campaign
+from thermid.physics.constants import ICE_POINT
+from thermid.reporting import figures, origins, tables
+from thermid.reporting.cells import Cell, Column, Table, duration, number
+from thermid.reporting.diagram import diagram
+from thermid.reporting.extras import extra
+from thermid.reporting.figures import Dots, Drawn
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+    from thermid.identify.residuals import Block
+    from thermid.model.model import Model
+    from thermid.simulation.solution import Solution
+
+__all__ = ["report"]
+
+FEW = 4
+"""Up to so many traces stand open on the page; more are folded away."""
+
+
+@dataclass(frozen=True)
+class Traces:
+    """The traces of a stage or verdict that are drawn, and the text that says which."""
+
+    drawn: Sequence[tuple[Block, str, Drawn]]
+    text: str
+    opened: bool
+
+
+@dataclass(frozen=True)
+class StagePart:
+    """What the page says of one stage."""
+
+    key: str
+    name: str
+    model: Model
+    facts: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...]
+    diagram: str
+    traces: Traces
+    tables: Mapping[str, Table]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the page says of one simulated scenario."""
+
+    key: str
+    title: str
+    solution: Solution
+    drawn: Drawn
+    ends: Table
+    diagram: str
+    length: str
+
+
+def report(
+    campaign: Campaign,
+    *,
+    to: str | os.PathLike[str],
+    scenarios: Sequence[tuple[str, Solution]] = (),
+    notes: str | Sequence[str] = (),
+) -> Path:
+    """Write a campaign as one HTML page and return its path.
+
+    The page holds everything: verdicts, what a reader must know, coefficients by level, and for each stage its diagram, parameters before
+    and after, sensors, measured against simulated with residuals; then predictions and provenance. It loads nothing and runs no script.
+
+    Parameters
+    ----------
+    campaign : Campaign     The result of `run_stages`, or one made in Python.
+    to : path               The file to write; its folder is made where it is missing.
+    scenarios : sequence    Pairs (title, Solution): what the model predicts.
+    notes : str(s)          What the author says, a paragraph each.
+
+    Raises
+    ------
+    MissingExtraError   When matplotlib or jinja2 is not installed.
+    """
+    template = _template()
+    made, of = origins.made_records(campaign)
+    paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
+    content = template.render(
+        campaign=campaign,
+        synthetic=made,
+        record_count=of,
+        notes=[p for p in (campaign.note, *paragraphs) if p],
+        verdicts=tables.verdicts(campaign) if campaign.verdicts else None,
+        held_out=_held_out(campaign),
+        coefficients=tables.coefficients(campaign),
+        overview=figures.overview(_dots(campaign), "overview") if campaign.stages else None,
+        stages=[_stage(f"stage-{k}", c, tuple(campaign)) for k, c in enumerate(campaign.stages.values(), 1)],
+        predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
+        data=origins.data(campaign),
+        models=origins.models(campaign),
+        versions=origins.versions(),
+    )
+    target = Path(to)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(content, encoding="utf-8")
+    return target
+
+
+def _template() -> Template:
+    """Return the page's template; every text that goes in is escaped."""
+    from importlib.resources import files
+
+    with extra():
+        import matplotlib  # noqa: F401  # a page without figures is no report: say so before any work is done
+        from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(files("thermid.reporting").joinpath("page.html.jinja").read_text(encoding="utf-8"))
+
+
+def _inline(svg: str) -> str:
+    """Return an SVG as it stands inside a page, where it needs no name space."""
+    return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
+
+
+def _stage(key: str, c: Calibration, stages: tuple[str, ...]) -> StagePart:
+    samples = sum(s.samples for s in c.sensors.values())
+    facts = (
+        ("model", c.model.title),
+        ("records", str(len(c.records))),
+        ("samples", str(samples)),
+        ("free parameters", str(len(c.values.parameters))),
+        ("reduced χ²", number(c.reduced_chi_square, 3)),
+        ("loss", c.loss),
+        ("evaluations", str(c.evaluations)),
+    )
+    shown = {
+        "parameters": tables.parameters(c, stages),
+        "sensors": tables.sensors(c),
+        "records": tables.records(c),
+        "local": tables.locals_(c),
+        "correlations": tables.correlations(c),
+        "areas": tables.areas(c.fitted_model),
+        "held": origins.held(c),
+    }
+    picture = _inline(diagram(c.fitted_model, title=f"{c.stage}: the model with its fitted values"))
+    return StagePart(key, c.stage, c.model, facts, c.warnings, picture, _traces(c.blocks, f"{key}-trace"), shown)
+
+
+def _traces(blocks: Sequence[Block], key: str) -> Traces:
+    chosen = figures.choose(blocks)
+    if len(chosen) == len(blocks):
+        text = "The only trace." if len(blocks) == 1 else f"All {len(blocks)} traces."
+    else:
+        text = (
+            f"{len(chosen)} of {len(blocks)} traces: for each sensor those with the lowest, the median and the highest RMSE, "
+            "and some evenly between them. The tables count all."
+        )
+    return Traces(figures.each_trace(chosen, key), text, len(chosen) <= FEW)
+
+
+def _held_out(campaign: Campaign) -> Traces | None:
+    """Return the traces of all verdicts; a record that several of them judge is drawn once a model."""
+    blocks = {(v.model, b.record, b.sensor): b for v in campaign.verdicts for b in v.prediction.blocks}
+    return _traces(list(blocks.values()), "held-out") if blocks else None
+
+
+def _dots(campaign: Campaign) -> list[Dots]:
+    """Return the RMSE of every record by stage, and of the held-out records by model."""
+    lines = [Dots(stage, _rmse([c])) for stage, c in campaign.stages.items()]
+    judged: dict[str, list[Calibration]] = {}
+    for v in campaign.verdicts:
+        known = judged.setdefault(v.model, [])
+        if all(v.record not in k.records for k in known):
+            known.append(v.prediction)
+    return lines + [Dots(f"{model}, held out", _rmse(found)) for model, found in judged.items()]
+
+
+def _rmse(calibrations: Sequence[Calibration]) -> dict[str, list[float]]:
+    out: dict[str, list[float]] = {}
+    for c in calibrations:
+        for b in c.blocks:
+            out.setdefault(b.sensor, []).append(float(np.sqrt(np.mean(b.residuals**2))))
+    return out
+
+
+def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) -> Prediction:
+    columns = [Column("node"), *(Column(f"{c}, °C", True) for c in ("start", "end", "highest", "lowest"))]
+    rows = []
+    for k, node in enumerate(solution.nodes):
+        celsius = solution.temperatures[:, k] - ICE_POINT
+        rows.append([Cell(node, "", "main"), *(f"{t:.2f}" for t in (celsius[0], celsius[-1], celsius.max(), celsius.min()))])
+    drawn = figures.prediction(solution, key, f"{title}: predicted temperatures")
+    final = dict(zip(solution.nodes, solution.temperatures[-1].tolist(), strict=True))
+    pictures = [_inline(diagram(m, temperatures=final, title=f"{title}: temperatures at the end")) for m in _models_of(solution, campaign)]
+    length = duration(float(solution.times[-1] - solution.times[0]))
+    return Prediction(key, title, solution, drawn, Table.of(columns, rows), next(iter(pictures), ""), length)
+
+
+def _models_of(solution: Solution, campaign: Campaign) -> Iterator[Model]:
+    """Yield the campaign's model that a solution is of, if it is one of them."""
+    from thermid.model.names import Names
+
+    for c in reversed(list(campaign.stages.values())):
+        if c.model.title == solution.title:
+            names = Names(c.model)
+            if {*names.nodes, *names.boundaries} == set(solution.nodes):
+                yield c.fitted_model
+                return

@@ -1,0 +1,152 @@
+"""CONTRIBUTING.md: the worked example is carried out in a copy of the package, and the reading path has the length it claims."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import thermid._kernel
+
+from .pages import ROOT, blocks, codes, prose
+
+TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+EXAMPLE = {b.words[1]: b.text for b in blocks(TEXT) if len(b.words) > 1}
+PACKAGE = ROOT / "src" / "thermid"
+
+DECK = """
+title = "plate"
+needs = ["base"]
+[nodes]
+plate = { capacitance = "100 [J/K]" }
+[conductors]
+bolts = { kind = "bolt", between = ["plate", "base"], bolt_conductance = { value = "500 [mW/K]", min = 100, max = 900 }, count = 4 }
+[loads]
+heater = { into = "plate", power = "10 [W]" }
+"""
+
+USE = """
+import json, sys
+# an editable install answers for the package before the path is looked at
+sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in f"{type(finder).__module__} {type(finder).__name__}".lower()]
+sys.path.insert(0, sys.argv[1])
+import numpy as np
+import thermid as td
+from thermid.model.schema import json_schema
+
+model = td.load_model("plate.toml")
+bench = td.Scenario("bench", boundaries={"base": "20 [degC]"}, start="20 [degC]", duration="10 [min]")
+run = td.simulate(model, bench)
+channel = td.Channel.of("T", run["plate"].kelvin, role="node", target="plate", noise=0.01)
+record = td.Record.from_arrays("log", run.times, {"T": channel, "base": td.Channel.of("base", run["base"].kelvin)})
+start = model.with_values({"bolts.bolt_conductance": "0.3 [W/K]"})
+fit = td.calibrate(start, record, free=["bolts.bolt_conductance"])
+try:
+    td.model_from_dict({"title": "x", "needs": ["b"], "nodes": {"a": {}},
+                        "conductors": {"c": {"kind": "bolt", "between": ["a", "b"], "bolt_conductance": "1 [W/K]", "cuont": 4}}})
+except td.ThermidError as error:
+    refusal = str(error)
+print(json.dumps({"from": td.__file__, "rise": run["plate"].rise, "fitted": fit["bolts.bolt_conductance"].value,
+                  "schema": "bolt_conductance" in json.dumps(json_schema()), "refusal": refusal}))
+"""
+
+CHECK = """
+import sys
+sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in f"{type(finder).__module__} {type(finder).__name__}".lower()]
+sys.path[:0] = sys.argv[1:2]
+import pytest
+sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", "-c", "empty.ini", sys.argv[2]]))
+"""
+
+
+def with_bolts(source: str) -> str:
+    """The table of kinds after the two edits that the page asks for."""
+    before, mark, after = source.partition('_AREA = {"area": "m^2"}')
+    assert mark
+    table = after.index("\n}\n", after.index("KINDS: Final"))
+    return f"{before}{EXAMPLE['function']}\n\n{mark}{after[:table]}\n{EXAMPLE['line'].rstrip()}{after[table:]}"
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the package as the contributor leaves it."""
+    folder = tmp_path_factory.mktemp("bolts")
+    shutil.copytree(PACKAGE, folder / "src" / "thermid", ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+    shutil.copy(str(thermid._kernel.__file__), folder / "src" / "thermid")
+    kinds = folder / "src" / "thermid" / "model" / "kinds.py"
+    kinds.write_text(with_bolts(kinds.read_text(encoding="utf-8")), encoding="utf-8")
+    (folder / "plate.toml").write_text(DECK, encoding="utf-8")
+    (folder / "empty.ini").write_text("[pytest]\nfilterwarnings = error\n", encoding="utf-8")
+    (folder / "test_bolts.py").write_text(EXAMPLE["test"], encoding="utf-8")
+    return folder
+
+
+def run(copy: Path, script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", script, str(copy / "src"), *arguments]
+    return subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
+
+
+def test_the_new_kind_is_simulated_and_fitted(copy: Path) -> None:
+    done = run(copy, USE)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert Path(found["from"]).is_relative_to(copy)
+    assert found["rise"] == pytest.approx(10 / (4 * 0.5) * (1 - 2.718281828459045 ** (-600 * 2 / 100)), abs=1e-4)
+    assert found["fitted"] == pytest.approx(0.5, rel=1e-4)
+    assert found["schema"]
+    assert "cuont" in found["refusal"]
+    assert "count" in found["refusal"]
+
+
+def test_its_test_passes_with_it_and_fails_without(copy: Path) -> None:
+    done = run(copy, CHECK, "test_bolts.py")
+    assert done.returncode == 0, done.stdout
+    assert "1 passed" in done.stdout
+    without = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", "empty.ini", "test_bolts.py"],
+        cwd=copy, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert without.returncode == 1
+    assert "bolt" in without.stdout
+
+
+def test_its_line_is_all_that_the_nomenclature_needs(copy: Path) -> None:
+    """The page with the line agrees with the code that has the kind; without the line it does not."""
+    page = (ROOT / "docs" / "nomenclature.md").read_text(encoding="utf-8")
+    row = next(line for line in page.splitlines() if line.startswith("| `table` | `scale`"))
+    (copy / "with.md").write_text(page.replace(row, f"{row}\n{EXAMPLE['nomenclature'].strip()}"), encoding="utf-8")
+    (copy / "without.md").write_text(page, encoding="utf-8")
+    script = (
+        CHECK.partition("import pytest")[0]
+        + "sys.path.insert(0, sys.argv[2])\nfrom docs.vocabulary import disagreements\nfrom pathlib import Path\n"
+        + "for name in ('with.md', 'without.md'):\n    print(name, list(disagreements(Path(name).read_text(encoding='utf-8'))))"
+    )
+    done = run(copy, script, str(ROOT / "tests"))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ["with.md []", "without.md [\"'Kinds of conductor' lacks `bolt`\"]"]
+
+
+def lines(module: str) -> int:
+    return len((PACKAGE / f"{module}.py").read_text(encoding="utf-8").splitlines())
+
+
+def test_the_reading_path_is_as_long_as_it_says(capsys: pytest.CaptureFixture[str]) -> None:
+    section = prose(TEXT).partition("## Reading the code")[2]
+    path = codes(section)
+    stated = re.search(r"about (\d+) lines", section)
+    assert stated
+    assert (path[0], path[-1]) == ("__init__", "identify/stages")
+    counts = {module: lines(module) for module in path}
+    total = sum(counts.values())
+    below = ["errors", "units", "expression", "dual"]
+    below += [f"{room}/{p.stem}" for room in ("model", "network", "simulation") for p in sorted((PACKAGE / room).glob("*.py"))]
+    whole = sum(map(lines, dict.fromkeys([*path, *below])))
+    with capsys.disabled():
+        print(f"\nreading path: {total} lines in {len(path)} modules ({counts}); with all that these rooms hold: {whole}")
+    assert abs(total - int(stated[1])) <= 100
+    assert whole > 2 * total  # "as much again and more"
