@@ -314,9 +314,9 @@ class Oracle:
         return out
 
     def _decide(self, state: np.ndarray) -> None:
-        for name, sensor, low, _ in self._thermostats():
-            self.on[name] = False
-            self.on[name] = bool(self.everything(0.0, state)[sensor] <= low)
+        self.on = {name: False for name, *_ in self._thermostats()}
+        every = self.everything(0.0, state)
+        self.on = {name: bool(every[sensor] <= low) for name, sensor, low, _ in self._thermostats()}
 
     def _stretch(self, here: float, end: float, state: np.ndarray, times: np.ndarray, out: np.ndarray, rtol: float, atol: float) -> tuple[float, np.ndarray]:
         """Integrate to the end or to the next switching, and write what falls in between."""
@@ -332,8 +332,10 @@ class Oracle:
         stop = float(found.t[-1])
         for k in np.flatnonzero((times >= here) & (times < stop if stop < end else times <= end)):
             out[k] = self.everything(times[k], found.sol(times[k]))
-        if events:
-            for (name, *_), hits in zip(self._thermostats(), found.t_events, strict=True):
-                if hits.size:
+        if events and stop < end:
+            every = self.everything(stop, found.y[:, -1])
+            for name, sensor, low, high in self._thermostats():
+                gap = every[sensor] - high if self.on[name] else low - every[sensor]
+                if gap > -1e-8:  # several may switch at once
                     self.on[name] = not self.on[name]
         return stop, found.y[:, -1]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -24,6 +22,7 @@ LOADS = ("constant", "polynomial", "exponential", "table", "periodic", "sine", "
 SWITCHED = (*LOADS, "thermostat")
 DURATION = 3600.0
 CAMPAIGN_FACTOR = 40
+TIGHT = td.Options(tolerance=1e-8, relative=1e-9, input_tolerance=1e-7)
 
 
 def random_models(examples: int, **strategies: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -41,24 +40,13 @@ def random_models(examples: int, **strategies: Any) -> Callable[[Callable[..., N
                 suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much],
                 phases=(Phase.explicit, Phase.generate, Phase.shrink),
             )
-            chosen(given(**strategies)(_named(check)))()
+            chosen(given(**strategies)(check))()
 
         run.__name__, run.__doc__, run.__module__ = check.__name__, check.__doc__, check.__module__
         marks = [pytest.param("quick", id="quick"), pytest.param("campaign", id="campaign", marks=pytest.mark.campaign)]
         return pytest.mark.properties(pytest.mark.parametrize("effort", marks)(run))
 
     return decorate
-
-
-def _named(check: Callable[..., None]) -> Callable[..., None]:
-    """Return a fresh function that Hypothesis may wrap again."""
-
-    @functools.wraps(check)
-    def inner(**values: Any) -> None:
-        check(**values)
-
-    inner.__signature__ = inspect.signature(check)  # type: ignore[attr-defined]
-    return inner
 
 
 def text(value: float, unit: str) -> str:

@@ -17,7 +17,11 @@ STACK = HERE.parent / "02_stack"
 TRUTH = {
     "ProcSISNAV": {"skin.effective_htc": "5.4 [W/(m^2 K)]", "case.mass": "1.61 [kg]"},
     "EleGFO": {"skin.effective_htc": "2.45 [W/(m^2 K)]", "case.mass": "0.70 [kg]"},
-    "m_PrE": {"ele.skin.effective_htc": "2.3 [W/(m^2 K)]", "stack.contact_conductance": "180 [W/(m^2 K)]", "stack.gap.htc": "5.0 [W/(m^2 K)]"},
+    "m_PrE": {
+        "ele.skin.effective_htc": "2.3 [W/(m^2 K)]",
+        "stack.contact_conductance": "180 [W/(m^2 K)]",
+        "stack.gap.htc": "5.0 [W/(m^2 K)]",
+    },
 }
 OFFSETS = {"T_PROC": 0.22, "T_ELE": -0.31, "T_ROOM": 0.1}
 """Constant error of each sensor; a DS18B20 is good to 0.5 K. [K]"""
@@ -37,7 +41,13 @@ def log(path: Path, model: td.Model, boundary: str, nodes: dict[str, str], power
     rng = np.random.default_rng(seed)
     times = np.arange(0.0, SECONDS + 1.0, EVERY)
     air = room(times, rng)
-    scenario = td.Scenario("bench", boundaries={boundary: (times, air)}, loads={load: f"{watts} [W]" for load, watts in powers.values()}, start="24.1 [degC]", duration=SECONDS)
+    scenario = td.Scenario(
+        "bench",
+        boundaries={boundary: (times, air)},
+        loads={load: f"{watts} [W]" for load, watts in powers.values()},
+        start="24.1 [degC]",
+        duration=SECONDS,
+    )
     solution = td.simulate(model, scenario, times=times)
     columns = {"T_ROOM": air, **{sensor: solution[node].kelvin for sensor, node in nodes.items()}}
     table = [times]

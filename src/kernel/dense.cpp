@@ -30,7 +30,8 @@ double Integrator::input_error() {
         rate(fast_, J0_.data(), nullptr, dir_.data(), bb_.data());
         double big = 0.0;
         for (int i = 0; i < n_; ++i) big = std::max(big, std::fabs(bb_[i]));
-        total += big * 0.25 * h_ * worst_[k] + curvature(k) * square_[k];
+        total += big * 0.25 * h_ * worst_[k];
+        if (const double bend = curvature(k); bend > 0.0) total += bend * in_[k].mean_square(p_.inputs[k], t_, end_, hint_[k]);
     }
     return total;
 }

@@ -27,7 +27,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     FS_.assign(STAGES * m, 0.0);
     poly_.assign(STAGES * n, 0.0);
     for (auto* v : {&J0_, &J1_, &row_}) v->assign(n * n, 0.0);
-    for (auto* v : {&worst_, &square_, &uder0_, &uder1_, &unit_}) v->assign(nk_, 0.0);
+    for (auto* v : {&worst_, &uder0_, &uder1_, &unit_}) v->assign(nk_, 0.0);
     fu_.assign(nk_ * n, 0.0);
     in_.resize(nk_);
     hint_.assign(nk_, -1);

@@ -74,7 +74,7 @@ class Integrator {
     std::vector<double> T_, S_, T1_, S1_;
     std::vector<StepInput> in_;
     std::vector<int> hint_;
-    std::vector<double> worst_, square_, uder0_, uder1_;
+    std::vector<double> worst_, uder0_, uder1_;
     bool leftover_ = false;                       // some input is not exact over the step
     std::vector<double> F_, FS_, CS_, comb_;      // stage heats (6, n), their sensitivities (6, n, np)
     std::vector<double> J0_, J1_, d0_, d1_, dd0_, dd1_, sd0_, sd1_, sdd0_, sdd1_, fu_, g_, G_, dirS_, unit_, dir_, bb_, base_, delta_, guess_, err_;
@@ -99,6 +99,7 @@ class Integrator {
     bool newton(int s);
     void stage_sensitivity(int s);
     double error();
+    double tolerance() const;
     void iteration_matrix(const double* j);
     void add_energy(int s, bool updated);
     void start_sensitivity();

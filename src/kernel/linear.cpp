@@ -4,30 +4,38 @@
 
 namespace thermid {
 
-THERMID_CLONES void combine(double* __restrict out, const double* const* rows, const double* w, int k, int m) {
+THERMID_CLONES void combine(double* THERMID_RESTRICT out, const double* const* rows, const double* w, int k, int m) {
     for (int i = 0; i < m; ++i) out[i] = w[0] * rows[0][i];
     for (int r = 1; r < k; ++r) {
         const double a = w[r];
         if (a == 0.0) continue;
-        const double* __restrict x = rows[r];
+        const double* THERMID_RESTRICT x = rows[r];
         for (int i = 0; i < m; ++i) out[i] += a * x[i];
     }
 }
 
-THERMID_CLONES void blend(double* __restrict out, const double* __restrict w, int rows, const double* __restrict x, int k, int m) {
-    constexpr int W = 4;
+#if defined(__GNUC__)
+typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
+#else
+struct Four {
+    double v[4] = {0.0, 0.0, 0.0, 0.0};
+    void operator+=(const Four& o) { for (int j = 0; j < 4; ++j) v[j] += o.v[j]; }
+};
+inline Four operator*(double a, const Four& x) {
+    Four r;
+    for (int j = 0; j < 4; ++j) r.v[j] = a * x.v[j];
+    return r;
+}
+#endif
+
+THERMID_CLONES void blend(double* THERMID_RESTRICT out, const double* THERMID_RESTRICT w, int rows, const double* THERMID_RESTRICT x, int k, int m) {
     const int stride = padded(m);
-    for (int j0 = 0; j0 < m; j0 += W) {
-        const int len = m - j0 < W ? m - j0 : W;
-        for (int r = 0; r < rows; ++r) {
-            double acc[W] = {0.0};
-            for (int i = 0; i < k; ++i)
-                for (int j = 0; j < W; ++j) acc[j] += w[r * k + i] * x[i * stride + j0 + j];
-            double* to = out + static_cast<long>(r) * m + j0;
-            if (len == W)
-                for (int j = 0; j < W; ++j) to[j] = acc[j];
-            else
-                for (int j = 0; j < len; ++j) to[j] = acc[j];
+    for (int r = 0; r < rows; ++r, out += m, w += k) {
+        for (int j = 0; j < m; j += 4) {
+            const double* from = x + j;
+            Four acc = {};
+            for (int i = 0; i < k; ++i, from += stride) acc += w[i] * *reinterpret_cast<const Four*>(from);
+            std::memcpy(out + j, &acc, sizeof(double) * (m - j < 4 ? m - j : 4));
         }
     }
 }
@@ -115,19 +123,19 @@ struct Factors { const double *low, *up, *inv; const int *low_at, *low_end, *up_
 THERMID_CLONES static void substitute(const Factors f, double* b, int n, int m) {
     int e = 0;
     for (int i = 0; i < n; ++i) {
-        double* __restrict bi = b + static_cast<size_t>(i) * m;
+        double* THERMID_RESTRICT bi = b + static_cast<size_t>(i) * m;
         for (const int end = f.low_end[i]; e < end; ++e) {
             const double l = f.low[e];
-            const double* __restrict bj = b + static_cast<size_t>(f.low_at[e]) * m;
+            const double* THERMID_RESTRICT bj = b + static_cast<size_t>(f.low_at[e]) * m;
             for (int k = 0; k < m; ++k) bi[k] -= l * bj[k];
         }
     }
     e = 0;
     for (int i = n - 1; i >= 0; --i) {
-        double* __restrict bi = b + static_cast<size_t>(i) * m;
+        double* THERMID_RESTRICT bi = b + static_cast<size_t>(i) * m;
         for (const int end = f.up_end[i]; e < end; ++e) {
             const double u = f.up[e];
-            const double* __restrict bj = b + static_cast<size_t>(f.up_at[e]) * m;
+            const double* THERMID_RESTRICT bj = b + static_cast<size_t>(f.up_at[e]) * m;
             for (int k = 0; k < m; ++k) bi[k] -= u * bj[k];
         }
         const double r = f.inv[i];

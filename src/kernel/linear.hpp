@@ -11,6 +11,12 @@
 #define THERMID_CLONES
 #endif
 
+#if defined(_MSC_VER)
+#define THERMID_RESTRICT __restrict
+#else
+#define THERMID_RESTRICT __restrict__
+#endif
+
 namespace thermid {
 
 // out[i] = sum_k w[k] * rows[k][i], for i < m.

@@ -1,5 +1,7 @@
 #include "problem.hpp"
 
+#include "linear.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -117,8 +119,10 @@ void Evaluation::set_inputs() {
 void Evaluation::rows() {
     const Conductors& c = p->con;
     const int* first = p->kind_begin;
-    const int *a = c.a.data(), *b = c.b.data(), *c0 = c.c0.data(), *c1 = c.c1.data();
-    const double *tt = t.data(), *ce = ceff.data();
+    const int *THERMID_RESTRICT a = c.a.data(), *THERMID_RESTRICT b = c.b.data(), *THERMID_RESTRICT c0 = c.c0.data(), *THERMID_RESTRICT c1 = c.c1.data();
+    const double *THERMID_RESTRICT tt = t.data(), *THERMID_RESTRICT ce = ceff.data();
+    double *THERMID_RESTRICT q = this->q.data(), *THERMID_RESTRICT phi = this->phi.data(), *THERMID_RESTRICT qa = this->qa.data(), *THERMID_RESTRICT qb = this->qb.data();
+    double *THERMID_RESTRICT work = this->work.data(), *THERMID_RESTRICT f = this->f.data();
     for (int r = first[LINEAR]; r < first[POWER]; ++r) {
         phi[r] = tt[a[r]] - tt[b[r]];
         qa[r] = ce[c0[r]];
@@ -159,10 +163,11 @@ void Evaluation::rows() {
         qa[r] = x.qa;
         qb[r] = x.qb;
     }
-    const int* begin = p->meet_begin.data();
+    const int *begin = p->meet_begin.data(), *row = p->meet_row.data();
+    const double* sign = p->meet_sign.data();
     for (int i = 0; i < p->n; ++i) {
         double s = 0.0;
-        for (int k = begin[i]; k < begin[i + 1]; ++k) s += p->meet_sign[k] * q[p->meet_row[k]];
+        for (int k = begin[i]; k < begin[i + 1]; ++k) s += sign[k] * q[row[k]];
         f[i] = s;
     }
     const Loads& ld = p->load;

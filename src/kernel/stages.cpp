@@ -7,17 +7,12 @@
 
 namespace thermid {
 
-namespace {
-constexpr double NEWTON_TOL = 2e-10;  // K
-}
-
 void Integrator::project() {
     leftover_ = false;
     for (int k = 0; k < nk_; ++k) {
         worst_[k] = 0.0;
         if (!p_.inputs[k].sampled()) continue;
         worst_[k] = in_[k].project(p_.inputs[k], t_, end_, hint_[k]);
-        square_[k] = in_[k].exact ? 0.0 : in_[k].mean_square(p_.inputs[k], t_, end_, hint_[k]);
         leftover_ = leftover_ || !in_[k].exact;
     }
 }
@@ -85,6 +80,7 @@ void Integrator::iteration_matrix(const double* j) {
 
 bool Integrator::newton(int s) {
     const double hg = h_ * GAMMA;
+    const double close = std::min(1e-8, std::max(2e-10, 1e-3 * tolerance()));  // K
     const double* f = nullptr;
     double last = 0.0;
     bool fresh = false;
@@ -112,7 +108,7 @@ bool Integrator::newton(int s) {
         last_size_ = size;
         double rate = rho_;
         if (it > 0 && last > 1e-10) rho_ = std::min(0.9, rate = std::max(size, 1e-12) / last);
-        if (size <= 1e-13 || 4.0 * std::min(rate, 0.9) * size <= NEWTON_TOL || size <= 0.1 * NEWTON_TOL) return true;
+        if (size <= 1e-13 || 4.0 * std::min(rate, 0.9) * size <= close || size <= 0.1 * close) return true;
         fresh = it > 0 && rate > 0.05;
         if (it > 3 && rate > 1.5 && !fresh) return false;
         last = size;
@@ -210,9 +206,13 @@ double Integrator::error() {
         if (cap_[i] == 0.0 || (leftover_ && fast_.is[i])) continue;
         worst = std::max(worst, std::fabs(err_[i]));
     }
-    // The jumps of projected inputs show in the estimate although they cancel: no finer than those inputs are followed.
+    return worst / tolerance();
+}
+
+// The jumps of projected inputs show in the estimate although they cancel: no finer than those inputs are followed.
+double Integrator::tolerance() const {
     const double tol = o_.atol + o_.rtol * (high_ - low_);
-    return worst / (leftover_ ? std::max(tol, 0.1 * o_.input_atol) : tol);
+    return leftover_ ? std::max(tol, 0.1 * o_.input_atol) : tol;
 }
 
 }  // namespace thermid

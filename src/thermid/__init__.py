@@ -9,26 +9,36 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from thermid.errors import ThermidError, ThermidWarning
-    from thermid.identify.calibrate import calibrate
-    from thermid.identify.calibration import Calibration
-    from thermid.identify.compare import compare
-    from thermid.identify.stages import Campaign, run_stages
-    from thermid.identify.validate import Criteria, Verdict, validate
-    from thermid.identify.values import load_values
-    from thermid.measure import Channel, Record, read_record
-    from thermid.model.areas import ledger
-    from thermid.model.model import Model
-    from thermid.model.modelfile import load_model, model_from_dict, save_model
-    from thermid.network.linear import modes, state_space
-    from thermid.network.medium import Environment
-    from thermid.network.network import compile_network
-    from thermid.reporting.page import report
-    from thermid.simulation.engine import Options
-    from thermid.simulation.scenario import Scenario, load_scenario
-    from thermid.simulation.solution import Solution
-    from thermid.simulation.steady import steady
-    from thermid.simulation.transient import simulate
+    from thermid.errors import ThermidError as ThermidError
+    from thermid.errors import ThermidWarning as ThermidWarning
+    from thermid.identify.calibrate import calibrate as calibrate
+    from thermid.identify.calibration import Calibration as Calibration
+    from thermid.identify.compare import compare as compare
+    from thermid.identify.stages import Campaign as Campaign
+    from thermid.identify.stages import run_stages as run_stages
+    from thermid.identify.validate import Criteria as Criteria
+    from thermid.identify.validate import Verdict as Verdict
+    from thermid.identify.validate import validate as validate
+    from thermid.identify.values import load_values as load_values
+    from thermid.measure import Channel as Channel
+    from thermid.measure import Record as Record
+    from thermid.measure import read_record as read_record
+    from thermid.model.areas import ledger as ledger
+    from thermid.model.model import Model as Model
+    from thermid.model.modelfile import load_model as load_model
+    from thermid.model.modelfile import model_from_dict as model_from_dict
+    from thermid.model.modelfile import save_model as save_model
+    from thermid.network.linear import modes as modes
+    from thermid.network.linear import state_space as state_space
+    from thermid.network.medium import Environment as Environment
+    from thermid.network.network import compile_network as compile_network
+    from thermid.reporting.page import report as report
+    from thermid.simulation.engine import Options as Options
+    from thermid.simulation.scenario import Scenario as Scenario
+    from thermid.simulation.scenario import load_scenario as load_scenario
+    from thermid.simulation.solution import Solution as Solution
+    from thermid.simulation.steady import steady as steady
+    from thermid.simulation.transient import simulate as simulate
 
 # in reading order: what the hardware is, what is done to it, what was measured, what a fit says, what is shown
 _PUBLIC = {

@@ -20,7 +20,7 @@ ARROWS: dict[str, set[str]] = {
     "_units_table": set(),
     "dual": set(),
     "units": {"errors", "_units_table"},
-    "expression": {"errors", "units"},
+    "expression": {"errors", "units", "dual"},
     "physics": FOUNDATION,
     "model": FOUNDATION | {"physics"},
     "network": FOUNDATION | {"physics", "model", "_kernel"},

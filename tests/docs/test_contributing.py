@@ -149,4 +149,4 @@ def test_the_reading_path_is_as_long_as_it_says(capsys: pytest.CaptureFixture[st
     with capsys.disabled():
         print(f"\nreading path: {total} lines in {len(path)} modules ({counts}); with all that these rooms hold: {whole}")
     assert abs(total - int(stated[1])) <= 100
-    assert whole > 2 * total  # "as much again and more"
+    assert whole > 2 * total  # "more than as much again"

@@ -11,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from pydantic import BaseModel
 
 import thermid as td
 from thermid import errors
@@ -48,10 +49,9 @@ def _of(names: Iterable[str], units: Mapping[str, str] | None = None) -> dict[st
     return {name: (units or {}).get(name) for name in names}
 
 
-def _model(table: type, units: Mapping[str, str] | None = None) -> Names:
+def _model(table: type[BaseModel], units: Mapping[str, str] | None = None) -> Names:
     """Keys of a table of a file, as its author writes them."""
-    fields = table.model_fields  # type: ignore[attr-defined]  # a pydantic model
-    return _of([field.alias or name for name, field in fields.items()], units)
+    return _of([field.alias or name for name, field in table.model_fields.items()], units)
 
 
 def _group(name: str, slots: Mapping[str, str]) -> dict[str, str]:
@@ -125,15 +125,15 @@ def by_heading() -> dict[str, Names]:
 
 def unheaded() -> set[str]:
     """Tables of the files that no heading above stands for."""
-    from pydantic import BaseModel
-
-    def made(module: object) -> set[type]:
-        return {v for v in vars(module).values() if isinstance(v, type) and issubclass(v, BaseModel) and v.__module__ == module.__name__}  # type: ignore[attr-defined]
-
-    found = {c for module in (schema, campaign_schema) for c in made(module) if c.model_fields}
     shown = [set(names) for names in by_heading().values()]
     conductor = set(by_heading()["Conductor"])
-    return {c.__name__ for c in found if {f.alias or n for n, f in c.model_fields.items()} not in shown and not conductor <= set(c.model_fields)}
+    out = set()
+    for module in (schema, campaign_schema):
+        for made in vars(module).values():
+            if isinstance(made, type) and issubclass(made, BaseModel) and made.__module__ == module.__name__ and made.model_fields:
+                keys = set(_model(made))
+                out |= {made.__name__} if keys not in shown and not conductor <= keys else set()
+    return out
 
 
 def words_of_the_code() -> set[str]:

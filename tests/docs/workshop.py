@@ -15,8 +15,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import thermid as td
+from thermid.cli import main
 from thermid.identify.campaignfile import read_campaign
 
 from .pages import ROOT, Block, blocks, differences, near
@@ -65,7 +67,7 @@ class Workshop:
             if kind == "toml":
                 self._toml(block, rest, place)
             elif kind == "python" and not rest:
-                self._python(block, place)
+                self.python(block, place)
             elif kind == "sh" and not rest:
                 self.said = "".join(self._commands(block, place))
             elif kind == "text" and not rest:
@@ -87,7 +89,8 @@ class Workshop:
         except td.ThermidError as error:
             raise AssertionError(f"{place}: {error}") from error
 
-    def _python(self, block: Block, place: str) -> None:
+    def python(self, block: Block, place: str) -> None:
+        """Run a block with the names of those before it."""
         code = compile("\n" * (block.line - 1) + block.text, place, "exec")
         heard = io.StringIO()
         with contextlib.redirect_stdout(heard), contextlib.chdir(self.folder):
@@ -104,13 +107,29 @@ class Workshop:
                 self._other(words, where)
                 continue
             assert words[0] in ("thermid", "python"), f"{where}: nobody runs this"
-            start = ["-m", "thermid"] if words[0] == "thermid" else []
-            environment = {k: v for k, v in os.environ.items() if k != "THERMID_DATA"} | {"COLUMNS": "140", "NO_COLOR": "1"}
-            command = [sys.executable, *start, *words[1:]]
-            done = subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, text=True, check=False)
+            code, out, err = (self._thermid if words[0] == "thermid" else self._script)(words[1:])
             expected = int(found[1]) if (found := EXIT_CODE.search(line)) else 0
-            assert done.returncode == expected, f"{where}\nexit code {done.returncode}\n{done.stdout}{done.stderr}"
-            yield done.stdout + (done.stderr if expected else "")
+            assert code == expected, f"{where}\nexit code {code}\n{out}{err}"
+            yield out + (err if expected else "")
+
+    def _thermid(self, arguments: list[str]) -> tuple[int, str, str]:
+        """The entry point of the command line, in this process: a page has many commands and a start takes a second."""
+        out, err = io.StringIO(), io.StringIO()
+        plain = {k: v for k, v in os.environ.items() if k != "THERMID_DATA"} | {"COLUMNS": "140", "NO_COLOR": "1"}
+        with contextlib.ExitStack() as stack:
+            for each in (contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), contextlib.chdir(self.folder)):
+                stack.enter_context(each)
+            stack.enter_context(mock.patch.dict(os.environ, plain, clear=True))
+            stack.enter_context(mock.patch.object(sys, "argv", ["thermid", *arguments]))
+            try:
+                main()
+            except SystemExit as end:
+                return int(end.code or 0), out.getvalue(), err.getvalue()
+        return 0, out.getvalue(), err.getvalue()
+
+    def _script(self, arguments: list[str]) -> tuple[int, str, str]:
+        done = subprocess.run([sys.executable, *arguments], cwd=self.folder, capture_output=True, text=True, check=False)
+        return done.returncode, done.stdout, done.stderr
 
     def _other(self, words: list[str], where: str) -> None:
         """Commands that are not run here must at least be there."""

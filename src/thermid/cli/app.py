@@ -26,6 +26,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
 )
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
@@ -91,12 +92,11 @@ def check(deck: Deck, as_json: Json = False) -> None:
         from thermid.identify.campaignfile import read_campaign
 
         source = read_campaign(deck)
-        for k, stage in enumerate(source.content.stages):
-            source.model(stage.model, source.where(f"stages.{k}.model"))
-        found: list[dict[str, str]] = []
+        files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(source.content.stages)}
+        models = [source.model(file, where) for file, where in files.items()]
     else:
-        model = load_model(deck)
-        found = [{"severity": f.severity, "where": f.where, "message": f.message} for f in model.check()]
+        models = [load_model(deck)]
+    found = [{"severity": f.severity, "where": f.where, "message": f.message} for m in models for f in m.check()]
     bad = any(f["severity"] == "error" for f in found)
     if as_json:
         first = next((f for f in found if f["severity"] == "error"), None)

@@ -37,7 +37,8 @@ def recall(folder: Path | None, stage: str, key: str) -> dict[str, float] | None
         return None
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
-        return {str(k): float(v) for k, v in kept["fitted"].items()} if kept["key"] == key else None
+        fitted = {str(k): float(v) for k, v in kept["fitted"].items()}
+        return fitted if kept["key"] == key and np.isfinite(list(fitted.values())).all() else None
     except (ValueError, KeyError, TypeError, AttributeError):
         return None  # a damaged file is as good as none: the stage runs again
 

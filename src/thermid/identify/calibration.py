@@ -170,9 +170,9 @@ class Calibration:
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
         for name, s in self.sensors.items():
+            white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
             lines.append(
-                f"  {name}: RMSE {s.rmse:.3g} K   largest {abs(s.largest):.3g} K   residuals white: {'yes' if s.white else f'no (lag-1 {s.lag_one:.2f})'}"
-                + _bias_text(name, self)
+                f"  {name}: RMSE {s.rmse:.3g} K   largest {abs(s.largest):.3g} K   residuals white: {white}" + _bias_text(name, self)
             )
         if self.local:
             lines.append("  per record:")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thermid.errors import DeckError, MissingDataError, RecordError, nearest
+from thermid.errors import DeckError, MissingDataError, RecordError, ThermidError, nearest
 from thermid.identify.cache import file_name
 from thermid.identify.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
@@ -136,12 +136,13 @@ class CampaignSource:
                 known = self.content.checksums.get(name)
                 if known is not None and not raw.origin.sha256.startswith(known):
                     raise RecordError(
-                        f"its samples have the checksum {raw.origin.sha256[:12]}..., not {known[:12]}...: this is not the log that the campaign was made for.",
+                        f"its samples have the checksum {raw.origin.sha256[:12]}..., not {known[:12]}...: "
+                        "this is not the log that the campaign was made for.",
                         where,
                     )
                 self._records[name] = raw.prepare(table.prepare)
-            except RecordError as error:
-                raise error.located(where) from None
+            except ThermidError as error:
+                raise placed(error, where) from None
         return self._records[name]
 
     def bound(self, name: str, stage: StageTable) -> Record:
@@ -216,6 +217,13 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     return source
 
 
+def placed(error: ThermidError, where: str) -> ThermidError:
+    """Return an error with its place in the campaign before the place that it has itself."""
+    file = where.partition(":")[0].partition(",")[0]
+    known = error.where.startswith((f"{file}:", f"{file},"))
+    return error if known else type(error)(error.message, f"{where}: {error.where}" if error.where else where)
+
+
 def _place(file: str, lines: Mapping[str, int], key: str) -> str:
     """Return file, line and key path; the line of the nearest key above where its own is not known."""
     steps = key.split(".")
@@ -246,4 +254,4 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
             raise DeckError(f"no stage '{verdict.model}'.{nearest(verdict.model, done)}", source.where(f"verdicts.{k}.model"))
 
 
-__all__ += ["local_of", "project_root", "scenario_of"]
+__all__ += ["local_of", "placed", "project_root", "scenario_of"]

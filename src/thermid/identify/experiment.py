@@ -104,7 +104,8 @@ def _bound(record: Record, channel: Channel, network: Network) -> tuple[str, str
         if channel.role == "auto" and channel.quantity != "power":
             # without a unit a column is read as degrees Celsius, and 4 W would become 277
             raise RecordError(
-                f"'{target}' is a load of {network.title}, but the channel holds a {channel.quantity}. Bind it with load = '{target}', or give its unit.",
+                f"'{target}' is a load of {network.title}, but the channel holds a {channel.quantity}. "
+                f"Bind it with load = '{target}', or give its unit.",
                 where,
             )
         return ("command" if channel.role == "command" else "load"), canonical

@@ -103,7 +103,8 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
             name = _wired(experiment, raw)
             if isinstance(experiment.scenario.boundaries.get(name), Table):
                 raise IdentificationError(
-                    f"'{raw}' follows a channel of {experiment.record.name}, so it has no local value. Ignore the channel, or give it an accuracy.",
+                    f"'{raw}' follows a channel of {experiment.record.name}, so it has no local value. "
+                    "Ignore the channel, or give it an accuracy.",
                     f"local.{raw}",
                 )
             named.add(name)

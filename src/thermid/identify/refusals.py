@@ -107,6 +107,6 @@ def refuse_after(request: Request, problem: Problem, found: Fit, total: Array) -
             value, spread = u.to_value(float(found.fitted[k])) * scale, error * u.slope(float(found.fitted[k])) * scale
             raise IdentificationError(
                 f"'{u.name}' = {value:.3g} +- {spread:.2g} {u.unit}: its standard error is wider than its bounds {u.low * scale:.4g} .. "
-                f"{u.high * scale:.4g}, so the log says nothing that was not known. Fix it, give it a prior, or add a record that moves it.",
+                f"{u.high * scale:.4g}, so the log says nothing new. Fix it, give it a prior, or add a record that moves it.",
                 request.name or request.model.title,
             )

@@ -86,7 +86,7 @@ class Request:
     scenarios : dict                Record name -> Scenario, for what the logs do not say; key ``*`` for all others.
     local : dict                    Boundary or ``initial.<node>`` -> LocalSpec.
     record_local : dict             Record name -> the same, in place of `local` where both name it.
-    priors : dict                   Parameter path -> (mean, sd) as texts; an empty mean is the value at the start, and an sd in % is relative.
+    priors : dict                   Parameter path -> (mean, sd) as texts; an empty mean is the start, an sd in % is relative.
     inherited : tuple               FittedValues whose members are free here too, with their covariance as prior.
     held_bias : dict                Sensor -> constant error that is not looked for. [K]
     held_errors : dict              Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given,

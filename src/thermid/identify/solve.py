@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError
-from thermid.identify.residuals import FAILED, Problem
+from thermid.identify.residuals import Problem
 
 __all__ = ["Fit", "at_least_square", "covariances", "ended", "minimise"]
 
@@ -86,7 +86,8 @@ def minimise(
 
     Raises
     ------
-    IdentificationError   When the model cannot be run at the start.
+    SolverError             When the model cannot be run at the start.
+    IdentificationError     When there is no such loss.
     """
     from scipy.optimize import least_squares
 
@@ -109,8 +110,7 @@ def minimise(
     def all_slopes(x: Array) -> Array:
         return np.concatenate([problem.jacobian(x), problem.prior_rows(x)[1]])
 
-    if (problem.residuals(at) == FAILED).all():
-        raise IdentificationError("the model cannot be run at the starting values; simulate it once to see why.")
+    problem.blocks(at)  # a model that cannot be run at the start says why, in the integrator's words
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     at = np.clip(at, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))
     found = least_squares(
@@ -150,19 +150,18 @@ def ended(
 
 
 def covariances(fit: Fit, problem: Problem) -> tuple[Array, Array]:
-    """Return the covariance of the fitted form: total, and with the constant errors of sensors, boundaries and powers held (random).
+    """Return the covariance of the fitted form: total, and the part of it that comes from the noise of the readings alone (random).
 
-    Data rows are weighted by the noise; where the residuals are larger than the noise says, the errors grow with them.
+    With C the total covariance, data and priors together, and J the weighted derivatives of the data, the values that a repeat of the
+    same tests with the same instruments would give scatter by ``C J'J C``; what is left is what the priors hold of constant errors.
+    Where the residuals are larger than the noise says, the errors grow with them.
     """
-    size = len(problem.unknowns)
-    freedom = max(fit.jacobian.shape[0] - size, 1)
-    factor = max(1.0, fit.chi_square / freedom)
-    held = np.array([u.kind in ("sensor", "shared") for u in problem.unknowns], dtype=bool)
-    total = _inverse(np.concatenate([fit.jacobian / np.sqrt(factor), fit.priors]))
-    random = np.zeros((size, size))
-    rows = np.concatenate([fit.jacobian / np.sqrt(factor), fit.priors])[:, ~held]
-    random[np.ix_(~held, ~held)] = _inverse(rows)
-    return total, random
+    freedom = max(fit.jacobian.shape[0] - len(problem.unknowns), 1)
+    data = fit.jacobian / np.sqrt(max(1.0, fit.chi_square / freedom))
+    total = _inverse(np.concatenate([data, fit.priors]))
+    spread = data @ np.where(np.isfinite(total), total, 0.0)
+    random = spread.T @ spread
+    return total, np.where(np.isinf(total), np.inf, random)
 
 
 def at_least_square(rows: Array) -> Array:

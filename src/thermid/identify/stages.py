@@ -17,7 +17,7 @@ from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.identify.cache import file_name, in_full, recall, remember
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.campaignfile import CampaignSource, local_of, read_campaign, scenario_of
+from thermid.identify.campaignfile import CampaignSource, local_of, placed, read_campaign, scenario_of
 from thermid.identify.inherit import counted_twice
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.validate import Criteria, Verdict, validate
@@ -137,7 +137,7 @@ def run_stages(
                 remember(folder, stage.name, keys[stage.name], list(found.fitted), np.array(list(found.fitted.values())))
             done[stage.name] = found
         except ThermidError as error:
-            raise error.located(source.where(f"stages.{k}")) from None
+            raise placed(error, source.where(f"stages.{k}")) from None
     used = {sha: user for c in done.values() for sha, user in c.seen.items()}
     verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, done, used, notice))
     return Campaign(source.content.title, done, verdicts, keys, source.content.note)
@@ -288,4 +288,4 @@ def _judge(
                 title=table.name,
             )
         except ThermidError as error:
-            raise error.located(where) from None
+            raise placed(error, where) from None

@@ -114,8 +114,8 @@ def _warnings(problem: Problem, found: Fit, total: Array, blocks: tuple[Block, .
     reduced = found.chi_square / max(freedom, 1)
     for names, far, freed in _moved(problem, found):
         out.append(
-            f"what the stage below handed on for {names} had to move by {far:.1f} standard deviations in {freed} directions: the parts do not "
-            "behave in the assembly as they did alone, or the stage below missed something."
+            f"what the stage below handed on for {names} had to move by {far:.1f} standard deviations in {freed} directions: the parts do "
+            "not behave in the assembly as they did alone, or the stage below missed something."
         )
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:
@@ -125,7 +125,8 @@ def _warnings(problem: Problem, found: Fit, total: Array, blocks: tuple[Block, .
     if len(coloured) > CHANCE * len(blocks) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(blocks)):
         share = f"{len(coloured)} of {len(blocks)} traces" if len(blocks) > 1 else "the trace"
         out.append(
-            f"residuals of {share} are not white: the model misses something, or the readings were filtered; the random errors are too small."
+            f"residuals of {share} are not white: the model misses something, or the readings were filtered; "
+            "the random errors are too small."
         )
     return out
 
@@ -142,8 +143,8 @@ def _strained(problem: Problem, found: Fit) -> list[str]:
     worst = max(far, key=far.__getitem__)
     count = sum(u.kind == "local" and u.prior is not None for u in problem.unknowns)
     return [
-        f"{len(far)} of {count} values of single records lie more than 3 standard deviations from their priors, '{worst}' the farthest with "
-        f"{far[worst]:.1f}: the priors are too tight, or the model makes these values answer for something that it misses."
+        f"{len(far)} of {count} values of single records lie more than 3 standard deviations from their priors, '{worst}' the farthest "
+        f"with {far[worst]:.1f}: the priors are too tight, or the model makes these values answer for something that it misses."
     ]
 
 

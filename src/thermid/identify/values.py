@@ -31,7 +31,7 @@ class FittedValue:
     path : str              Parameter path, or ``sensor <name>`` for a constant error.
     value : float           [SI]
     error : float           Standard error, constant errors of sensors and powers included. [SI]
-    error_random : float    Standard error from the noise alone. [SI]
+    error_random : float    Scatter that the noise of the readings alone would give in a repeat with the same instruments. [SI]
     log : bool              Whether it was fitted by its logarithm.
     unit : str              For people.
     start : float           [SI]

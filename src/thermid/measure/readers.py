@@ -155,7 +155,7 @@ def _origin(cells: Cells, at: int, parsed: list[FloatArray | int], start: str | 
         if place != at and not isinstance(each, int) and not np.all(np.isnan(each))
     ]
     sha = digest([(names[at], parsed[at]), *hashed])
-    return Origin(cells.file, sha, start, tuple(names), len(cells.lines), names[at])
+    return Origin(cells.file, sha, start, tuple(names), len(cells.lines), names[at], cells.synthetic)
 
 
 def _one_per_stamp(times: FloatArray, channels: list[Channel]) -> tuple[FloatArray, list[Channel], str]:

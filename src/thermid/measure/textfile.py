@@ -39,6 +39,7 @@ class Cells:
     columns: list[tuple[str, ...]]
     lines: list[int]
     notes: tuple[str, ...]
+    synthetic: bool = False
 
     def where(self, row: int | None = None, column: str = "") -> str:
         """Return a place for a message: file, line, column."""
@@ -89,7 +90,8 @@ def read_cells(path: str | Path, separator: str | None) -> Cells:
                 f"{len(row)} columns stand in this line, {len(header)} in the header. Mend it, put '#' before it, or give the separator.",
                 f"{place.name}:{number}",
             )
-    return Cells(place.name, header, list(zip(*rows, strict=True)), numbers, tuple(notes))
+    synthetic = any(line.lstrip().startswith("#") and "SYNTHETIC" in line for line in text.split("\n", 20)[:20])
+    return Cells(place.name, header, list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic)
 
 
 def _text(place: Path) -> tuple[str, list[str]]:

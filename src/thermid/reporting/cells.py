@@ -9,9 +9,23 @@ from dataclasses import dataclass
 from thermid.identify.values import FittedValue
 from thermid.units import unit
 
-__all__ = ["DASH", "Cell", "Column", "Table", "absolute", "digits_of", "duration", "number", "pretty", "significant"]
+__all__ = [
+    "DASH",
+    "Cell",
+    "Column",
+    "Line",
+    "Table",
+    "absolute",
+    "digits_of",
+    "duration",
+    "number",
+    "plain",
+    "pretty",
+    "signed",
+    "significant",
+]
 
-DASH = "–"
+DASH = "\u2013"
 
 
 @dataclass(frozen=True)
@@ -23,13 +37,18 @@ class Cell:
     look: str = ""
 
 
+Line = list["Cell | str"]
+"""One line of a table while it is made; a text stands for a plain cell."""
+
+
 @dataclass(frozen=True)
 class Column:
-    """One column: its heading, whether it holds numbers, and what is shown on pointing at it."""
+    """One column: its heading, whether it holds numbers, what is shown on pointing at it, and whether its texts take several lines."""
 
     title: str
     numeric: bool = False
     tip: str = ""
+    wrapped: bool = False
 
 
 @dataclass(frozen=True)
@@ -68,19 +87,29 @@ def pretty(text: str) -> str:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return a number with some significant digits, without an exponent from 1e-4 to 1e6.
+    """Return a number with some significant digits, without an exponent from 1e-5 to 1e6.
 
-    >>> number(1535.04, 3), number(0.00012345), number(float("inf"))
-    ('1535', '0.0001234', '–')
+    >>> number(1535.04, 3), number(0.00012345)
+    ('1535', '0.0001234')
     """
     if not math.isfinite(value):
         return DASH
     size = abs(value)
     if size == 0.0:
         return "0"
-    if not 1e-4 <= size < 1e6:
+    if not 1e-5 <= size < 1e6:
         return f"{value:.{digits}g}"
     return f"{value:.{max(0, digits - 1 - math.floor(math.log10(size)))}f}"
+
+
+def plain(value: float, digits: int = 6) -> str:
+    """Return a number that somebody gave, such as a limit: without zeros that nobody wrote.
+
+    >>> plain(0.3), plain(1535.0), plain(15.0)
+    ('0.3', '1535', '15')
+    """
+    text = number(value, digits)
+    return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
 
 def digits_of(error: float) -> int | None:
@@ -97,7 +126,17 @@ def digits_of(error: float) -> int | None:
 def significant(value: float, error: float) -> str:
     """Return a number with as many decimals as its error has two digits."""
     decimals = digits_of(error)
-    return number(value, 6) if decimals is None or abs(value) >= 1e6 else f"{value:.{decimals}f}"
+    return number(value, 6) if decimals is None or abs(value) >= 1e6 else f"{value:z.{decimals}f}"
+
+
+def signed(value: float, decimals: int) -> str:
+    """Return a number with its sign; what rounds to zero has none.
+
+    >>> signed(-0.0004, 3), signed(0.12, 2)
+    ('0.000', '+0.12')
+    """
+    text = f"{value:+.{decimals}f}"
+    return text if float(text) else text[1:]
 
 
 def absolute(fitted: FittedValue, value: float) -> float:

@@ -66,7 +66,7 @@ font-family:system-ui,-apple-system,"Segoe UI",Roboto,"Liberation Sans",sans-ser
 def quantity(value: float, unit: str, digits: int = 3) -> str:
     """Return a number with its unit, without an exponent where a person would write none."""
     if not np.isfinite(value):
-        return f"– {unit}"
+        return f"\u2013 {unit}"
     size = abs(value)
     text = f"{value:.{digits}g}" if size < 10**digits or size >= 1e6 else f"{value:.0f}"
     return f"{text} {unit}"
@@ -227,7 +227,8 @@ def _rails(plan: Layout, notes: Mapping[str, str]) -> Iterable[str]:
     """Yield the boundaries: a bar each at the right edge, with its name at the top."""
     for name, x in plan.rails.items():
         top = plan.root.y
-        yield f'<rect class="rail" x="{x - 3.5:.1f}" y="{top:.1f}" width="7" height="{plan.bottom - top:.1f}" rx="3.5"><title>boundary {escape(name)}</title></rect>'
+        size = f'x="{x - 3.5:.1f}" y="{top:.1f}" width="7" height="{plan.bottom - top:.1f}" rx="3.5"'
+        yield f'<rect class="rail" {size}><title>boundary {escape(name)}</title></rect>'
         under = notes.get(name, "")
         yield _text(x, top - (20 if under else 7), clipped(name, 116, 13), "name", "middle", tip=name)
         if under:
@@ -239,7 +240,8 @@ def _node(plan: Layout, row: Row, notes: Mapping[str, str], given: Mapping[str, 
     name = row.path.removeprefix(row.box) if row.massless else name
     middle = (plan.left + plan.right) / 2
     if row.massless:
-        yield f'<circle class="dot" cx="{middle:.1f}" cy="{row.middle:.1f}" r="5"><title>{escape(row.path)}: no capacitance</title></circle>'
+        tip = f"<title>{escape(row.path)}: no capacitance</title>"
+        yield f'<circle class="dot" cx="{middle:.1f}" cy="{row.middle:.1f}" r="5">{tip}</circle>'
         lift = -7 if row.loads else 0
         yield _text(middle - 10, row.middle + 4 + lift, clipped(f"{name} {under}".strip(), 130), "halo", "end", tip=row.path)
         return
@@ -275,10 +277,11 @@ def _loads(plan: Layout, network: Network, numbers: Numbers) -> Iterable[str]:
         power = quantity(value_of(numbers.values[load.fields["power"]]), "W") if "power" in load.fields else "table" if load.curve else ""
         varies = " *" if set(load.fields) - {"power"} or (load.curve and "power" in load.fields) else ""
         name = load.path.removeprefix(row.box)
-        yield f'<path class="load" d="M{start:.1f} {y:.1f}H{end - 6:.1f}"><title>{escape(load.path)} into {escape(load.node)}</title></path>'
+        tip = f"{load.path} into {load.node}: {power}" + (", changes with temperature or time" if varies else "")
+        yield f'<path class="load" d="M{start:.1f} {y:.1f}H{end - 6:.1f}"><title>{escape(tip)}</title></path>'
         yield _head((end, y), (start, y), "load-head")
         room = plan.left - start - 12
-        yield _text(start, y - 5, clipped(f"{power}{varies}", room), "halo", tip=f"{load.path}: {power}" + (", changes with temperature or time" if varies else ""))
+        yield _text(start, y - 5, clipped(f"{power}{varies}", room), "halo", tip=tip)
         yield _text(start, y + 13, clipped(name, room), "halo soft", tip=load.path)
 
 

@@ -6,10 +6,11 @@ import base64
 import io
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from html import escape
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,11 +49,12 @@ POINTS, VECTOR_LIMIT, MOST_TRACES = 360, 20_000, 12
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of a legend: what it is, and the variable of its colour."""
+    """One line of a legend: what it is, the variable of its colour, and its mark, if it is not a line."""
 
     label: str
     variable: str
     dash: str = ""
+    mark: str = ""
 
 
 @dataclass(frozen=True)
@@ -79,10 +81,12 @@ class Dots:
     ----------
     label : str         Name.
     values : dict       Sensor -> RMSE of each record. [K]
+    held_out : bool     Whether no fit has seen the records.
     """
 
     label: str
     values: Mapping[str, Sequence[float]]
+    held_out: bool = False
 
 
 def thinned(values: Array, limit: int = POINTS) -> NDArray[np.int64]:
@@ -97,7 +101,7 @@ def thinned(values: Array, limit: int = POINTS) -> NDArray[np.int64]:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, max(limit // 2, 2)).astype(np.int64)
     kept = {0, values.size - 1}
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in pairwise(edges.tolist()):
         part = values[start:stop]
         kept |= {int(start + part.argmin()), int(start + part.argmax())}
     return np.array(sorted(kept), dtype=np.int64)
@@ -146,7 +150,7 @@ def _canvas(width: float, height: float, rows: int = 1, ratios: Sequence[float] 
         import matplotlib
         from matplotlib.backends.backend_svg import FigureCanvasSVG
         from matplotlib.figure import Figure as Canvas
-    settings: dict[str, Any] = {
+    settings: Any = {
         "svg.fonttype": "none",
         "text.parse_math": False,
         "axes.unicode_minus": True,
@@ -247,7 +251,7 @@ def trace(block: Block, key: str, label: str) -> Drawn:
 
 def _spread(count: int) -> Array:
     """Return offsets within a line (count,) that keep dots of one value apart, the same ones every time."""
-    return ((np.arange(count) * 0.618034) % 1.0 - 0.5) * 0.3
+    return np.asarray(((np.arange(count) * 0.618034) % 1.0 - 0.5) * 0.3, dtype=np.float64)
 
 
 def overview(lines: Sequence[Dots], key: str) -> Drawn:
@@ -257,18 +261,17 @@ def overview(lines: Sequence[Dots], key: str) -> Drawn:
     points = 0
     with _canvas(760, 64 + 42 * len(lines)) as (figure, (axis,)):
         for k, line in enumerate(lines):
-            for m, sensor in enumerate(sensors):
-                values = np.asarray(line.values.get(sensor, ()), dtype=float)
-                if values.size == 0:
-                    continue
-                shift = 0.0 if len(sensors) == 1 else 0.44 * (m / (len(sensors) - 1) - 0.5)
-                y = k + shift + (_spread(values.size) / max(len(sensors), 1) if values.size > 1 else np.zeros(1))
+            for place, (sensor, found) in enumerate(line.values.items()):
+                m, values = sensors.index(sensor), np.asarray(found, dtype=float)
+                shift = 0.0 if len(line.values) == 1 else 0.44 * (place / (len(line.values) - 1) - 0.5)
+                y = k + shift + (_spread(values.size) / len(line.values) if values.size > 1 else np.zeros(1))
                 colour = SERIES[m % len(SERIES)]
-                axis.plot(values, y, linestyle="none", marker=MARKS[m % len(MARKS)], markersize=5, color=colour, alpha=0.7, markeredgewidth=0)
+                mark = MARKS[m % len(MARKS)]
+                axis.plot(values, y, linestyle="none", marker=mark, markersize=5, color=colour, alpha=0.7, markeredgewidth=0)
                 if values.size > 1:
                     axis.plot([np.median(values)] * 2, [k + shift - 0.2, k + shift + 0.2], color=INK, linewidth=1.8)
                 points += int(values.size)
-        axis.set_yticks(range(len(lines)), [_cut(line.label) for line in lines])
+        axis.set_yticks(range(len(lines)), [_cut(line.label) + ("\nheld out" if line.held_out else "") for line in lines])
         axis.set_ylim(len(lines) - 0.4, -0.6)
         axis.set_xlim(0.0, 1.06 * highest or 1.0)
         axis.set_xlabel("RMSE of a record, K")
@@ -276,8 +279,10 @@ def overview(lines: Sequence[Dots], key: str) -> Drawn:
         figure.subplots_adjust(left=0.25, right=0.98, top=0.98, bottom=46 / (64 + 42 * len(lines)))
         markup = _markup(figure, "RMSE per record and sensor, by stage", key, points)
     marks = "●■▲◆▼✚✖★"
-    entries = tuple(Entry(f"{marks[m % len(marks)]} {s}", f"--s{m % len(SERIES)}", "none") for m, s in enumerate(sensors))
-    return Drawn(markup, (*entries, Entry("median", "--f-ink")) if points > len(lines) * len(sensors) else entries, points)
+    entries = [Entry(s, f"--s{m % len(SERIES)}", "", marks[m % len(marks)]) for m, s in enumerate(sensors)]
+    if any(len(values) > 1 for line in lines for values in line.values.values()):
+        entries.append(Entry("median", "--f-ink", "", "❙"))
+    return Drawn(markup, tuple(entries), points)
 
 
 def _cut(text: str) -> str:
@@ -301,8 +306,3 @@ def prediction(solution: Solution, key: str, label: str) -> Drawn:
         figure.subplots_adjust(left=0.08, right=0.99, top=0.97, bottom=0.14)
         markup = _markup(figure, label, key, points)
     return Drawn(markup, tuple(entries), points)
-
-
-def each_trace(blocks: Iterable[tuple[Block, str]], key: str, draw: Callable[[Block, str, str], Drawn] = trace) -> list[tuple[Block, str, Drawn]]:
-    """Return the chosen traces with their marks and figures."""
-    return [(b, mark, draw(b, f"{key}-{k}", f"{b.sensor} in {b.record}: measured and simulated")) for k, (b, mark) in enumerate(blocks)]

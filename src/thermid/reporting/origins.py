@@ -13,7 +13,7 @@ from thermid.identify.stages import Campaign
 from thermid.measure import Record
 from thermid.model.flat import flatten
 from thermid.model.resolve import ParameterSet
-from thermid.reporting.cells import DASH, Cell, Column, Table, duration, number, pretty
+from thermid.reporting.cells import DASH, Cell, Column, Line, Table, duration, plain, pretty
 from thermid.units import NAMES, Dimension, unit
 
 __all__ = ["data", "held", "made_records", "models", "versions"]
@@ -21,7 +21,8 @@ __all__ = ["data", "held", "made_records", "models", "versions"]
 
 def _uses(campaign: Campaign) -> Iterator[tuple[str, str, str, bool, Record | None]]:
     """Yield record, checksum, what it was used for, whether it is synthetic, and the record itself where it is kept."""
-    for kind, calibration in [("fit", c) for c in campaign.stages.values()] + [("held out, verdict on", v.prediction) for v in campaign.verdicts]:
+    fits = [("fit", c) for c in campaign.stages.values()]
+    for kind, calibration in [*fits, *(("held out, verdict on", v.prediction) for v in campaign.verdicts)]:
         kept = {e.record.name: e.record for e in calibration.experiments}
         for name, sha in calibration.records.items():
             record = kept.get(name)
@@ -44,16 +45,16 @@ def data(campaign: Campaign) -> Table:
         merged[name, sha] = (uses, synthetic, known or record)
     columns = [
         Column("record"),
-        Column("used for"),
+        Column("used for", wrapped=True),
         Column("kind"),
         Column("file"),
         Column("begins"),
         Column("duration", True),
         Column("samples", True),
         Column("SHA-256 of the samples"),
-        Column("prepared by"),
+        Column("prepared by", wrapped=True),
     ]
-    rows = []
+    rows: list[Line] = []
     for (name, sha), (uses, synthetic, record) in merged.items():
         kind = Cell("SYNTHETIC", "made, not measured", "bad") if synthetic else Cell("measured")
         file, begins, length, samples, steps = DASH, DASH, DASH, DASH, DASH
@@ -78,20 +79,21 @@ def models(campaign: Campaign) -> Table:
         Column("date"),
         Column("result key", False, "hash of everything that the result depends on"),
     ]
-    rows = []
+    rows: list[Line] = []
     for stage, c in campaign.stages.items():
         flat, made = flatten(c.model), c.values.provenance
         identity, key = str(made.get("model", DASH)), campaign.keys.get(stage, "")
         sizes = [str(len(flat.nodes)), str(len(flat.conductors)), str(c.evaluations)]
         code = Cell(identity[:12], identity, "code")
-        rows.append([Cell(stage, "", "main"), c.model.title, code, *sizes, str(made.get("version", DASH)), str(made.get("date", DASH)), Cell(key[:12] or DASH, key, "code")])
+        made_with = [str(made.get("version", DASH)), str(made.get("date", DASH))]
+        rows.append([Cell(stage, "", "main"), c.model.title, code, *sizes, *made_with, Cell(key[:12] or DASH, key, "code")])
     return Table.of(columns, rows)
 
 
 def versions() -> Table:
     """Return what this page was made with."""
-    rows = [["thermid", _version("thermid")], ["numpy", _version("numpy")], ["scipy", _version("scipy")], ["Python", platform.python_version()]]
-    rows += [["page made", datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")]]
+    rows: list[Line] = [[package, _version(package)] for package in ("thermid", "numpy", "scipy")]
+    rows += [["Python", platform.python_version()], ["page made", datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")]]
     return Table.of([Column("what"), Column("version")], rows)
 
 
@@ -106,16 +108,17 @@ def held(calibration: Calibration) -> Table:
     """Return every value of the fitted model: who set it, from what source, and which values it hides."""
     values = ParameterSet(calibration.fitted_model)
     numbers = values.evaluate({})
-    columns = [Column("parameter"), Column("value", True), Column("unit"), Column("written as"), Column("source"), Column("set by"), Column("basis"), Column("hides")]
-    rows = []
+    columns = [Column("parameter"), Column("value", True), Column("unit"), Column("written as", wrapped=True)]
+    columns += [Column("source"), Column("set by"), Column("basis", wrapped=True), Column("hides", wrapped=True)]
+    rows: list[Line] = []
     for path, entry in values.table.items():
         literal = entry.parameter.expression.literal
         offset, factor = (float(literal.unit.offset), float(literal.unit.factor)) if literal else (0.0, 1.0)
-        shown = number((float(numbers[path]) - offset) / factor, 6)
+        shown = plain((float(numbers[path]) - offset) / factor, 6)
         text = literal.unit.text if literal else _unit_text(values.dimension(path))
         hides = "; ".join(f"{value} ({origin})" for origin, value in reversed(entry.shadowed))
         written = entry.parameter.text if not literal else DASH
-        look = "main" if path in calibration.values.parameters else ""
+        look = "main" if path in calibration.values.assignments else ""
         cells = [entry.parameter.source or DASH, entry.origin, entry.parameter.basis or entry.parameter.note or DASH]
         rows.append([Cell(path, "", look), shown, pretty(text), written, *cells, Cell(hides or DASH, "", "" if hides else "soft")])
     return Table.of(columns, rows, "The value that holds for every parameter after the fit; strong where this stage fitted it.")

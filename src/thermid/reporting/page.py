@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from thermid.identify.calibration import Calibration
 from thermid.identify.stages import Campaign
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting import figures, origins, tables
-from thermid.reporting.cells import Cell, Column, Table, duration, number
+from thermid.reporting.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.diagram import diagram
 from thermid.reporting.extras import extra
 from thermid.reporting.figures import Dots, Drawn
@@ -33,10 +33,20 @@ FEW = 4
 
 
 @dataclass(frozen=True)
-class Traces:
-    """The traces of a stage or verdict that are drawn, and the text that says which."""
+class Trace:
+    """One trace that is drawn, what marks it (best, median or worst), and the model where several stand together."""
 
-    drawn: Sequence[tuple[Block, str, Drawn]]
+    block: Block
+    mark: str
+    model: str
+    drawn: Drawn
+
+
+@dataclass(frozen=True)
+class Traces:
+    """The traces of a stage or of all verdicts that are drawn, and the text that says which."""
+
+    drawn: Sequence[Trace]
     text: str
     opened: bool
 
@@ -93,6 +103,7 @@ def report(
     """
     template = _template()
     made, of = origins.made_records(campaign)
+    coefficients, others = tables.levels(campaign)
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
     content = template.render(
         campaign=campaign,
@@ -101,9 +112,10 @@ def report(
         notes=[p for p in (campaign.note, *paragraphs) if p],
         verdicts=tables.verdicts(campaign) if campaign.verdicts else None,
         held_out=_held_out(campaign),
-        coefficients=tables.coefficients(campaign),
+        coefficients=coefficients,
+        others=others,
         overview=figures.overview(_dots(campaign), "overview") if campaign.stages else None,
-        stages=[_stage(f"stage-{k}", c, tuple(campaign)) for k, c in enumerate(campaign.stages.values(), 1)],
+        stages=[_stage(f"stage-{k}", c) for k, c in enumerate(campaign.stages.values(), 1)],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
         data=origins.data(campaign),
         models=origins.models(campaign),
@@ -132,7 +144,7 @@ def _inline(svg: str) -> str:
     return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
 
 
-def _stage(key: str, c: Calibration, stages: tuple[str, ...]) -> StagePart:
+def _stage(key: str, c: Calibration) -> StagePart:
     samples = sum(s.samples for s in c.sensors.values())
     facts = (
         ("model", c.model.title),
@@ -142,10 +154,12 @@ def _stage(key: str, c: Calibration, stages: tuple[str, ...]) -> StagePart:
         ("reduced χ²", number(c.reduced_chi_square, 3)),
         ("loss", c.loss),
         ("evaluations", str(c.evaluations)),
+        ("converged", "yes" if c.converged else "NO"),
     )
     shown = {
-        "parameters": tables.parameters(c, stages),
+        "parameters": tables.parameters(c),
         "sensors": tables.sensors(c),
+        "instruments": tables.instruments(c),
         "records": tables.records(c),
         "local": tables.locals_(c),
         "correlations": tables.correlations(c),
@@ -156,22 +170,27 @@ def _stage(key: str, c: Calibration, stages: tuple[str, ...]) -> StagePart:
     return StagePart(key, c.stage, c.model, facts, c.warnings, picture, _traces(c.blocks, f"{key}-trace"), shown)
 
 
-def _traces(blocks: Sequence[Block], key: str) -> Traces:
+def _traces(blocks: Sequence[Block], key: str, models: Mapping[int, str] | None = None) -> Traces:
+    """Return the traces to draw; `models` names the model of each block by its identity."""
     chosen = figures.choose(blocks)
-    if len(chosen) == len(blocks):
-        text = "The only trace." if len(blocks) == 1 else f"All {len(blocks)} traces."
-    else:
+    text = f"All {len(blocks)} traces." if len(blocks) > 1 else ""
+    if len(chosen) < len(blocks):
         text = (
-            f"{len(chosen)} of {len(blocks)} traces: for each sensor those with the lowest, the median and the highest RMSE, "
-            "and some evenly between them. The tables count all."
+            f"{len(chosen)} of {len(blocks)} traces are drawn: for each sensor those with the lowest, the median and the highest RMSE, "
+            "and others evenly between them. All statistics count every trace."
         )
-    return Traces(figures.each_trace(chosen, key), text, len(chosen) <= FEW)
+    drawn = [
+        Trace(b, mark, (models or {}).get(id(b), ""), figures.trace(b, f"{key}-{k}", f"{b.sensor} in {b.record}: measured and simulated"))
+        for k, (b, mark) in enumerate(chosen)
+    ]
+    return Traces(drawn, text, len(chosen) <= FEW)
 
 
 def _held_out(campaign: Campaign) -> Traces | None:
     """Return the traces of all verdicts; a record that several of them judge is drawn once a model."""
     blocks = {(v.model, b.record, b.sensor): b for v in campaign.verdicts for b in v.prediction.blocks}
-    return _traces(list(blocks.values()), "held-out") if blocks else None
+    models = {id(b): model for (model, _, _), b in blocks.items()}
+    return _traces(list(blocks.values()), "held-out", models if len(set(models.values())) > 1 else None) if blocks else None
 
 
 def _dots(campaign: Campaign) -> list[Dots]:
@@ -182,7 +201,7 @@ def _dots(campaign: Campaign) -> list[Dots]:
         known = judged.setdefault(v.model, [])
         if all(v.record not in k.records for k in known):
             known.append(v.prediction)
-    return lines + [Dots(f"{model}, held out", _rmse(found)) for model, found in judged.items()]
+    return lines + [Dots(model, _rmse(found), True) for model, found in judged.items()]
 
 
 def _rmse(calibrations: Sequence[Calibration]) -> dict[str, list[float]]:
@@ -195,7 +214,7 @@ def _rmse(calibrations: Sequence[Calibration]) -> dict[str, list[float]]:
 
 def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) -> Prediction:
     columns = [Column("node"), *(Column(f"{c}, °C", True) for c in ("start", "end", "highest", "lowest"))]
-    rows = []
+    rows: list[Line] = []
     for k, node in enumerate(solution.nodes):
         celsius = solution.temperatures[:, k] - ICE_POINT
         rows.append([Cell(node, "", "main"), *(f"{t:.2f}" for t in (celsius[0], celsius[-1], celsius.max(), celsius.min()))])

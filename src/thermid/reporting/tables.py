@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -13,25 +13,21 @@ from thermid.identify.validate import Check, Verdict
 from thermid.identify.values import FittedValue
 from thermid.model.areas import ledger
 from thermid.model.model import Model
-from thermid.model.resolve import parameter_table
+from thermid.model.resolve import ParameterSet, parameter_table
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.cells import DASH, Cell, Column, Table, absolute, number, pretty, significant
+from thermid.reporting.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
+from thermid.units import unit
 
-__all__ = ["HTC_NAMES", "areas", "coefficients", "correlations", "locals_", "parameters", "records", "sensors", "verdicts"]
+__all__ = ["HTC_NAMES", "areas", "correlations", "instruments", "levels", "locals_", "parameters", "records", "sensors", "verdicts"]
 
+Names = tuple[tuple[str, str], ...]
 HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")
 STRONG = 0.95
 """Correlation from which two parameters are hardly told apart."""
 
 
-def parameters(calibration: Calibration, stages: tuple[str, ...] = ()) -> Table:
-    """Return what was fitted: before, after, random and total error, bounds, shift in standard errors, source and state.
-
-    Parameters
-    ----------
-    calibration : Calibration   The fit.
-    stages : tuple of str       Names of the campaign's stages, so that a value from one of them is told from a caller's.
-    """
+def parameters(calibration: Calibration) -> Table:
+    """Return what was fitted: before, after, random and total error, bounds, shift in standard errors, source and state."""
     columns = [
         Column("parameter"),
         Column("before", True),
@@ -46,17 +42,17 @@ def parameters(calibration: Calibration, stages: tuple[str, ...] = ()) -> Table:
         Column("state"),
     ]
     table = parameter_table(calibration.model)
-    rows = []
+    rows: list[Line] = []
     for path, v in calibration.values.parameters.items():
         entry = table[path]
-        source = f"stage {entry.origin}" if entry.origin in stages else entry.parameter.source or "not stated"
+        source = entry.origin if entry.origin.startswith("stage ") else entry.parameter.source or "not stated"
         after, error = v.in_unit, v.shown(v.error)
         share = 100 * v.error / abs(v.value) if v.value else math.inf
         shift = (v.value - v.start) / v.error if v.error > 0 and math.isfinite(v.error) else math.nan
         rows.append(
             [
                 Cell(path, entry.parameter.note),
-                number(absolute(v, v.start), 5),
+                plain(absolute(v, v.start), 6),
                 Cell(significant(after, v.shown(v.error_random)), repr(after), "main"),
                 number(v.shown(v.error_random), 2),
                 number(error, 2),
@@ -72,49 +68,49 @@ def parameters(calibration: Calibration, stages: tuple[str, ...] = ()) -> Table:
 
 
 def _bounds(v: FittedValue) -> str:
-    low, high = (number(absolute(v, b), 4) if math.isfinite(b) else "" for b in v.bounds)
+    low, high = (plain(absolute(v, b), 4) if math.isfinite(b) else "" for b in v.bounds)
     return f"{low} .. {high}" if low and high else f"from {low}" if low else f"to {high}" if high else DASH
 
 
 def _state(v: FittedValue) -> Cell:
     """Return whether a value is free inside its bounds or ended at one."""
+    if not math.isfinite(v.error):
+        return Cell("not determined", "", "bad")
     for bound, side in zip(v.bounds, ("lower", "upper"), strict=True):
         if math.isfinite(bound) and abs(v.value - bound) <= max(1e-4 * abs(bound), 0.02 * v.error):
             return Cell(f"at its {side} bound", "its error is not meaningful", "bad")
-    if not math.isfinite(v.error):
-        return Cell("not determined", "", "bad")
-    return Cell("free")
+    shared = f", shared by {1 + len(v.also)} instances" if v.also else ""
+    return Cell(f"free, with prior{shared}" if v.prior else f"free{shared}", ", ".join(v.also))
 
 
-def coefficients(campaign: Campaign) -> Table:
-    """Return every heat transfer coefficient: parts down, stages across; a part keeps its line whatever it is called in a larger model."""
-    found = [row for stage in reversed(tuple(campaign)) for row in _coefficients_of(campaign, stage)]
-    lines: list[tuple[tuple[tuple[str, str], ...], dict[str, Cell]]] = []
-    for stage, names, cell in found:
-        hits = [cells for keys, cells in lines if names[0] in keys]
-        if not hits:
-            lines.append((names, {}))
-            hits = [lines[-1][1]]
-        for cells in hits:
-            cells[stage] = cell
-    columns = [Column("part"), Column("coefficient"), *(Column(stage, True) for stage in campaign)]
-    rows = [[Cell(keys[-1][0]), Cell(keys[0][1]), *(cells.get(s, Cell(DASH)) for s in campaign)] for keys, cells in lines]
-    return Table.of(columns, rows, "In W/(m² K). Strong: fitted at that stage, with its total standard error. Plain: held there. A dash: not in that model.")
+def levels(campaign: Campaign) -> tuple[Table, Table]:
+    """Return heat transfer coefficients by level, and all other parameters that any stage fitted: parts down, stages across.
+
+    A part keeps its line whatever it is called in a larger model: the models' titles tell which part it is.
+    """
+    lines: list[tuple[Names, dict[str, tuple[float, FittedValue | None]]]] = []
+    for stage in reversed(tuple(campaign)):
+        calibration = campaign[stage]
+        values = ParameterSet(calibration.fitted_model).evaluate({})
+        fitted = calibration.values.assignments
+        for path in values:
+            names = tuple(_names(calibration.model, path))
+            hits = [found for keys, found in lines if names[0] in keys]
+            if not hits:
+                lines.append((names, {}))
+                hits = [lines[-1][1]]
+            for found in hits:
+                found[stage] = (float(values[path]), fitted.get(path))
+    told = [(_is_coefficient(names[0][1]), names, found) for names, found in lines]
+    htc = [_level_row(names, found, campaign) for is_htc, names, found in told if is_htc]
+    rest = [_level_row(names, found, campaign) for is_htc, names, found in told if not is_htc and any(v for _, v in found.values())]
+    columns = [Column("part"), Column("parameter"), Column("unit"), *(Column(stage, True) for stage in campaign)]
+    how = "Strong: fitted at that stage, with its total standard error. Plain: held there. A dash: not in that model."
+    return Table.of(columns, htc, how), Table.of(columns, rest, how)
 
 
-def _coefficients_of(campaign: Campaign, stage: str) -> Iterator[tuple[str, tuple[tuple[str, str], ...], Cell]]:
-    """Yield stage, the names of a coefficient at every depth, and its cell."""
-    calibration = campaign[stage]
-    known = parameter_table(calibration.model)
-    for field in HTC_NAMES:
-        for part, values in campaign.table(field).items():
-            path = f"{part}.{field}" if f"{part}.{field}" in known else field
-            if stage in values and path in known:
-                fitted = calibration.values.parameters.get(path)
-                cell = Cell(number(values[stage], 4), "held", "soft")
-                if fitted is not None:
-                    cell = Cell(f"{significant(fitted.value, fitted.error)} ± {number(fitted.error, 2)}", "fitted", "main")
-                yield stage, tuple(_names(calibration.model, path)), cell
+def _is_coefficient(path: str) -> bool:
+    return any(path == name or path.endswith(f".{name}") for name in HTC_NAMES)
 
 
 def _names(model: Model, path: str) -> Iterator[tuple[str, str]]:
@@ -125,11 +121,27 @@ def _names(model: Model, path: str) -> Iterator[tuple[str, str]]:
         yield from _names(model.submodels[head].model, rest)
 
 
+def _level_row(names: Names, found: Mapping[str, tuple[float, FittedValue | None]], campaign: Campaign) -> list[Cell]:
+    one = next((v for _, v in found.values() if v), None)
+    text = one.unit if one else "W/(m^2 K)"
+    of = unit(text)
+    row = [Cell(names[-1][0]), Cell(names[0][1]), Cell(pretty(text))]
+    for stage in campaign:
+        value, fitted = found.get(stage, (math.nan, None))
+        shown = (value - float(of.offset)) / float(of.factor)
+        if fitted is None:
+            row.append(Cell(number(shown, 4), "held" if stage in found else "", "soft"))
+        else:
+            error = fitted.error / float(of.factor)
+            row.append(Cell(f"{significant(shown, error)} ± {number(error, 2)}", "fitted", "main"))
+    return row
+
+
 def sensors(calibration: Calibration) -> Table:
     """Return how the model meets each sensor, over all records of a stage."""
     columns = [
         Column("sensor"),
-        Column("node"),
+        Column("node", wrapped=True),
         Column("records", True),
         Column("samples", True),
         Column("RMSE, K", True),
@@ -139,15 +151,14 @@ def sensors(calibration: Calibration) -> Table:
         Column("bias, K", True, "constant error of the sensor: reading less truth, as found or held"),
         Column("stated ±, K", True, "standard deviation of the constant error, as stated for the sensor"),
         Column("noise, K", True, "standard deviation of a sample, the weight of the fit"),
-        Column("lag-1", True, "autocorrelation of neighbouring residuals"),
-        Column("white"),
+        Column("white", False, "whether neighbouring residuals are uncorrelated; else their correlation"),
     ]
     accuracy = {o.sensor: o.accuracy for e in calibration.experiments for o in e.observations}
-    rows = []
+    rows: list[Line] = []
     for name, s in calibration.sensors.items():
         blocks = [b for b in calibration.blocks if b.sensor == name]
         bias = calibration.values.sensors.get(name)
-        found = f"{bias.value:+.2f} ± {number(bias.error, 2)}" if bias else f"{s.bias:+.2f} held" if s.bias else DASH
+        found = f"{signed(bias.value, 2)} ± {number(bias.error, 2)}" if bias else f"{signed(s.bias, 2)} held" if s.bias else DASH
         rows.append(
             [
                 Cell(name, "", "main"),
@@ -156,23 +167,42 @@ def sensors(calibration: Calibration) -> Table:
                 str(s.samples),
                 number(s.rmse, 3),
                 number(calibration.median_rmse(name), 3),
-                f"{s.mean:+.3f}",
-                f"{s.largest:+.3f}",
+                signed(s.mean, 3),
+                signed(s.largest, 3),
                 found,
-                number(accuracy.get(name) or math.nan, 2),
-                number(blocks[0].noise, 2),
-                f"{s.lag_one:+.2f}",
-                Cell("yes" if s.white else "no", "", "" if s.white else "warn"),
+                plain(accuracy.get(name) or math.nan, 3),
+                plain(blocks[0].noise, 3),
+                Cell("yes") if s.white else Cell(f"no ({s.lag_one:+.2f})", "", "warn"),
             ]
         )
     return Table.of(columns, rows, "Residuals are measured less simulated, the sensor's constant error taken off.")
 
 
+def instruments(calibration: Calibration) -> Table:
+    """Return the constant errors that were found for logged boundaries and powers."""
+    rows: list[Line] = [
+        [
+            name.removesuffix(" error"),
+            significant(v.in_unit, v.shown(v.error)),
+            number(v.shown(v.error), 2),
+            "factor" if v.unit == "1" else pretty(v.unit),
+        ]
+        for name, v in calibration.values.items()
+        if v.kind == "shared"
+    ]
+    columns = [Column("logged channel"), Column("constant error", True), Column("± total", True), Column("unit")]
+    return Table.of(columns, rows, "Added to a logged temperature; a factor on a logged power.")
+
+
 def records(calibration: Calibration) -> Table:
     """Return the statistics of every record and sensor."""
-    columns = [Column("record"), Column("sensor"), *(Column(c, True) for c in ("samples", "RMSE, K", "mean, K", "largest, K", "lag-1")), Column("white")]
-    rows = [
-        [record, sensor, str(s.samples), number(s.rmse, 3), f"{s.mean:+.3f}", f"{s.largest:+.3f}", f"{s.lag_one:+.2f}", "yes" if s.white else "no"]
+    numeric = [Column(c, True) for c in ("samples", "RMSE, K", "mean, K", "largest, K", "lag-1")]
+    columns = [Column("record"), Column("sensor"), *numeric, Column("white")]
+    rows: list[Line] = [
+        [
+            *(record, sensor, str(s.samples), number(s.rmse, 3)),
+            *(signed(s.mean, 3), signed(s.largest, 3), signed(s.lag_one, 2), "yes" if s.white else "no"),
+        ]
         for record, found in calibration.statistics.items()
         for sensor, s in found.items()
     ]
@@ -181,7 +211,7 @@ def records(calibration: Calibration) -> Table:
 
 def locals_(calibration: Calibration) -> Table:
     """Return what was fitted for one record alone."""
-    rows = []
+    rows: list[Line] = []
     for i in calibration.local:
         value = i.value - ICE_POINT if i.unit == "degC" else i.value
         rows.append([i.record, i.name, significant(value, i.error), number(i.error, 2), pretty(i.unit)])
@@ -191,15 +221,18 @@ def locals_(calibration: Calibration) -> Table:
 def correlations(calibration: Calibration, most: int = 30) -> Table:
     """Return the strongest correlations, those that hardly tell two parameters apart marked."""
     ranked = sorted(calibration.correlations.items(), key=lambda item: -abs(item[1]))
-    rows = [[a, b, Cell(f"{c:+.2f}", "hardly told apart" if abs(c) > STRONG else "", "warn" if abs(c) > STRONG else "")] for (a, b), c in ranked[:most]]
+    looks = [("hardly told apart", "warn") if abs(c) > STRONG else ("", "") for _, c in ranked]
+    rows: list[Line] = [[a, b, Cell(f"{c:+.2f}", *look)] for ((a, b), c), look in zip(ranked[:most], looks, strict=False)]
     more = f"; {len(ranked) - most} weaker ones are left out" if len(ranked) > most else ""
-    return Table.of([Column("first"), Column("second"), Column("correlation", True)], rows, f"Those above 0.1{more}; marked above {STRONG}.")
+    caption = f"Those above 0.1{more}; marked above {STRONG}."
+    return Table.of([Column("first"), Column("second"), Column("correlation", True)], rows, caption)
 
 
 def areas(model: Model) -> Table:
     """Return the area ledger of a model: exposed + contact + gap = total for every surface."""
-    columns = [Column("surface"), *(Column(f"{c}, cm²", True) for c in ("total", "exposed", "contact", "gap")), Column("taken by")]
-    rows = [
+    numeric = [Column(f"{c}, cm²", True) for c in ("total", "exposed", "contact", "gap")]
+    columns = [Column("surface"), *numeric, Column("taken by", wrapped=True)]
+    rows: list[Line] = [
         [
             line.surface,
             *(number(1e4 * a, 4) for a in (line.total, line.exposed, line.contact, line.gap)),
@@ -221,15 +254,16 @@ def verdicts(campaign: Campaign) -> Table:
         Column("limit, K", True),
         Column("outside", True, "samples beyond the limit, of all samples"),
         Column("result"),
-        Column("conditional on"),
+        Column("conditional on", wrapped=True),
     ]
-    rows = []
+    rows: list[Line] = []
     for v in campaign.verdicts:
         for k, c in enumerate(v.checks):
             first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if k == 0 else [Cell("", "", "same"), Cell("", "", "same")]
             result = Cell("✓ met", "", "good") if c.passed else Cell("✗ not met", "", "bad")
             condition = Cell(", ".join(v.fitted_locally), "fitted to this very record", "warn") if v.conditional else Cell("nothing")
-            rows.append([*first, c.sensor, _criterion(c.criterion), number(c.found, 3), number(c.limit, 3), _outside(v, c), result, condition])
+            found = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
+            rows.append([*first, c.sensor, _criterion(c.criterion), *found, result, condition])
     return Table.of(columns, rows)
 
 

@@ -107,7 +107,5 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         powers[load.path] = mean * (1.0 if f"watts {load.path}" in wiring.signals else value_of(first.coefficients[0]))
     out = [part.message() for part in unreached(wiring.network, numbers, powers)]
     if scenario.as_printed:
-        out.append(
-            "vacuum as printed: every coefficient is zero, radiation in it included; the temperatures are an upper bound"
-        )
+        out.append("vacuum as printed: every coefficient is zero, radiation in it included; the temperatures are an upper bound")
     return tuple(out)

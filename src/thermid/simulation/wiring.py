@@ -24,6 +24,7 @@ from thermid.units import TEMPERATURE
 __all__ = ["Assembled", "Wiring", "curve_arrays"]
 
 Array = NDArray[np.float64]
+Csr = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 Row = TypeVar("Row", ConductorRow, LoadRow)
 
 MARK = "scheduled"
@@ -46,7 +47,7 @@ class Assembled:
     """
 
     coefficients: Array
-    jacobian: tuple[Array, Array, Array] | None
+    jacobian: Csr | None
     initial: Array
     initial_gradient: Array
     reduced: Reduced
@@ -278,7 +279,7 @@ class Wiring:
         return varying + value_of(offsets[name])
 
 
-def _csr(values: Sequence[Number], free: int) -> tuple[Array, Array, Array]:
+def _csr(values: Sequence[Number], free: int) -> Csr:
     """Return the derivatives of coefficients as CSR arrays."""
     indptr, indices, data = [0], [], []  # type: tuple[list[int], list[int], list[float]]
     for number in values:

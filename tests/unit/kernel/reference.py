@@ -48,7 +48,7 @@ class Net:
         return len(self.inputs) - 1
 
     def table(self, x: Any, y: Any, d: Any) -> int:
-        self.tables.append(tuple(np.asarray(v, float) for v in (x, y, d)))
+        self.tables.append((np.asarray(x, float), np.asarray(y, float), np.asarray(d, float)))
         return len(self.tables) - 1
 
     def link(self, kind: int, a: int, b: int, *c: int, table: int = -1) -> None:
@@ -75,8 +75,12 @@ class Net:
         return np.array([c[0] + sum(v * step[p] for p, v in c[2].items()) for c in self.coefs])
 
     def problem(self) -> k.Problem:
-        ints = lambda v: np.array(v, np.int32)  # noqa: E731
-        table = lambda rows: np.array([r[2] if len(r) == 5 and isinstance(r[2], list) else r[3] for r in rows], np.int32).reshape(-1, 4)  # noqa: E731
+        def ints(values: Any) -> np.ndarray:
+            return np.array(values, np.int32)
+
+        def table(rows: Any) -> np.ndarray:
+            return ints(rows).reshape(-1, 4)
+
         return k.Problem(
             capacity=ints(self.capacity),
             coef_input=ints([c[1] for c in self.coefs]),
@@ -85,11 +89,11 @@ class Net:
             conductor_kind=ints([c[0] for c in self.conductors]),
             conductor_a=ints([self.at(c[1]) for c in self.conductors]),
             conductor_b=ints([self.at(c[2]) for c in self.conductors]),
-            conductor_coef=table(self.conductors),
+            conductor_coef=table([c[3] for c in self.conductors]),
             conductor_table=ints([c[4] for c in self.conductors]),
             load_kind=ints([r[0] for r in self.loads]),
             load_node=ints([r[1] for r in self.loads]),
-            load_coef=table(self.loads),
+            load_coef=table([r[2] for r in self.loads]),
             load_sensor=ints([self.at(r[3]) for r in self.loads]),
             load_table=ints([r[4] for r in self.loads]),
             tables=self.tables,
@@ -104,8 +108,8 @@ class Net:
         return self.problem().integrate(
             self.values if coef is None else coef,
             np.array(self.start if start is None else start, float),
-            float(options.pop("t0", times[0])),
-            float(options.pop("t_end", times[-1])),
+            float(options.pop("t0") if "t0" in options else times[0]),
+            float(options.pop("t_end") if "t_end" in options else times[-1]),
             times,
             nodes.astype(np.int32),
             **options,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from unit.kernel.reference import Net
 
 from thermid import _kernel as k
+from unit.kernel.reference import Net
 
 
 def lump(load: tuple[int, list[float]] | None = None, capacitance: float = 100.0, conductance: float = 1.0) -> Net:

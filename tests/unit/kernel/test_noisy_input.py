@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
-from unit.kernel.reference import Net
 
 from thermid import _kernel as k
+from unit.kernel.reference import Net
 
 START, SIGMA = 297.15, 5.670374419e-8
 CAPACITY = np.array([1.9, 0.75, 0.6, 0.95, 0.8, 0.8, 0.0288, 0.0288, 0.0288, 0.35, 2.2, 3.0]) * 900
@@ -79,7 +81,7 @@ def independent(nonlinear: bool, u: np.ndarray, hold: bool = False) -> np.ndarra
 
     t = np.full(12, START)
     out = [np.append(t, star(t, u[0]))]
-    for a, b in zip(u[:-1], u[1:], strict=True):
+    for a, b in itertools.pairwise(u):
         m, e = (a, a) if hold else (0.5 * (a + b), b)
         k1 = rate(t, a)
         k2 = rate(t + 0.5 * k1, m)
@@ -124,7 +126,7 @@ def test_fast_node_falls_back_to_the_sample_grid() -> None:
     net.inputs[0] = (k.SAMPLED_LINEAR, np.arange(601.0) / 2, np.interp(np.arange(601.0) / 2, np.arange(301.0), u))
     r = net.run(np.arange(301.0))
     t, exact, decay = START, [START], np.exp(-0.5)
-    for a, b in zip(u[:-1], u[1:], strict=True):
+    for a, b in itertools.pairwise(u):
         s = b - a  # exact answer to a ramp over one second
         t = b - 2 * s + (t - a + 2 * s) * decay
         exact.append(t)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from unit.kernel.reference import Net
 
 from thermid import _kernel as k
+from unit.kernel.reference import Net
 
 
 def menagerie() -> Net:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
-from unit.kernel.reference import Net
 
 from thermid import _kernel as k
+from unit.kernel.reference import Net
 
 
 def conditions(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> dict[str, float]:
@@ -64,7 +66,7 @@ def fixed_step_error(steps: int) -> tuple[float, float, float]:
 def test_measured_order() -> None:
     errors = [fixed_step_error(n) for n in (20, 40, 80)]
     for state in (0, 1):
-        for coarse, fine in zip(errors[:-1], errors[1:], strict=True):
+        for coarse, fine in itertools.pairwise(errors):
             halved = coarse[2] / fine[2]
             order = np.log(coarse[state] / fine[state]) / -np.log(halved)
             assert order == pytest.approx(4.0, abs=0.4)

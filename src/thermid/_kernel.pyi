@@ -1,0 +1,133 @@
+from collections.abc import Sequence
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Ints: TypeAlias = NDArray[np.int32]
+_Reals: TypeAlias = NDArray[np.float64]
+_Csr: TypeAlias = tuple[_Ints, _Ints, _Reals, int]
+
+# Kinds of conductors
+LINEAR: Final[int]
+POWER: Final[int]
+RADIATION: Final[int]
+FLOW: Final[int]
+TABLE_MEAN: Final[int]
+TABLE_DIFF: Final[int]
+# Kinds of loads
+SIGNAL: Final[int]
+POLY: Final[int]
+EXP: Final[int]
+TABLE: Final[int]
+THERMOSTAT: Final[int]
+PROPORTIONAL: Final[int]
+# Kinds of inputs
+SAMPLED_LINEAR: Final[int]
+SAMPLED_HOLD: Final[int]
+SINE: Final[int]
+CONSTANT: Final[int]
+# Status of a run
+OK: Final[int]
+MAX_STEPS: Final[int]
+STEP_UNDERFLOW: Final[int]
+NEWTON_FAILED: Final[int]
+NON_FINITE: Final[int]
+RUN_AWAY: Final[int]
+SINGULAR_NODE: Final[int]
+BAD_INPUT: Final[int]
+CHATTER: Final[int]
+
+def tableau() -> tuple[_Reals, _Reals, _Reals, _Reals]: ...
+
+class Result:
+    @property
+    def status(self) -> int: ...
+    @property
+    def node(self) -> int: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def filled(self) -> int: ...
+    @property
+    def steps(self) -> int: ...
+    @property
+    def rejected(self) -> int: ...
+    @property
+    def newton_iterations(self) -> int: ...
+    @property
+    def factorisations(self) -> int: ...
+    @property
+    def traces(self) -> _Reals: ...
+    @property
+    def sensitivities(self) -> _Reals | None: ...
+    @property
+    def final_temperatures(self) -> _Reals: ...
+    @property
+    def final_sensitivities(self) -> _Reals | None: ...
+    @property
+    def on(self) -> _Ints: ...
+    @property
+    def event_times(self) -> _Reals: ...
+    @property
+    def event_loads(self) -> _Ints: ...
+    @property
+    def event_states(self) -> _Ints: ...
+    @property
+    def load_energy(self) -> _Reals: ...
+    @property
+    def boundary_energy(self) -> _Reals: ...
+    @property
+    def conductor_energy(self) -> _Reals: ...
+
+class Problem:
+    def __init__(
+        self,
+        capacity: _Ints,
+        coef_input: _Ints,
+        boundary_gain: _Ints,
+        boundary_offset: _Ints,
+        conductor_kind: _Ints,
+        conductor_a: _Ints,
+        conductor_b: _Ints,
+        conductor_coef: _Ints,
+        conductor_table: _Ints,
+        load_kind: _Ints,
+        load_node: _Ints,
+        load_coef: _Ints,
+        load_sensor: _Ints,
+        load_table: _Ints,
+        tables: Sequence[tuple[_Reals, _Reals, _Reals]],
+        inputs: Sequence[tuple[int, _Reals, _Reals]],
+    ) -> None: ...
+    @property
+    def nodes(self) -> int: ...
+    @property
+    def boundaries(self) -> int: ...
+    @property
+    def coefficients(self) -> int: ...
+    def integrate(
+        self,
+        coef: _Reals,
+        T0: _Reals,
+        t0: float,
+        t_end: float,
+        output_times: _Reals,
+        output_nodes: _Ints,
+        *,
+        dcoef: _Csr | None = None,
+        dT0: _Reals | None = None,
+        rtol: float = ...,
+        atol: float = ...,
+        input_atol: float = ...,
+        max_step: float = ...,
+        max_steps: int = ...,
+        breaks: _Reals | None = None,
+        energy: bool = True,
+        on: _Ints | None = None,
+    ) -> Result: ...
+    def rhs(
+        self, coef: _Reals, T: _Reals, t: float, dcoef: _Csr | None = None, on: _Ints | None = None
+    ) -> tuple[_Reals, _Reals, _Reals | None]: ...
+    def flows(self, coef: _Reals, T_all: _Reals, t: _Reals) -> _Reals: ...
+    def load_powers(self, coef: _Reals, T_all: _Reals, t: _Reals, on: _Ints | None = None) -> _Reals: ...

@@ -1,0 +1,162 @@
+"""Every page is worked through: what it says of itself, its blocks, its links, its numbers."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import thermid as td
+
+from .pages import DECISIONS, PAGES, ROOT, Block, anchor, blocks, differences, headings, links, near, prose, tables
+from .workshop import Shown, Workshop, missing
+
+ELSEWHERE = {"CONTRIBUTING.md": {"function", "line", "test", "nomenclature"}}
+"""Second words of blocks that test_contributing.py runs."""
+FOREIGN = {"KINDS", "TypeError", "math.sqrt", "csv", "pandas.read_csv"}
+FOREIGN |= {"td.run", "td.page", "repeat", "element.field"}
+"""Words of decisions that are no names here: of Python and other libraries; and what was not chosen, or stands for any name."""
+PARTS = ["Question", "Choices", "Decision", "What would change our mind"]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_what_a_page_shows_happens(page: str, tmp_path: Path) -> None:
+    Workshop.of(page, tmp_path).work(ELSEWHERE.get(page, set()))
+
+
+@pytest.mark.parametrize("page", [*PAGES, *(str(path.relative_to(ROOT)) for path in DECISIONS)])
+def test_links_lead_somewhere(page: str) -> None:
+    path = ROOT / page
+    for target in links(path.read_text(encoding="utf-8")):
+        assert "://" not in target, f"{page}: {target}"
+        file, _, place = target.partition("#")
+        found = (path.parent / file).resolve() if file else path
+        assert found.exists(), f"{page}: {target}"
+        assert found.is_relative_to(ROOT), f"{page}: {target}"
+        if place:
+            assert place in {anchor(words) for _, words in headings(found.read_text(encoding="utf-8"))}, f"{page}: {target}"
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
+def test_one_screen(page: str) -> None:
+    assert len((ROOT / page).read_text(encoding="utf-8").splitlines()) <= 80
+
+
+def test_the_readme_says_what_it_must() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    assert {"demo", "test"} <= {word for word in re.findall(r"make ([a-z-]+)", text) if word in targets}
+    assert set(re.findall(r"make ([a-z-]+)", text)) <= set(targets)
+    python = next(b for b in blocks(text) if b.words == ("python",))
+    code = [line for line in python.text.splitlines() if line.strip() and not line.strip().startswith("#")]
+    assert len(code) <= 20
+    commands = next(b for b in blocks(text) if b.words == ("sh",))
+    assert len(commands.text.splitlines()) == 5
+    extras = set(re.findall(r"pip install '\.\[(\w+)\]'", text))
+    assert all(f"\n{extra} = [" in (ROOT / "pyproject.toml").read_text(encoding="utf-8") for extra in extras)
+
+
+def test_the_readme_is_right_about_the_refusal(tmp_path: Path) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    shop = Workshop.of("README.md", tmp_path)
+    shop.python(next(b for b in blocks(text) if b.words == ("python",)), "README.md")
+    asked = re.search(r"`free=(\[.*?\])`, it refuses", text)
+    assert asked
+    record = td.read_record(tmp_path / "bench.csv", shop.names["columns"], **shop.names["errors"])
+    with pytest.raises(td.ThermidError, match=r"only as a product \(known: .*area.* = 0\.02"):
+        td.calibrate(shop.names["part"], record, free=ast.literal_eval(asked[1]))
+
+
+def test_every_number_of_the_readme_is_computed_or_a_name() -> None:
+    """Numbers stand in blocks, which are run; in its prose there are only versions and names."""
+    text = re.sub(r"Python 3\.11|BSD 3-Clause|`[^`]*`|make demo.*|make test.*", "", prose((ROOT / "README.md").read_text(encoding="utf-8")))
+    assert re.findall(r"\d[\d.]*", text) == []
+
+
+def test_the_change_log_has_a_place_for_what_comes() -> None:
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert headings(text)[1] == (2, "Unreleased")
+    section = text.partition("## Unreleased")[2].partition("\n## ")[0]
+    assert len(re.findall(r"^- ", section, re.MULTILINE)) >= 10
+
+
+def test_decisions_are_numbered_without_gaps() -> None:
+    names = [path.name for path in DECISIONS]
+    assert len(names) >= 10
+    assert [name[:3] for name in names] == [f"{k:03d}" for k in range(1, len(names) + 1)]
+    assert all(re.fullmatch(r"\d{3}-[a-z0-9-]+\.md", name) for name in names)
+
+
+@pytest.mark.parametrize("path", DECISIONS, ids=lambda path: path.stem)
+def test_a_decision_has_its_four_parts(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 40
+    (depth, title), *parts = headings(text)
+    assert depth == 1
+    assert title.startswith(f"{path.name[:3]} ")
+    assert parts == [(2, part) for part in PARTS]
+    bodies = re.split(r"^#+ .*$", text, flags=re.MULTILINE)[2:]
+    assert all(len(body.split()) >= 2 for body in bodies)
+
+
+def test_code_named_in_decisions_exists() -> None:
+    """Every word between backticks that looks like a name or a file of this project is one."""
+    from .vocabulary import words_of_the_code
+
+    known = words_of_the_code() | FOREIGN
+    strange = []
+    for path in DECISIONS:
+        for word in re.findall(r"`([A-Za-z_][\w./-]*)`", path.read_text(encoding="utf-8")):
+            parts = [p for p in word.split(".") if p not in ("td", "thermid")]
+            if "/" in word:
+                assert (ROOT / word).exists(), f"{path.name}: {word}"
+            elif word not in known and not all(p in known or (ROOT / "src" / "thermid" / p).is_dir() for p in parts):
+                strange.append(f"{path.name}: {word}")
+    assert strange == []
+
+
+def test_a_wrong_page_is_seen(tmp_path: Path) -> None:
+    """The tests above can fail."""
+
+    def worked(text: str) -> None:
+        page = tmp_path / "page.md"
+        page.write_text(text, encoding="utf-8")
+        Workshop(str(page), tmp_path).work(set())
+
+    worked("```python\nprint(1 / 3)\n```\n\n```text\n0.333\n```\n")
+    worked("```sh\nthermid schema nonsense  # exit code 2\n```\n")
+    for text, word in {
+        "```python\nprint(1 / 3)\n```\n\n```text\n0.335\n```\n": "shown: 0.335",
+        "```python\nprint(1)\nprint(2)\n```\n\n```text\n1\n```\n": "not shown: 2",
+        "```toml\ntitle = 'x'\n```\n": "say what it is",
+        "```toml deck\ntitle = 'x'\nneeeds = []\n```\n": "needs",
+        "```toml deck\ntitle = 'x'\n[nodes]\na = {}\n```\n": "massless",
+        "```sh\nthermid schema nonsense\n```\n": "exit code 2",
+        "```sh\nmake supper\n```\n": "no \\['supper'\\]",
+        "```sh\nrm x\n```\n": "nobody runs",
+        "```perl\n1\n```\n": "nobody knows",
+        '```python\nprint(\'{"a": {"b": 1.5}}\')\n```\n\n```json\n{"a": {"b": 1.7}}\n```\n': "shown as 1.7",
+        '```python\nprint(\'{"a": {}}\')\n```\n\n```json\n{"a": {"b": 1}}\n```\n': "no .a.b",
+    }.items():
+        with pytest.raises(AssertionError, match=word):
+            worked(text)
+
+
+def test_numbers_are_compared_in_their_last_place() -> None:
+    assert near("8.917", 8.91719)
+    assert near("1.2e-05", 1.24e-05)
+    assert not near("8.917", 8.9195)
+    assert not list(differences("a\n...\nc 1.0", "a\nb\nb\nc 1.04\n"))
+    assert list(differences("a\n...\nc 1.0", "a\nb\nc 1.2\n"))
+    assert list(differences("a", "a\nb"))
+    assert not list(missing({"a": [Shown("1.0")]}, {"a": [1.04, 2], "b": 1}))
+
+
+def test_blocks_and_tables_are_found() -> None:
+    text = "# A\n\n```toml deck x.toml\na = 1\n```\n\n## B c\n\n| k | m |\n|---|---|\n| `a` | one |\n"
+    assert blocks(text) == [Block(("toml", "deck", "x.toml"), "a = 1\n", 4)]
+    assert headings(text) == [(1, "A"), (2, "B c")]
+    assert anchor("B c") == "b-c"
+    assert tables(text) == {"B c": [["`a`", "one"]]}

@@ -1,0 +1,88 @@
+"""Property 9: the Jacobian and the sensitivities are those of finite differences."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+from oracle import si
+from strategies import DURATION, LOADS, Case, cases, random_models
+
+import thermid as td
+from thermid.simulation.engine import Engine, Options
+from thermid.simulation.wiring import Wiring
+
+SMOOTH = tuple(k for k in LOADS if k != "proportional")  # its power has a kink, where no difference is a derivative
+VERY_TIGHT = Options(tolerance=1e-11, relative=1e-12, input_tolerance=1e-9)
+TIMES = np.array([60.0, 900.0, DURATION])
+
+
+def _free(case: Case) -> tuple[td.Model, list[str], np.ndarray]:
+    """Return every name that can be freed, one of each sort at least where there is one, and its value."""
+    model = case.model
+    network = td.compile_network(model)
+    values = network.numbers().values
+    table = network.flat.parameters.table
+    names = [p for p in table if table[p].parameter.is_literal and not p.endswith((".period", ".duty"))]
+    x = [float(values[p]) for p in names]
+    for b in network.boundaries:
+        given = case.scenario["boundaries"][b]
+        names.append(b)
+        x.append(0.0 if isinstance(given, dict) else si(given))
+    for n, c in network.numbers().capacitances.items():
+        if c is not None:
+            names.append(f"initial.{n}")
+            x.append(si(case.scenario["initial"].get(n, case.scenario["start"])))
+    for load in network.flat.loads:
+        names.append(f"scale.{load.path}")
+        x.append(1.0)
+    return model, names, np.array(x)
+
+
+def _step(name: str, value: float) -> float:
+    return 1e-3 if value == 0 else 1e-5 * abs(value) if abs(value) > 200 else 1e-4 * abs(value)
+
+
+@random_models(50, case=cases(loads=SMOOTH), at=st.tuples(st.integers(0, 2**31), st.floats(0, 3599)))
+def test_jacobian_and_parameter_derivatives_of_the_right_hand_side(case: Case, at: tuple[int, float]) -> None:
+    model, names, x = _free(case)
+    wiring = Wiring(td.compile_network(model), case.run(), names)
+    engine = Engine(wiring)
+    a = wiring.assemble(x)
+    temperatures = np.random.default_rng(at[0]).uniform(270, 340, len(engine.nodes))
+    _, jacobian, slopes = engine.rhs(a, temperatures, at[1], gradients=True)
+    assert slopes is not None
+    for k in range(temperatures.size):
+        move = np.zeros(temperatures.size)
+        move[k] = 1e-3
+        above, below = (engine.rhs(a, temperatures + s * move, at[1])[0] for s in (1, -1))
+        np.testing.assert_allclose(jacobian[:, k], (above - below) / 2e-3, rtol=0, atol=1e-6 * (1 + np.abs(jacobian).max()))
+    for k, name in enumerate(names):
+        h = _step(name, x[k])
+        move = np.zeros(x.size)
+        move[k] = h
+        above, below = (engine.rhs(wiring.assemble(x + s * move), temperatures, at[1])[0] for s in (1, -1))
+        difference = (above - below) / (2 * h)
+        scale = max(abs(x[k]), 1.0)  # compared as watts per relative change
+        np.testing.assert_allclose(scale * slopes[:, k], scale * difference, rtol=0, atol=1e-5 * (1 + np.abs(scale * difference).max()), err_msg=name)
+
+
+@random_models(25, case=cases(loads=SMOOTH, nodes=5, depth=1), pick=st.lists(st.integers(0, 200), min_size=3, max_size=3, unique=True))
+def test_sensitivities_of_temperatures(case: Case, pick: list[int]) -> None:
+    model, names, x = _free(case)
+    keep = sorted({k % len(names) for k in pick})
+    names, x = [names[k] for k in keep], x[keep]
+    wiring = Wiring(td.compile_network(model), case.run(), names)
+    engine = Engine(wiring)
+
+    def run(values: np.ndarray, gradients: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        answer = engine.integrate(wiring.assemble(values), TIMES, engine.nodes, DURATION, VERY_TIGHT, gradients)
+        return answer.temperatures, answer.sensitivities
+
+    _, slopes = run(x, gradients=True)
+    for k, name in enumerate(names):
+        h = 10 * _step(name, x[k])
+        move = np.zeros(x.size)
+        move[k] = h
+        difference = (run(x + move)[0] - run(x - move)[0]) / (2 * h)
+        scale = max(abs(x[k]), 1.0)  # kelvins per relative change
+        np.testing.assert_allclose(scale * slopes[:, :, k], scale * difference, rtol=0, atol=1e-4 * (1 + np.abs(scale * difference).max()), err_msg=name)

@@ -1,0 +1,54 @@
+"""Property 1: the heat balance closes, by the integrator's own weights and by a quadrature of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+from oracle import Oracle, flatten
+from strategies import DURATION, SWITCHED, Case, cases, random_models
+
+import thermid as td
+
+
+@random_models(70, case=cases(loads=SWITCHED))
+def test_balance_by_the_integrators_own_weights(case: Case) -> None:
+    assert td.simulate(case.model, case.run()).heat_balance().relative < 1e-6
+
+
+@random_models(40, case=cases(loads=SWITCHED))
+def test_balance_of_every_node_by_quadrature(case: Case) -> None:
+    """Flows and powers of the solution, integrated over six Gauss points a stretch, against the heat each node has taken up."""
+    model, scenario = case.model, case.run()
+    first = td.simulate(model, scenario)
+    flat, names = flatten(case.deck)
+    switched = [t for t, _ in first.statistics["switchings"]]
+    times, weights = _gauss(sorted({*Oracle(flat, {**case.scenario, "initial": {}}).breaks(DURATION), *switched}))
+    solution = td.simulate(model, scenario, times=np.concatenate(([0.0], times, [DURATION])))
+    network = td.compile_network(model)
+    ends = {c.path: (c.ends, c.kind == "flow") for c in network.flat.conductors}
+    gained = dict.fromkeys(solution.nodes, 0.0)
+    for path, flow in solution.heat_flows.items():
+        (a, b), one_way = ends[path]
+        heat = float(weights @ flow[1:-1])
+        gained[b] += heat
+        gained[a] -= 0.0 if one_way else heat
+    powers = {path: float(weights @ p[1:-1]) for path, p in solution.load_powers.items()}
+    for load in network.flat.loads:
+        gained[load.node] += powers[load.path]
+    capacity = {n: float(c or 0.0) for n, c in network.numbers().capacitances.items()}
+    stored = {n: c * solution[n].rise for n, c in capacity.items()}
+    reach = sum(c * float(np.ptp(solution[n].kelvin)) for n, c in capacity.items())
+    scale = max(sum(map(abs, powers.values())), sum(abs(gained[b]) for b in network.boundaries), reach, 1e-3)
+    assert max(abs(gained[n] - stored[n]) for n in capacity) < 1e-4 * scale
+
+
+def _gauss(edges: list[float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return points and weights between the edges, dense behind each of them where fast nodes still move."""
+    fractions = np.array([0.0, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
+    point, weight = np.polynomial.legendre.leggauss(6)
+    times, weights = [], []
+    for a, b in zip(edges, edges[1:], strict=False):
+        grid = a + (b - a) * fractions
+        for low, high in zip(grid, grid[1:], strict=False):
+            times.append(low + (high - low) * (point + 1) / 2)
+            weights.append(weight * (high - low) / 2)
+    return np.concatenate(times), np.concatenate(weights)

@@ -1,0 +1,60 @@
+"""Random models against equations written in the tests themselves and integrated by scipy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from oracle import Oracle, flatten
+from strategies import DURATION, LOADS, SWITCHED, TIGHT, Case, cases, random_models
+
+import thermid as td
+
+TIMES = np.linspace(0.0, DURATION, 61)
+SMOOTH = tuple(k for k in LOADS if k != "proportional")
+
+
+def _largest_error(case: Case, options: td.Options) -> float:
+    flat, names = flatten(case.deck)
+    scenario = {**case.scenario, "initial": {names[n]: v for n, v in case.scenario["initial"].items()}}
+    expected = Oracle(flat, scenario).temperatures(TIMES, rtol=1e-9, atol=1e-8)
+    found = td.simulate(case.model, case.run(), times=TIMES, options=options)
+    return max(float(np.abs(found[path].kelvin - expected[name]).max()) for path, name in names.items() if name in expected)
+
+
+@random_models(30, case=cases(loads=SMOOTH))
+def test_random_models_at_the_tolerance_of_a_beginner(case: Case) -> None:
+    assert _largest_error(case, td.Options()) < 1e-4
+
+
+@random_models(30, case=cases(loads=LOADS))
+def test_random_models_at_a_tight_tolerance(case: Case) -> None:
+    assert _largest_error(case, TIGHT) < 1e-5
+
+
+@random_models(12, case=cases(loads=SWITCHED, nodes=4, depth=1).filter(lambda c: "thermostat" in str(c.deck)))
+def test_random_models_with_thermostats(case: Case) -> None:
+    assert _largest_error(case, TIGHT) < 1e-5
+
+
+@pytest.mark.properties
+def test_a_controlled_heater_on_a_massless_node_that_only_radiates() -> None:
+    """0.02 (290 - T) = 0.1 sigma 0.005 (T^4 - 255^4): between the knee at 280 K and the set point, where Newton's steps overshoot."""
+    model = td.model_from_dict(
+        {
+            "title": "Foil",
+            "needs": ["walls"],
+            "nodes": {"mass": {"capacitance": "20 [J/K]"}, "foil": {}},
+            "conductors": {
+                "link": {"kind": "conduction", "conductance": "1 [W/K]", "between": ["mass", "walls"]},
+                "rad": {"kind": "radiation", "emissivity": 0.1, "area": "0.005 [m^2]", "between": ["foil", "walls"]},
+            },
+            "loads": {"q": {"into": "foil", "power": "0.2 [W]", "proportional": {"gain": "0.02 [W/K]", "setpoint": "290 [K]"}}},
+        }
+    )
+    scenario = td.Scenario("cold walls", boundaries={"walls": "255 [K]"}, start="255 [K]", duration=3600.0)
+    coefficient = 0.1 * 5.670374419e-8 * 0.005
+    low, high = 280.0, 290.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if 0.02 * (290 - middle) > coefficient * (middle**4 - 255**4) else (low, middle)
+    assert td.simulate(model, scenario)["foil"].kelvin[-1] == pytest.approx(low, abs=1e-6)

@@ -1,0 +1,235 @@
+"""Diagrams: every node, conductor and load is there, nothing lies on anything else, no text becomes markup."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from itertools import combinations
+from typing import Any
+
+import pytest
+
+import thermid as td
+from thermid.errors import NameNotFoundError
+from thermid.model.flat import flatten
+from thermid.reporting.diagram import diagram, quantity
+from thermid.reporting.layout import arrange, clipped, width_of
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def titles(svg: str) -> list[str]:
+    return [t.text or "" for t in ET.fromstring(svg).iter(f"{SVG}title")]
+
+
+def texts(svg: str) -> list[str]:
+    return ["".join(t.text or "" for t in [e]) or (e[0].tail or "") for e in ET.fromstring(svg).iter(f"{SVG}text")]
+
+
+def gyro() -> dict[str, Any]:
+    return {
+        "title": "Gyro",
+        "needs": ["gas", "wall"],
+        "offers": ["case"],
+        "nodes": {"case": {"capacitance": "300 [J/K]"}},
+        "surfaces": {
+            "skin": {"of": "case", "to": "gas", "area": "80 [cm^2]", "htc": "5 [W/(m^2 K)]", "emissivity": "0.8", "radiates_to": "wall"}
+        },
+        "loads": {"coil": {"into": "case", "power": "1.5 [W]"}},
+    }
+
+
+@pytest.fixture(scope="module")
+def nested(box: td.Model) -> td.Model:
+    """Thirteen nodes on three levels, with every kind of conductor."""
+    fog = td.model_from_dict(gyro())
+    block = td.model_from_dict(
+        {
+            "title": "Gyro block",
+            "needs": ["air", "wall"],
+            "offers": ["plate"],
+            "nodes": {"plate": {"capacitance": "800 [J/K]"}, "cavity": {}},
+            "submodels": {k: {"use": fog, "bind": {"gas": "cavity", "wall": "wall"}} for k in "xyz"},
+            "conductors": {
+                **{
+                    f"foot_{k}": {
+                        "kind": "contact",
+                        "between": [f"{k}.case", "plate"],
+                        "contact_conductance": "300 [W/(m^2 K)]",
+                        "area": "12 [cm^2]",
+                    }
+                    for k in "xyz"
+                },
+                "vent": {"kind": "flow", "between": ["cavity", "air"], "mass_flow": "0.2 [g/s]", "specific_heat": "1005 [J/(kg K)]"},
+            },
+        }
+    )
+    pair = td.model_from_dict(
+        {
+            "title": "Electronics",
+            "needs": ["air"],
+            "offers": ["a.case"],
+            "submodels": {k: {"use": box, "bind": {"air": "air"}} for k in "ab"},
+            "joints": {"stack": {"between": ["a.skin", "b.skin"], "area": "20 [cm^2]", "contact_conductance": "200 [W/(m^2 K)]"}},
+        }
+    )
+    return td.model_from_dict(
+        {
+            "title": "Unit",
+            "needs": ["air", "wall", "mount"],
+            "nodes": {
+                "frame": {"capacitance": "5200 [J/K]"},
+                "cover": {"capacitance": "900 [J/K]"},
+                "lid": {"capacitance": "90 [J/K]"},
+                "strap": {},
+                "sensor": {"capacitance": "2 [J/K]"},
+            },
+            "submodels": {"imu": {"use": block, "bind": {"air": "air", "wall": "wall"}}, "ele": {"use": pair, "bind": {"air": "air"}}},
+            "conductors": {
+                "bolts": {"kind": "conduction", "between": ["frame", "mount"], "conductance": "1.5 [W/K]"},
+                "screws": {"kind": "conduction", "between": ["imu.plate", "frame"], "conductance": "2.5 [W/K]"},
+                "foot": {"kind": "conduction", "between": ["ele.a.case", "frame"], "conductance": "0.8 [W/K]"},
+                "rim": {"kind": "conduction", "between": ["cover", "frame"], "conductance": "4 [W/K]"},
+                "seal": {"kind": "conduction", "between": ["lid", "cover"], "conductance": "0.2 [W/K]"},
+                "inside": {"kind": "radiation", "between": ["imu.plate", "cover"], "exchange_factor": "0.7", "area": "400 [cm^2]"},
+                "braid": {
+                    "kind": "table",
+                    "between": ["frame", "strap"],
+                    "table": {"points": [["0 [degC]", "0.1 [W/K]"], ["50 [degC]", "0.2 [W/K]"]]},
+                },
+                "strap_end": {"kind": "conduction", "between": ["strap", "mount"], "conductance": "0.3 [W/K]"},
+                "glue": {"kind": "conduction", "between": ["sensor", "frame"], "conductance": "0.05 [W/K]"},
+            },
+        }
+    )
+
+
+def test_the_nested_model_is_what_it_should_be(nested: td.Model) -> None:
+    flat = flatten(nested)
+    assert len(flat.nodes) == 13
+    assert max(n.path.count(".") for n in flat.nodes) == 2
+    assert {c.kind for c in flat.conductors} == {"conduction", "contact", "convection", "effective", "radiation", "flow", "table"}
+
+
+@pytest.mark.parametrize("which", ["box", "nested"])
+def test_every_node_conductor_load_and_boundary_is_drawn(which: str, request: pytest.FixtureRequest) -> None:
+    model: td.Model = request.getfixturevalue(which)
+    svg, flat = diagram(model), flatten(model)
+    said = titles(svg)
+    for node in flat.nodes:
+        assert any(t.startswith(f"{node.path}: ") for t in said), node.path
+    for c in flat.conductors:
+        assert any(t.startswith(f"{c.path} ({c.kind}): {c.ends[0]} to {c.ends[1]}, ") for t in said), c.path
+    for load in flat.loads:
+        assert any(t.startswith(f"{load.path} into {load.node}: ") for t in said), load.path
+    assert set(flat.names.boundaries) <= {t.removeprefix("boundary ") for t in said if t.startswith("boundary ")}
+    root = ET.fromstring(svg)
+    masses = [e for e in root.iter(f"{SVG}rect") if "mass" in e.get("class", "") and e[:]]
+    assert len(masses) == sum(bool(n.fields) for n in flat.nodes)
+
+
+def test_kinds_look_different_and_the_legend_names_those_that_occur(nested: td.Model, box: td.Model) -> None:
+    svg = diagram(nested)
+    for style in ("solid", "dashed", "dotted", "flow", "mixed"):
+        assert f'class="wire {style}"' in svg
+    legend = texts(svg)
+    assert {"conduction, contact", "convection", "radiation", "one-way flow", "table", "massless node", "boundary", "heat load"} <= set(
+        legend
+    )
+    alone = texts(diagram(box))
+    assert "convection with radiation (effective)" in alone
+    assert "radiation" not in alone
+    assert "massless node" not in alone
+
+
+def test_numbers_are_the_models(box: td.Model) -> None:
+    said = texts(diagram(box))
+    assert "1350 J/K" in said  # 1.5 kg of 900 J/(kg K)
+    assert "0.3 W/K" in said  # 6 W/(m^2 K) on 500 cm^2
+    assert "4 W" in said
+
+
+def test_a_conductance_that_depends_on_temperature_says_so_until_temperatures_are_given() -> None:
+    model = td.model_from_dict(gyro())
+    assert any(t.startswith("≈") for t in texts(diagram(model)))
+    given = texts(diagram(model, temperatures={"case": 320.0, "gas": 300.0, "wall": 290.0}))
+    assert not any(t.startswith("≈") for t in given)
+    # eps sigma A (Ta^2 + Tb^2)(Ta + Tb) by hand
+    by_hand = 0.8 * 5.670374419e-8 * 80e-4 * (320.0**2 + 290.0**2) * (320.0 + 290.0)
+    assert quantity(by_hand, "W/K") in given
+    assert any("46.9 °C" in t for t in given)
+
+
+def test_warm_masses_are_tinted_otherwise_than_cold_ones(nested: td.Model) -> None:
+    nodes = [n.path for n in flatten(nested).nodes if n.fields]
+    svg = diagram(nested, temperatures={n: 290.0 + k for k, n in enumerate(nodes)})
+    assert len(set(re.findall(r'style="fill:(#[0-9a-f]{6})"', svg))) == len(nodes)
+
+
+def test_a_temperature_of_no_node_is_refused(box: td.Model) -> None:
+    with pytest.raises(NameNotFoundError, match="Did you mean 'case'"):
+        diagram(box, temperatures={"cas": 300.0})
+
+
+def test_rows_and_boxes_do_not_overlap_and_boxes_hold_their_parts(nested: td.Model) -> None:
+    plan = arrange(flatten(nested), {}, {})
+    rows = sorted(plan.rows.values(), key=lambda r: r.y)
+    assert all(a.y + a.height < b.y for a, b in zip(rows, rows[1:], strict=False))
+    boxes = list(plan.root.boxes())
+    assert {b.prefix for b in boxes} == {"", "imu.", "imu.x.", "imu.y.", "imu.z.", "ele.", "ele.a.", "ele.b."}
+    for outer, inner in combinations(boxes, 2):
+        if inner.prefix.startswith(outer.prefix):
+            left, right = plan.box_edges(outer)
+            assert left < plan.box_edges(inner)[0]
+            assert right > plan.box_edges(inner)[1]
+            assert outer.y < inner.y
+            assert outer.bottom > inner.bottom
+        else:
+            assert outer.bottom < inner.y or inner.bottom < outer.y
+    for row in rows:
+        box = next(b for b in boxes if b.prefix == row.box)
+        assert box.y < row.y
+        assert row.y + row.height < box.bottom
+
+
+def test_lines_in_one_lane_do_not_overlap(nested: td.Model) -> None:
+    plan = arrange(flatten(nested), {}, {})
+    lanes = [w for w in plan.wires if w.way == "lane"]
+    assert lanes
+    for a, b in combinations(lanes, 2):
+        assert a.lane != b.lane or a.span[1] <= b.span[0] or b.span[1] <= a.span[0]
+    for row in plan.rows.values():
+        heights = [row.port(k) for k in row.ports]
+        assert len(set(heights)) == len(heights)
+        assert all(row.y <= h <= row.y + row.height for h in heights)
+
+
+def test_neighbours_that_are_joined_come_to_stand_together(nested: td.Model) -> None:
+    plan = arrange(flatten(nested), {}, {})
+    order = list(plan.rows)
+    assert abs(order.index("lid") - order.index("cover")) == 1
+    assert abs(order.index("ele.stack.mid") - order.index("ele.a.case")) == 1
+    assert abs(order.index("ele.stack.mid") - order.index("ele.b.case")) == 1
+
+
+def test_hostile_titles_stay_text(box: td.Model) -> None:
+    evil = '<script>alert("1")</script>'
+    bad = td.model_from_dict({**gyro(), "title": evil})
+    svg = diagram(bad, title=f"{evil}&")
+    assert "<script" not in svg
+    assert titles(svg)[0] == f"{evil}&"
+
+
+def test_a_diagram_refers_to_nothing_outside(nested: td.Model) -> None:
+    svg = diagram(nested).replace('xmlns="http://www.w3.org/2000/svg"', "")
+    assert "://" not in svg
+    assert "href" not in svg
+    assert "url(" not in svg
+    assert " id=" not in svg  # several diagrams stand on one page
+
+
+def test_a_long_text_is_cut_to_its_room() -> None:
+    assert clipped("short", 200.0) == "short"
+    cut = clipped("a_name_that_is_far_too_long_for_its_box", 80.0)
+    assert cut.endswith("…")
+    assert width_of(cut) <= 80.0

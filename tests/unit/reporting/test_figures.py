@@ -1,0 +1,125 @@
+"""Figures: drawing is thinned, statistics are not; which traces are drawn; texts stay texts."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.identify.residuals import Block
+from thermid.reporting import figures
+from thermid.reporting.figures import Dots, choose, overview, prediction, thinned, time_unit, trace
+
+
+def block(record: str = "r", sensor: str = "T", size: int = 500, rmse: float = 0.1, seed: int = 0) -> Block:
+    rng = np.random.default_rng(seed)
+    times = np.linspace(0.0, 3600.0, size)
+    predicted = 300.0 + 10.0 * (1.0 - np.exp(-times / 900.0))
+    noise = rng.standard_normal(size)
+    return Block(record, sensor, "case", times, predicted + rmse * noise / np.sqrt(np.mean(noise**2)), predicted, rmse)
+
+
+def test_thinning_keeps_the_ends_and_every_spike() -> None:
+    values = np.sin(np.linspace(0.0, 20.0, 50_000))
+    values[31_234], values[7] = 9.0, -9.0
+    kept = thinned(values, 300)
+    assert kept.size <= 300
+    assert {0, 7, 31_234, 49_999} <= set(kept.tolist())
+    assert (np.diff(kept) > 0).all()
+    assert thinned(values[:200], 300).size == 200
+
+
+def test_a_long_trace_is_thinned_in_the_drawing_alone() -> None:
+    long = block(size=40_000)
+    drawn = trace(long, "k", "label")
+    assert drawn.points < 3 * figures.POINTS + 10
+    assert len(drawn.markup) < 60_000
+    assert long.residuals.size == 40_000
+
+
+def test_ticks_keep_their_decimals() -> None:
+    drawn = overview([Dots("stage", {"T": [0.011, 0.032]})], "o")
+    ticks = re.findall(r">(\d+\.\d+)</text>", drawn.markup)
+    assert "0.005" in ticks
+    assert len(set(ticks)) == len(ticks)
+
+
+def test_time_axis_reads_in_the_unit_of_the_duration() -> None:
+    assert time_unit(120.0)[1] == "s"
+    assert time_unit(1540.0)[1] == "min"
+    assert time_unit(18_000.0)[1] == "h"
+    assert "time, min" in trace(block(), "k", "l").markup
+    assert "temperature, °C" in trace(block(), "k", "l").markup
+
+
+def test_a_gap_in_the_samples_breaks_the_line() -> None:
+    whole = block()
+    keep = (whole.times < 1000.0) | (whole.times > 2500.0)
+    torn = Block("r", "T", "case", whole.times[keep], whole.measured[keep], whole.predicted[keep], 0.1)
+
+    def moves(b: Block) -> int:
+        return max(path.count("M") for path in re.findall(r' d="([^"]*)"', trace(b, "k", "l").markup))
+
+    assert moves(whole) == 1
+    assert moves(torn) == 2
+
+
+def test_few_traces_are_all_drawn_and_many_are_chosen_from() -> None:
+    few = [block(f"r{k}", rmse=0.1 + 0.01 * k, seed=k) for k in range(5)]
+    assert [b for b, _ in choose(few)] == few
+    many = [block(f"r{k:02d}", s, 50, 0.1 + 0.01 * ((7 * k) % 60), k) for k in range(60) for s in ("T1", "T2")]
+    chosen = choose(many)
+    assert len(chosen) == figures.MOST_TRACES
+    marks = {mark: b for b, mark in chosen if mark}
+    assert set(marks) == {f"{word} of {s}" for word in ("best", "median", "worst") for s in ("T1", "T2")}
+    for sensor in ("T1", "T2"):
+        own = sorted(float(np.sqrt(np.mean(b.residuals**2))) for b in many if b.sensor == sensor)
+        for word, value in (("best", own[0]), ("median", own[30]), ("worst", own[-1])):
+            assert float(np.sqrt(np.mean(marks[f"{word} of {sensor}"].residuals ** 2))) == value
+
+
+def test_many_sensors_do_not_crowd_out_the_limit() -> None:
+    many = [block(f"r{k}", f"T{s}", 30, 0.1 + 0.01 * k, k) for k in range(4) for s in range(9)]
+    chosen = choose(many)
+    assert len(chosen) == figures.MOST_TRACES
+    assert sum(mark.startswith("worst") for _, mark in chosen) == 9
+
+
+def test_figures_of_one_page_do_not_share_identifiers() -> None:
+    first, second = (trace(block(), key, "l").markup for key in ("one", "two"))
+    ids = [set(re.findall(r'\bid="([^"]+)"', m)) for m in (first, second)]
+    assert ids[0]
+    assert not ids[0] & ids[1]
+    for markup, known in zip((first, second), ids, strict=True):
+        assert set(re.findall(r'url\(#([^)]+)\)|href="#([^"]+)"', markup)) <= {(i, "") for i in known} | {("", i) for i in known}
+
+
+def test_figures_load_nothing_style_nothing_else_and_leave_no_settings_behind() -> None:
+    import matplotlib
+
+    before = dict(matplotlib.rcParams)
+    markup = trace(block(), "k", "l").markup
+    assert "://" not in markup
+    assert "<style" not in markup
+    assert "var(--f-simulated,#0072b3)" in markup
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize("name", ["<script>alert(1)</script>", "$x", "_hidden", "温度"])
+def test_strange_names_stay_text(name: str) -> None:
+    drawn = overview([Dots(name, {name: [0.1, 0.2]})], "o")
+    assert "<script" not in drawn.markup
+    assert drawn.legend[0].label == name
+    assert "<script" not in trace(block(), "k", name).markup
+
+
+def test_a_prediction_shows_every_node_and_turns_into_an_image_when_it_is_large(box: td.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    solution = td.simulate(box, td.Scenario("s", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="5 [h]"))
+    drawn = prediction(solution, "p", "label")
+    assert drawn.markup.startswith("<svg")
+    assert [e.label.split()[0] for e in drawn.legend] == list(solution.nodes)
+    assert f"{solution['case'].final:.1f} °C" in drawn.legend[0].label
+    monkeypatch.setattr(figures, "VECTOR_LIMIT", 10)
+    assert prediction(solution, "p", "label").markup.startswith('<img class="plot" alt="label" src="data:image/png;base64,')

@@ -1,0 +1,232 @@
+"""The page: complete, self-contained, well-formed; hostile names stay text; a missing extra is told in words."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import ThermidError
+from thermid.identify.stages import Campaign
+from thermid.reporting.page import report
+
+VOID = {"meta", "br", "img", "hr", "input", "link"}
+EVIL = '"><script>alert(1)</script><img src=x onerror=alert(2)>{{ 7*7 }}'
+
+
+class Page(HTMLParser):
+    """A page as a tree of open elements: refuses what is not closed in order."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.elements: list[tuple[str, dict[str, str]]] = []
+        self.words: list[str] = []
+        self.source = path.read_text(encoding="utf-8")
+        self.feed(self.source)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, {k: v or "" for k, v in attrs}))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, {k: v or "" for k, v in attrs}))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open[-1:] not in (["style"], ["script"]):
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+    def all(self, tag: str) -> list[dict[str, str]]:
+        return [a for t, a in self.elements if t == tag]
+
+
+@pytest.fixture(scope="module")
+def page(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    bench = td.Scenario("hot bench", boundaries={"room": "45 [degC]"}, start="24 [degC]", duration="5 [h]")
+    model = campaign["submodel"].fitted_model
+    runs = [("Hot", td.simulate(model, bench)), ("Vacuum", td.simulate(model, bench.vacuum(as_printed=True)))]
+    target = tmp_path_factory.mktemp("out") / "new" / "report.html"
+    assert report(campaign, to=target, scenarios=runs, notes="First thought.\n\nSecond thought.") == target
+    return Page(target)
+
+
+def test_sections_stand_in_order(page: Page) -> None:
+    ids = [a["id"] for t, a in page.elements if t == "section"]
+    named = [i for i in ids if i != "warnings"]
+    assert named == ["verdicts", "levels", "overview", "stage-1", "stage-2", "predictions", "provenance"]
+    for title in (
+        "Two boxes",
+        "Made in Python.",
+        "First thought.",
+        "Second thought.",
+        "Stage 1: component",
+        "Stage 2: submodel",
+        "Hot",
+        "Vacuum",
+    ):
+        assert title in page.text
+    assert len(page.all("h1")) == 1
+
+
+def test_synthetic_data_raise_a_banner_and_measured_ones_do_not(page: Page, measured: Campaign, tmp_path: Path) -> None:
+    assert "SYNTHETIC DATA All 3 records were made, not measured: alone, together, held out." in page.text
+    assert page.text.index("SYNTHETIC DATA") < page.text.index("Verdicts")
+    clean = Page(report(measured, to=tmp_path / "m.html"))
+    assert "SYNTHETIC" not in clean.text
+    half = replace(
+        measured,
+        verdicts=(replace(measured.verdicts[0], prediction=replace(measured.verdicts[0].prediction, experiments=(), synthetic=True)),),
+    )
+    assert "1 of 3 records were made, not measured: held out." in Page(report(half, to=tmp_path / "h.html")).text
+
+
+def test_the_verdict_comes_first_and_says_what_failed(page: Page, campaign: Campaign, tmp_path: Path) -> None:
+    assert "✗ 1 of 1 verdict failed" in page.text
+    assert page.text.index("1 of 1 verdict failed") < page.text.index("Stage 1")
+    good = replace(campaign.verdicts[0], checks=tuple(c for c in campaign.verdicts[0].checks if c.passed))
+    assert "✓ The verdict is passed" in Page(report(replace(campaign, verdicts=(good,)), to=tmp_path / "g.html")).text
+    none = Page(report(replace(campaign, verdicts=()), to=tmp_path / "n.html")).text
+    assert "No verdict no record was held out; a fit alone does not show that the model predicts" in none
+
+
+def test_every_parameter_stands_with_unit_and_both_errors(page: Page, campaign: Campaign) -> None:
+    cells = [re.sub(r"<[^>]+>", "", c) for c in re.findall(r"<td[^>]*>(.*?)</td>", page.source)]
+    for stage in campaign:
+        for path in campaign[stage].values.parameters:
+            at = cells.index(path)
+            assert "W/(m² K)" in cells[at : at + 11]
+    for heading in ("± random", "± total", "unit", "bounds", "source before", "state"):
+        assert heading in page.text
+
+
+def test_the_page_loads_nothing_and_runs_nothing(page: Page) -> None:
+    assert "://" not in page.source
+    assert not page.all("script")
+    assert not page.all("link")
+    assert not page.all("iframe")
+    assert "@import" not in page.source
+    assert all(a["src"].startswith("data:") for t, a in page.elements if "src" in a)
+    assert all(ref.startswith("#") for ref in re.findall(r"url\(([^)]*)\)", page.source))
+    policy = next(a["content"] for a in page.all("meta") if a.get("http-equiv") == "Content-Security-Policy")
+    assert policy == "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+
+
+def test_identifiers_are_unique_and_every_reference_has_its_end(page: Page) -> None:
+    ids = [a["id"] for _, a in page.elements if "id" in a]
+    assert len(set(ids)) == len(ids)
+    ends = re.findall(r'href="#([^"]+)"|url\(#([^)]+)\)', page.source)
+    assert ends
+    assert {a or b for a, b in ends} <= set(ids)
+
+
+def test_diagrams_traces_and_predictions_are_drawn(page: Page) -> None:
+    pictures = [a for a in page.all("svg")]
+    assert sum(a.get("class") == "thermid-diagram" for a in pictures) == 4  # two stages, two ends of a prediction
+    plots = [a["aria-label"] for a in pictures if a.get("class") == "plot"]
+    for name in ("T box in alone", "T a in together", "T b in together", "T a in held out", "T b in held out"):
+        assert sum(p.startswith(name) for p in plots) == 1
+    assert "Hot: predicted temperatures" in plots
+    assert "without limit" in page.text  # the warning of the run in vacuum
+
+
+def test_warnings_are_told_at_the_top_and_at_the_stage(campaign: Campaign, tmp_path: Path) -> None:
+    told = replace(campaign["component"], warnings=("the moon was full.",))
+    text = Page(report(replace(campaign, stages={**campaign.stages, "component": told}), to=tmp_path / "w.html")).text
+    assert text.count("the moon was full.") == 2
+    assert text.index("What a reader must know component : the moon was full.") < text.index("Stage 1")
+
+
+def hostile(campaign: Campaign) -> Campaign:
+    """The campaign with every name that a stranger may choose turned into an attack."""
+
+    def soil(fit: td.Calibration) -> td.Calibration:
+        names = {b.sensor: f"{b.sensor}{EVIL}" for b in fit.blocks}
+        blocks = tuple(replace(b, sensor=names[b.sensor], record=b.record + EVIL, node=b.node + EVIL) for b in fit.blocks)
+        local = tuple(replace(i, record=i.record + EVIL, name=i.name + EVIL) for i in fit.local)
+        model = replace(fit.model, title=fit.model.title + EVIL, use=EVIL)
+        records = {r + EVIL: sha for r, sha in fit.records.items()}
+        return replace(fit, stage=fit.stage + EVIL, model=model, blocks=blocks, local=local, records=records, warnings=(EVIL,), bias={})
+
+    verdicts = tuple(
+        replace(v, model=EVIL, record=EVIL, title=EVIL, fitted_locally=(EVIL,), prediction=soil(v.prediction)) for v in campaign.verdicts
+    )
+    stages = {name + EVIL: soil(c) for name, c in campaign.stages.items()}
+    return Campaign(EVIL, stages, verdicts, {name: EVIL for name in stages}, EVIL)
+
+
+def test_hostile_names_never_become_markup(campaign: Campaign, tmp_path: Path) -> None:
+    model = campaign["component"].fitted_model
+    run = td.simulate(model, td.Scenario(EVIL, boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="1 [h]"))
+    soiled = Page(report(hostile(campaign), to=tmp_path / "evil.html", scenarios=[(EVIL, run)], notes=[EVIL]))
+    assert not soiled.all("script")
+    assert not any(name.startswith("on") for _, attributes in soiled.elements for name in attributes)
+    assert all(a["src"].startswith("data:") for a in soiled.all("img"))
+    assert "<script" not in soiled.source
+    assert soiled.text.count("<script>alert(1)</script>") > 20
+    assert "{{ 7*7 }}" in soiled.text
+
+
+def test_sixty_records_make_a_small_page_soon(campaign: Campaign, tmp_path: Path) -> None:
+    fit = campaign["submodel"]
+    rng = np.random.default_rng(5)
+    times = np.arange(1540.0)
+    blocks = []
+    for k in range(60):
+        for sensor in ("T a", "T b"):
+            predicted = 300.0 + 5.0 * np.sin(times / (50.0 + k))
+            blocks.append(
+                replace(
+                    fit.blocks[0],
+                    record=f"run {k}",
+                    sensor=sensor,
+                    times=times,
+                    measured=predicted + 0.1 * rng.standard_normal(1540),
+                    predicted=predicted,
+                )
+            )
+    many = replace(fit, blocks=tuple(blocks), records={f"run {k}": f"{k:064x}" for k in range(60)}, experiments=())
+    stages = {f"level {n}": replace(many, stage=f"level {n}") for n in range(4)}
+    begun = time.process_time()
+    target = report(Campaign("Many", stages, (), dict.fromkeys(stages, "0")), to=tmp_path / "many.html")
+    assert time.process_time() - begun < 30.0
+    assert target.stat().st_size < 6e6
+    big = Page(target)
+    plots = [a["aria-label"] for a in big.all("svg") if a.get("class") == "plot"]
+    assert len(plots) == 4 * 12 + 1
+    assert big.text.count("12 of 120 traces are drawn") == 4
+    assert "worst of T a" in big.text
+    rows = re.findall(r"<tr><td class=\"\">run 59</td>", big.source)
+    assert len(rows) == 4 * 2  # every record is in the tables
+
+
+@pytest.mark.parametrize("package", ["matplotlib", "jinja2"])
+def test_a_missing_extra_is_told_in_words(package: str, campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ThermidError, match=rf"needs {package}.*pip install thermid\[report\]"):
+        report(campaign, to=tmp_path / "x.html")
+    assert not (tmp_path / "x.html").exists()
+
+
+def test_report_is_public() -> None:
+    import thermid
+
+    found: Any = thermid.report
+    assert found is report
