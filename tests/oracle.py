@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,9 @@ def flatten(deck: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
 
 def _flatten(deck: dict[str, Any], prefix: str, bound: dict[str, str], flat: dict[str, Any], names: dict[str, str]) -> None:
     deck = _with_settings(deck)
-    inner = {name: {need: _end(end, prefix, bound, {}) for need, end in sub["bind"].items()} for name, sub in deck.get("submodels", {}).items()}
+    inner = {
+        name: {need: _end(end, prefix, bound, {}) for need, end in sub["bind"].items()} for name, sub in deck.get("submodels", {}).items()
+    }
 
     def end(raw: str) -> str:
         return _end(raw, prefix, bound, inner)
@@ -49,7 +52,9 @@ def _flatten(deck: dict[str, Any], prefix: str, bound: dict[str, str], flat: dic
         new = {**s, "of": end(s["of"]), "to": end(s["to"])}
         flat["surfaces"][_plain(prefix + name)] = new | ({"radiates_to": end(s["radiates_to"])} if "radiates_to" in s else {})
     for name, c in deck.get("conductors", {}).items():
-        flat["conductors"][_plain(prefix + name)] = {**c, "between": [end(e) for e in c["between"]]}
+        ends = [end(e) for e in c["between"]]
+        if ends[0] != ends[1]:  # two needs may be bound to one node: no heat flows
+            flat["conductors"][_plain(prefix + name)] = {**c, "between": ends}
     for name, j in deck.get("joints", {}).items():
         new = {**j, "between": [_plain(prefix + e) for e in j["between"]]}
         if "gap" in j:
@@ -213,7 +218,9 @@ class Oracle:
                 if name in j["between"]:
                     area -= si(j["area"]) + (si(j["gap"]["area"]) if "gap" in j else 0.0)
             if "htc" in s:
-                self._link(s["of"], s["to"], self.natural(s["htc"], area) if isinstance(s["htc"], dict) else self.linear(si(s["htc"]) * area))
+                self._link(
+                    s["of"], s["to"], self.natural(s["htc"], area) if isinstance(s["htc"], dict) else self.linear(si(s["htc"]) * area)
+                )
             if "effective_htc" in s:
                 self._link(s["of"], s["to"], self.linear(si(s["effective_htc"]) * area))
             if "emissivity" in s:
@@ -234,7 +241,11 @@ class Oracle:
         if "thermostat" in q:
             return lambda t, every: power if self.on[name] else 0.0
         if "proportional" in q:
-            gain, wanted, sensor = si(q["proportional"]["gain"]), si(q["proportional"]["setpoint"]), self.index[q["proportional"].get("sensor", q["into"])]
+            gain, wanted, sensor = (
+                si(q["proportional"]["gain"]),
+                si(q["proportional"]["setpoint"]),
+                self.index[q["proportional"].get("sensor", q["into"])],
+            )
             return lambda t, every: min(max(gain * (wanted - every[sensor]), 0.0), power)
         if "exponential_coefficient" in q:
             a, zero = si(q["exponential_coefficient"]), si(q["reference_temperature"])
@@ -298,7 +309,7 @@ class Oracle:
         state = self.start
         self.middle = edges[1] / 2
         self._decide(state)
-        for a, b in zip(edges, edges[1:], strict=False):
+        for a, b in pairwise(edges):
             self.middle = (a + b) / 2
             here = a
             while here < b:
@@ -318,14 +329,23 @@ class Oracle:
         every = self.everything(0.0, state)
         self.on = {name: bool(every[sensor] <= low) for name, sensor, low, _ in self._thermostats()}
 
-    def _stretch(self, here: float, end: float, state: np.ndarray, times: np.ndarray, out: np.ndarray, rtol: float, atol: float) -> tuple[float, np.ndarray]:
+    def _event(self, sensor: int, limit: float, direction: float) -> Any:
+        """Return where a sensor crosses a limit, in the form that solve_ivp takes."""
+
+        def crossing(t: float, massive: np.ndarray) -> float:
+            return float(self.everything(t, massive)[sensor] - limit)
+
+        crossing.terminal, crossing.direction = True, direction  # type: ignore[attr-defined]
+        return crossing
+
+    def _stretch(
+        self, here: float, end: float, state: np.ndarray, times: np.ndarray, out: np.ndarray, rtol: float, atol: float
+    ) -> tuple[float, np.ndarray]:
         """Integrate to the end or to the next switching, and write what falls in between."""
         events = []
         for name, sensor, low, high in self._thermostats():
             limit = high if self.on[name] else low
-            event = lambda t, y, sensor=sensor, limit=limit: self.everything(t, y)[sensor] - limit
-            event.terminal, event.direction = True, 1.0 if self.on[name] else -1.0
-            events.append(event)
+            events.append(self._event(sensor, limit, 1.0 if self.on[name] else -1.0))
         method = "Radau" if events else "LSODA"
         found = solve_ivp(self.rate, (here, end), state, method, rtol=rtol, atol=atol, events=events or None, dense_output=True)
         assert found.success, found.message

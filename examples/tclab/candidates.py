@@ -86,7 +86,8 @@ class Heater:
         elif self.to_air:
             deck["conductors"]["foot"] = _path("body", self.to_air, "to_board", "0.003 [W/K]", parameters)
         if self.emissivity:
-            skin = {"kind": "radiation", "between": ["body", self.walls], "area": "10 [cm^2]", "emissivity": self.emissivity}
+            emissivity = {"value": self.emissivity, "min": 0.05, "max": 1.0}
+            skin = {"kind": "radiation", "between": ["body", self.walls], "area": "10 [cm^2]", "emissivity": emissivity}
             deck["conductors"]["skin"] = skin
         deck["needs"] = list(
             dict.fromkeys(n for n in (self.to_air, self.walls if self.emissivity else "", "room" if self.loses else "") if n)
@@ -166,7 +167,8 @@ def candidates() -> dict[str, Candidate]:
     """Return short name -> structure, from the plainest up; `board` is the one of the campaign."""
     lagging = Heater(to_air="", loses=True, emissivity=0.0, beta=0.0)
     radiating = Heater(to_air="", loses=True, beta=0.0)
-    inside = Heater(to_air="box", power_law=0.25, walls="box")
+    inside = Heater(to_air="box", walls="box")
+    emissivities = ("h1.skin.emissivity", "h2.skin.emissivity")
     return {
         "plain": candidate("two heaters, linear losses", ALONE),
         "lag": candidate("... and lagging sensors", lagging),
@@ -175,6 +177,7 @@ def candidates() -> dict[str, Candidate]:
         "linear board": candidate("board, lag, linear losses, no radiation", Heater(loses=True, emissivity=0.0, beta=0.0), BOARD, TO_ROOM),
         "board": candidate("board, lag, radiation, beta held at 0.001/K", Heater(), BOARD, TO_ROOM),
         "board, beta": candidate("... with beta of each heater free", Heater(), BOARD, TO_ROOM, more=BETAS),
+        "board, emissivity": candidate("... with the emissivity of each heater free", Heater(), BOARD, TO_ROOM, more=emissivities),
         "board, curve": candidate(
             "... with power bent over the command",
             Heater(curve=True),

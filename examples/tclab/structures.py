@@ -50,6 +50,7 @@ PLAUSIBLE = {
     "to_board": (0.002, 0.06),
     "between": (0.001, 0.01),
     "pcb.capacitance": (8.0, 40.0),
+    "emissivity": (0.5, 1.0),
     "box.capacitance": (50.0, 1500.0),
 }
 
@@ -120,6 +121,23 @@ def deviance(asked: Request, found: td.Calibration) -> float:
         record = records[own.record]
         total += ((own.value - asked.local_start(record, own.name)) / asked.locals_of(record)[own.name].sd) ** 2
     return total
+
+
+def inflation(found: td.Calibration) -> float:
+    """Return by how much -2 log likelihood overstates what the residuals say. [-]
+
+    Per trace: mean square in units of the noise times 1 + 2 (autocorrelation summed up to its first zero), the time over which
+    residuals wander in samples; the mean over traces.
+    """
+    factors = []
+    for block in found.blocks:
+        z = block.residuals / block.noise
+        centred = z - z.mean()
+        spectrum = np.abs(np.fft.rfft(centred, 2 * z.size)) ** 2
+        memory = np.fft.irfft(spectrum)[: z.size]
+        ends = int(np.argmax(memory < 0.0)) or z.size
+        factors.append(float(np.mean(z**2) * (1.0 + 2.0 * np.sum(memory[1:ends]) / memory[0])))
+    return float(np.mean(factors))
 
 
 def first_reading(which: Candidate, found: td.Calibration, records: Sequence[td.Record]) -> td.Calibration:
@@ -204,11 +222,10 @@ def judged(source: CampaignSource, name: str, which: Candidate, step: float) -> 
         found = fit(asked, told(name))
     except IdentificationError as error:
         return row | {"refused": error.message}
-    lag = float(np.median([s.lag_one for sensors in found.statistics.values() for s in sensors.values()]))
     return row | {
         "free_with_runs": len(found.fitted),
         "deviance": deviance(asked, found),
-        "inflation": found.reduced_chi_square * (1.0 + lag) / (1.0 - lag),
+        "inflation": inflation(found),
         **medians(source, found),
         **unseen(source, which, found),
         "room_trend_K": room_trend(asked, found),
@@ -234,9 +251,8 @@ def told(name: str) -> Any:
 def compared(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return the rows with their differences of AIC from the best, as printed and with the deviance divided by its inflation.
 
-    Residuals wander over minutes, so samples are no independent witnesses. Dividing by the variance inflation of the best structure,
-    reduced chi-square times (1 + r) / (1 - r) for a lag-one autocorrelation r, follows K. P. Burnham and D. R. Anderson, Model Selection
-    and Multimodel Inference, 2nd ed., Springer 2002, section 2.5 (QAIC).
+    Residuals wander over minutes, so samples are no independent witnesses. Dividing by the inflation of the likeliest structure
+    follows K. P. Burnham and D. R. Anderson, Model Selection and Multimodel Inference, 2nd ed., Springer 2002, section 2.5 (QAIC).
     """
     known = [r for r in rows if "deviance" in r]
     if not known:

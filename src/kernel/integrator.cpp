@@ -163,8 +163,7 @@ bool Integrator::attempt(Outputs& out, double& next) {
     inside_ = watch || (out.next < out.n && out.t[out.next] <= end_);
     const double left = input_error();
     if (left > o_.input_atol) {
-        hold_ = h_ * std::max(0.2, 0.8 * std::pow(o_.input_atol / left, 0.4));
-        next = hold_;
+        hold_ = h_ * std::max(0.2, 0.8 * std::pow(o_.input_atol / left, 0.4));  // the caller's next stands
         return false;
     }
     if (np_ > 0) {
@@ -238,36 +237,32 @@ void Integrator::advance(double t_end, Outputs& out) {
         if ((r_->steps + r_->rejected) % 1000 == 999 && o_.poll) o_.poll();
         while (stops[stop] <= t_) ++stop;
         const double room = stops[stop] - t_;
-        if (pending_ < 0) next = std::min(std::min(next, limit), std::max(hold_, 0.0));
         h_ = next;
-        end_ = t_ + h_;
         clipped_ = false;
+        double knot = -1.0;
         if (pending_ < 0) {
-            if (hold_ < std::numeric_limits<double>::infinity() && h_ < room) {
-                // Where the inputs limit the step to about one sample, end it on a knot: there nothing is left over.
-                double knot = std::numeric_limits<double>::infinity();
+            wish = h_ = std::min(next, limit);
+            if (hold_ < h_) {
+                // Up to the next knot nothing is left over; where the inputs allow about one sample, end the step there.
+                knot = std::numeric_limits<double>::infinity();
                 for (int k = 0; k < nk_; ++k)
                     if (p_.inputs[k].sampled()) knot = std::min(knot, p_.inputs[k].next_knot(t_, hint_[k]));
-                if (knot - t_ <= h_ && h_ < 2.0 * (knot - t_)) {
-                    h_ = knot - t_;
-                    end_ = knot;
-                    clipped_ = true;
-                } else if (h_ < knot - t_ && knot < stops[stop] && hold_ <= h_) {
-                    h_ = knot - t_;
-                    end_ = knot;
-                }
+                h_ = hold_ < 2.0 * (knot - t_) ? std::min(h_, knot - t_) : hold_;
+                clipped_ = h_ < wish;
             }
+        }
+        end_ = h_ == knot - t_ ? knot : t_ + h_;
+        if (pending_ < 0) {
             if (h_ > 0.99 * room) {
-                clipped_ = h_ > room;
+                clipped_ = clipped_ || h_ > room;
                 h_ = room;
                 end_ = stops[stop];
-            } else if (h_ > 0.5 * room && end_ != stops[stop] && !clipped_) {
+            } else if (h_ > 0.5 * room && end_ != knot) {
                 h_ = 0.5 * room;  // no tiny step before a break
                 end_ = t_ + h_;
                 clipped_ = true;
             }
         }
-        wish = next;
         if (!attempt(out, next)) {
             ++r_->rejected;
             continue;

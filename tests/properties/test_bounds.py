@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from oracle import si
-from strategies import TIGHT, Case, cases, random_models
 
 import thermid as td
+from oracle import si
+from strategies import TIGHT, Case, cases, random_models
 
 SLACK = 1e-6  # ten times what the tight tolerance lets a step err, in kelvin
 

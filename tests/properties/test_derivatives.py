@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import strategies as st
-from oracle import si
-from strategies import DURATION, LOADS, Case, cases, random_models
 
 import thermid as td
+from oracle import si
+from strategies import DURATION, LOADS, Case, cases, random_models
 from thermid.simulation.engine import Engine, Options
 from thermid.simulation.wiring import Wiring
 
@@ -63,7 +63,9 @@ def test_jacobian_and_parameter_derivatives_of_the_right_hand_side(case: Case, a
         above, below = (engine.rhs(wiring.assemble(x + s * move), temperatures, at[1])[0] for s in (1, -1))
         difference = (above - below) / (2 * h)
         scale = max(abs(x[k]), 1.0)  # compared as watts per relative change
-        np.testing.assert_allclose(scale * slopes[:, k], scale * difference, rtol=0, atol=1e-5 * (1 + np.abs(scale * difference).max()), err_msg=name)
+        np.testing.assert_allclose(
+            scale * slopes[:, k], scale * difference, rtol=0, atol=1e-5 * (1 + np.abs(scale * difference).max()), err_msg=name
+        )
 
 
 @random_models(25, case=cases(loads=SMOOTH, nodes=5, depth=1), pick=st.lists(st.integers(0, 200), min_size=3, max_size=3, unique=True))
@@ -85,4 +87,6 @@ def test_sensitivities_of_temperatures(case: Case, pick: list[int]) -> None:
         move[k] = h
         difference = (run(x + move)[0] - run(x - move)[0]) / (2 * h)
         scale = max(abs(x[k]), 1.0)  # kelvins per relative change
-        np.testing.assert_allclose(scale * slopes[:, :, k], scale * difference, rtol=0, atol=1e-4 * (1 + np.abs(scale * difference).max()), err_msg=name)
+        np.testing.assert_allclose(
+            scale * slopes[:, :, k], scale * difference, rtol=0, atol=1e-4 * (1 + np.abs(scale * difference).max()), err_msg=name
+        )

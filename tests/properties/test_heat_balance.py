@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
-from oracle import Oracle, flatten
-from strategies import DURATION, SWITCHED, Case, cases, random_models
 
 import thermid as td
+from oracle import Oracle, flatten
+from strategies import DURATION, SWITCHED, Case, cases, random_models
 
 
 @random_models(70, case=cases(loads=SWITCHED))
@@ -19,7 +21,7 @@ def test_balance_of_every_node_by_quadrature(case: Case) -> None:
     """Flows and powers of the solution, integrated over six Gauss points a stretch, against the heat each node has taken up."""
     model, scenario = case.model, case.run()
     first = td.simulate(model, scenario)
-    flat, names = flatten(case.deck)
+    flat, _ = flatten(case.deck)
     switched = [t for t, _ in first.statistics["switchings"]]
     times, weights = _gauss(sorted({*Oracle(flat, {**case.scenario, "initial": {}}).breaks(DURATION), *switched}))
     solution = td.simulate(model, scenario, times=np.concatenate(([0.0], times, [DURATION])))
@@ -46,9 +48,9 @@ def _gauss(edges: list[float]) -> tuple[np.ndarray, np.ndarray]:
     fractions = np.array([0.0, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
     point, weight = np.polynomial.legendre.leggauss(6)
     times, weights = [], []
-    for a, b in zip(edges, edges[1:], strict=False):
+    for a, b in pairwise(edges):
         grid = a + (b - a) * fractions
-        for low, high in zip(grid, grid[1:], strict=False):
+        for low, high in pairwise(grid):
             times.append(low + (high - low) * (point + 1) / 2)
             weights.append(weight * (high - low) / 2)
     return np.concatenate(times), np.concatenate(weights)

@@ -6,9 +6,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from strategies import SWITCHED, Case, Deck, build, cases, decks, random_models
 
 import thermid as td
+from strategies import SWITCHED, Case, Deck, build, cases, decks, random_models
 
 
 def _parts(model: td.Model, prefix: str = "") -> list[str]:

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
-from oracle import si
 from scipy.linalg import expm
-from strategies import DURATION, LINEAR, TIGHT, Case, Deck, build, cases, decks, random_models
 
 import thermid as td
+from oracle import si
+from strategies import DURATION, LINEAR, TIGHT, Case, Deck, build, cases, decks, random_models
 
 TIMES = np.linspace(0.0, DURATION, 13)
 
@@ -37,7 +37,10 @@ def test_heat_here_read_there_is_heat_there_read_here(case: Case, pick: tuple[in
     nodes = list(case.deck["nodes"])
     a, b = (nodes[k % len(nodes)] for k in pick)
     options = replace(TIGHT, relative=0.0)
-    runs = [td.simulate(build(_with_power(case.deck, n, w)), case.run(), times=TIMES, options=options) for n, w in ((a, 0.0), (a, 5.0), (b, 5.0))]
+    runs = [
+        td.simulate(build(_with_power(case.deck, n, w)), case.run(), times=TIMES, options=options)
+        for n, w in ((a, 0.0), (a, 5.0), (b, 5.0))
+    ]
     there, here = runs[1][b].kelvin - runs[0][b].kelvin, runs[2][a].kelvin - runs[0][a].kelvin
     np.testing.assert_allclose(there, here, rtol=0, atol=1e-6 * (1 + np.abs(here).max()))
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
-from oracle import DECK_TABLES, flatten
-from strategies import LOADS, TIGHT, Case, Deck, build, cases, random_models
 
 import thermid as td
+from oracle import DECK_TABLES, flatten
+from strategies import LOADS, TIGHTER, Case, Deck, build, cases, random_models
 
 SAME = 1e-7  # sums in another order differ by rounding only, which a step of the integrator may answer within its tolerance, in kelvin
 
@@ -20,11 +20,15 @@ def _renamed(deck: Deck, scenario: dict[str, Any], names: dict[str, str]) -> tup
     swap = lambda given: names.get(given, given)  # noqa: E731
     out: Deck = {**deck, "needs": [swap(n) for n in deck["needs"]], "nodes": {swap(n): v for n, v in deck["nodes"].items()}}
     if "surfaces" in deck:
-        out["surfaces"] = {n: {k: swap(v) if k in ("of", "to", "radiates_to") else v for k, v in s.items()} for n, s in deck["surfaces"].items()}
+        out["surfaces"] = {
+            n: {k: swap(v) if k in ("of", "to", "radiates_to") else v for k, v in s.items()} for n, s in deck["surfaces"].items()
+        }
     if "conductors" in deck:
         out["conductors"] = {n: {**c, "between": [swap(e) for e in c["between"]]} for n, c in deck["conductors"].items()}
     if "joints" in deck:
-        out["joints"] = {n: {**j, **({"gap": {**j["gap"], "to": swap(j["gap"]["to"])}} if "gap" in j else {})} for n, j in deck["joints"].items()}
+        out["joints"] = {
+            n: {**j, **({"gap": {**j["gap"], "to": swap(j["gap"]["to"])}} if "gap" in j else {})} for n, j in deck["joints"].items()
+        }
     if "loads" in deck:
         out["loads"] = {n: {**q, "into": swap(q["into"])} for n, q in deck["loads"].items()}
         for q in out["loads"].values():
@@ -49,8 +53,8 @@ def test_other_names_and_another_order_change_nothing(case: Case, seed: int) -> 
             shuffle.shuffle(entries)
             other[table] = dict(entries)
     shuffle.shuffle(other["needs"])
-    before = td.simulate(build(deck), td.Scenario("before", **scenario), options=TIGHT)
-    after = td.simulate(build(other), td.Scenario("after", **other_scenario), options=TIGHT)
+    before = td.simulate(build(deck), td.Scenario("before", **scenario), options=TIGHTER)
+    after = td.simulate(build(other), td.Scenario("after", **other_scenario), options=TIGHTER)
     worst = max(float(np.abs(before[n].kelvin - after[new.get(n, n)].kelvin).max()) for n in names.values())
     assert worst < SAME
 
@@ -63,8 +67,8 @@ def _mids(deck: Deck) -> set[str]:
 def test_nested_and_flat_models_have_the_same_temperatures(case: Case) -> None:
     deck, names = flatten(case.deck)
     scenario = {**case.scenario, "initial": {names[n]: v for n, v in case.scenario["initial"].items()}}
-    nested = td.simulate(case.model, case.run(), options=TIGHT)
-    flat = td.simulate(build(deck), td.Scenario("flat", **scenario), options=TIGHT)
+    nested = td.simulate(case.model, case.run(), options=TIGHTER)
+    flat = td.simulate(build(deck), td.Scenario("flat", **scenario), options=TIGHTER)
     assert set(nested.nodes) == set(names)
     worst = max(float(np.abs(nested[path].kelvin - flat[name].kelvin).max()) for path, name in names.items())
     assert worst < SAME

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
-from strategies import random_models
 
 import thermid as td
+from strategies import random_models
 
 # a slot, the decimal shift from its unit to another one, and both units as written
 SLOTS = {
@@ -30,7 +30,13 @@ def _deck(values: dict[str, str]) -> dict[str, Any]:
         "parameters": {"side": values["area"]},
         "nodes": {"plate": {"mass": values["mass"], "specific_heat": values["specific_heat"]}, "back": {}},
         "conductors": {
-            "wall": {"kind": "conduction", "between": ["plate", "back"], "conductivity": values["conductivity"], "area": "side", "thickness": values["thickness"]}
+            "wall": {
+                "kind": "conduction",
+                "between": ["plate", "back"],
+                "conductivity": values["conductivity"],
+                "area": "side",
+                "thickness": values["thickness"],
+            }
         },
         "surfaces": {"skin": {"of": "back", "to": "air", "area": "2*side", "htc": values["htc"]}},
         "loads": {"heat": {"into": "plate", "power": values["power"]}},
@@ -40,7 +46,9 @@ def _deck(values: dict[str, str]) -> dict[str, Any]:
 decimals = st.tuples(st.integers(1, 10**17), st.integers(-22, -12)).map(lambda d: Decimal(d[0]).scaleb(d[1]))
 
 
-@random_models(100, numbers=st.fixed_dictionaries(dict.fromkeys(SLOTS, decimals)), pick=st.fixed_dictionaries(dict.fromkeys(SLOTS, st.integers(0, 2))))
+@random_models(
+    100, numbers=st.fixed_dictionaries(dict.fromkeys(SLOTS, decimals)), pick=st.fixed_dictionaries(dict.fromkeys(SLOTS, st.integers(0, 2)))
+)
 def test_another_unit_is_the_same_network_bit_for_bit(numbers: dict[str, Decimal], pick: dict[str, int]) -> None:
     plain = {slot: f"{numbers[slot]} [{SLOTS[slot][0]}]" for slot in SLOTS}
     other = {}
@@ -68,6 +76,9 @@ def test_celsius_is_rounded_once(number: tuple[int, int]) -> None:
 def test_hours_and_seconds_give_the_same_bits() -> None:
     values = {slot: f"0.7 [{unit}]" for slot, (unit, _) in SLOTS.items()}
     model = td.model_from_dict(_deck(values))
-    runs = [td.simulate(model, td.Scenario("x", boundaries={"air": "24 [degC]"}, duration=d)).temperatures for d in ("1.5 [h]", "5400 [s]", "90 [min]")]
+    runs = [
+        td.simulate(model, td.Scenario("x", boundaries={"air": "24 [degC]"}, duration=d)).temperatures
+        for d in ("1.5 [h]", "5400 [s]", "90 [min]")
+    ]
     assert np.array_equal(runs[0], runs[1])
     assert np.array_equal(runs[0], runs[2])

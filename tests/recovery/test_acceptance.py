@@ -139,6 +139,7 @@ class TestM1:
         return fit(Request(accelerometer("1.00"), (data,), ("factor",))).values
 
     def test_a_log_in_sixteenths_gives_an_unbiased_fit(self) -> None:
+        # ten of these logs were once refused: looked at with an integrator that follows a noisy room to 1e-7 K, it ran out of steps
         air = ICE + 24.0 + 0.35 * np.sin(2 * np.pi * self.TIMES / 15000.0)
         found = [self.fitted(air, seed)["factor"] for seed in range(24)]
         deviations = np.array([f.value - 1.08 for f in found])

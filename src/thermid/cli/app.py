@@ -48,6 +48,9 @@ def main() -> None:
         _fail(error, as_json)
     except OSError as error:
         _fail(ThermidError(f"{error.strerror or error}: '{Path(str(error.filename)).name}'."), as_json)
+    except ImportError as error:
+        # netCDF and the report page stand on packages that a plain installation does not bring
+        _fail(ThermidError(f"{str(error).strip(' .')}. Install thermid with its extras: thermid[report,export]."), as_json)
     except Exception as error:
         if not hasattr(error, "format_message"):
             raise

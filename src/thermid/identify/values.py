@@ -66,15 +66,19 @@ class FittedValue:
         tree = ast.parse(repr(abs(plain)), mode="eval").body
         return Parameter(Expression(text, (), Literal(self.value, of), tree), source="", note=self.origin)
 
-    def shown(self, number: float) -> float:
-        """Return an SI number or difference in the value's unit."""
-        return number / float(unit(self.unit).factor)
+    def shown(self, difference: float) -> float:
+        """Return an SI difference, such as an error, in the value's unit."""
+        return difference / float(unit(self.unit).factor)
+
+    def converted(self, number: float) -> float:
+        """Return an SI number, such as a bound, in the value's unit."""
+        of = unit(self.unit)
+        return (number - float(of.offset)) / float(of.factor)
 
     @property
     def in_unit(self) -> float:
         """The value in its unit."""
-        of = unit(self.unit)
-        return (self.value - float(of.offset)) / float(of.factor)
+        return self.converted(self.value)
 
 
 @dataclass(frozen=True, eq=False)

@@ -144,6 +144,10 @@ def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]
         form = "table"
     elif "thermostat.on_below" in f:
         form, rest = "thermostat", (f["thermostat.on_below"], f["thermostat.off_above"])
+        if value_of(rest[0]) == value_of(rest[1]):
+            raise DeckError(
+                "the thermostat switches on and off at one temperature, without end. Set off_above some kelvin higher.", load.where
+            )
         if value_of(rest[0]) > value_of(rest[1]):
             raise DeckError(
                 "the thermostat switches on above the temperature where it switches off. Exchange on_below and off_above.", load.where

@@ -173,7 +173,8 @@ class Engine:
 
     def _message(self, found: Any, options: Options, end: float) -> str:
         """Return what ran out, when, where and what to change."""
-        node = f" at '{self.nodes[found.node]}'" if 0 <= found.node < len(self.nodes) else ""
+        names = (*self.nodes, *self.wiring.network.boundaries)
+        node = f" at '{names[found.node]}'" if 0 <= found.node < len(names) else ""
         when = f"at {found.time:.6g} s of {end:.6g} s{node}"
         words = {
             _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger tolerance.",
@@ -182,6 +183,7 @@ class Engine:
             _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
             _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave.",
             _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
+            _kernel.BAD_INPUT: f"a temperature must lie above 0 K and every number be finite, which does not hold {when}. Look there.",
             _kernel.CHATTER: f"a thermostat switches without end {when}. Widen its hysteresis.",
         }
         return words.get(found.status, f"the run stopped {when}.")

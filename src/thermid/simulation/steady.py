@@ -27,7 +27,7 @@ LARGEST_MOVE = 100.0
 def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array]:
     """Return the steady temperatures (nodes,) [K] with the inputs of one time held, and their derivatives (nodes, free).
 
-    Newton's method with steps limited to 100 K, which radiation and natural convection need.
+    Newton's method with steps of at most 100 K, shortened where they would leave more heat over.
 
     Raises
     ------
@@ -47,9 +47,9 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
             step = np.full(temperatures.shape, np.nan)
         if not np.isfinite(step).all() or np.linalg.cond(jacobian) > 1e15:
             raise SolverError(_no_steady(engine, a), where)
-        step *= min(1.0, LARGEST_MOVE / max(float(np.abs(step).max()), 1e-300))
-        temperatures = np.maximum(temperatures + step, 0.1)
-        if np.abs(step).max() < CLOSE * max(1.0, float(np.abs(temperatures).max())):
+        close = float(np.abs(step).max()) < CLOSE * max(1.0, float(np.abs(temperatures).max()))
+        temperatures = _moved(engine, a, time, temperatures, step, float(np.linalg.norm(heat)))
+        if close:
             unstable = np.linalg.eigvals(jacobian).real.max() > 0
             if unstable:
                 raise SolverError("the balance found is not stable: a power grows faster with temperature than the heat can leave.", where)
@@ -59,6 +59,16 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
     if any(row.form == "thermostat" for row in a.numbers.loads):
         raise SolverError("no steady state was found: a thermostat keeps switching. Simulate, and take the mean of a late period.", where)
     raise SolverError("no steady state was found; a power may run away with temperature.", where)
+
+
+def _moved(engine: Engine, a: Assembled, time: float, temperatures: Array, step: Array, imbalance: float) -> Array:
+    """Return the temperatures after a step, shortened until less heat is left over: heaters with a knee would make whole steps cycle."""
+    whole = step * min(1.0, LARGEST_MOVE / max(float(np.abs(step).max()), 1e-300))
+    for halving in range(20):
+        moved: Array = np.maximum(temperatures + 0.5**halving * whole, 0.1)
+        if np.linalg.norm(engine.rhs(a, moved, time)[0]) < imbalance:
+            return moved
+    return np.maximum(temperatures + whole, 0.1)
 
 
 def _no_steady(engine: Engine, a: Assembled) -> str:

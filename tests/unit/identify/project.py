@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from unit.identify.bench import HTC, MASS, box, log, pair
 
 from thermid.measure import Record
 from thermid.model.modelfile import save_model
+from unit.identify.bench import HTC, MASS, box, log, pair
 
 PAIR_DECK = """
 title  = "Pair"

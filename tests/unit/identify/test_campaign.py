@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from unit.identify.bench import HTC, MASS
-from unit.identify.project import CAMPAIGN, make_project
 
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
 from thermid.identify.campaignfile import read_campaign
 from thermid.identify.stages import Campaign, run_stages
 from thermid.identify.values import load_values
+from unit.identify.bench import HTC, MASS
+from unit.identify.project import CAMPAIGN, make_project
 
 JOINT = "stack.contact_conductance"
 FIXED = 'as = "fixed"'
@@ -136,7 +136,11 @@ class TestInheritance:
         assert f"'a.{HTC}' is 5.5 [W/(m^2 K)] by [set] of Pair, which hides what stage 'box' found." in found.warnings
 
     def test_the_model_itself_by_a_dot(self, project: Path) -> None:
-        changed(project, ('model   = "pair.toml"', 'model   = "box.toml"'), ('records = ["pair_one"]', 'records = ["pair_one"]\nbind = { T_A = "case", ROOM = "air" }\nignore = ["T_B"]'))
+        changed(
+            project,
+            ('model   = "pair.toml"', 'model   = "box.toml"'),
+            ('records = ["pair_one"]', 'records = ["pair_one"]\nbind = { T_A = "case", ROOM = "air" }\nignore = ["T_B"]'),
+        )
         changed(project, ('["stack.contact_conductance"]', '["power"]'), ("{ a = {", '{ "." = {'))
         changed(project, ('record   = "pair_two"', 'record   = "pair_two"'))
         text = project.read_text()
@@ -157,7 +161,12 @@ BAD = [
     ('title = "Two levels"', 'titel = "Two levels"', None, r"campaign\.toml:2, titel: 'titel' is no field here\. Did you mean 'title'"),
     ('get      = "Run', 'gett     = "Run', "gett ", r"records\.box_bench\.gett: 'gett' is no field here\. Did you mean 'get'"),
     ('model   = "pair.toml"\n', "", "[[stages]]", r"stages\.1\.model: is missing"),
-    ('stage = "box", as', 'stage = "bux", as', "inherit", r"'a' inherits from stage 'bux', which does not come before\. Did you mean 'box'"),
+    (
+        'stage = "box", as',
+        'stage = "bux", as',
+        "inherit",
+        r"'a' inherits from stage 'bux', which does not come before\. Did you mean 'box'",
+    ),
     ('stage = "box", as', 'stage = "pair", as', "inherit", r"'a' inherits from stage 'pair', which does not come before"),
     ('name    = "pair"', 'name    = "box"', "[[stages]]", r"two stages are named 'box'"),
     ('name    = "pair"', 'name    = ""', 'name    = ""', r"a stage needs a name"),
@@ -165,7 +174,12 @@ BAD = [
     ('records = ["pair_one"]', 'records = ["pair_won"]', "[[stages]]", r"no record 'pair_won'\. Did you mean 'pair_two'"),
     ('records = ["pair_one"]', 'records = ["bench_*"]', "[[stages]]", r"no record 'bench_\*'"),
     ('record   = "pair_two"', 'record   = "pair_tow"', "[[verdicts]]", r"no record 'pair_tow'\. Did you mean 'pair_two'"),
-    ('"logs/box_bench.csv"', '"logs/gone.csv"', "[records.box_bench]", r"no log 'logs/gone\.csv' in the folder given by --data or THERMID_DATA\. Run the test\."),
+    (
+        '"logs/box_bench.csv"',
+        '"logs/gone.csv"',
+        "[records.box_bench]",
+        r"no log 'logs/gone\.csv' in the folder given by --data or THERMID_DATA\. Run the test\.",
+    ),
     ('"logs/pair_*.csv"', '"logs/nothing_*.csv"', "[records.pairs]", r"no log 'logs/nothing_\*\.csv'"),
     ('"logs/box_bench.csv"', '"../box_bench.csv"', "[records.box_bench]", r"'\.\./box_bench\.csv' leaves the project"),
     ('"logs/pair_*.csv"', '"../logs/pair_*.csv"', "[records.pairs]", r"leaves the project"),
@@ -173,25 +187,65 @@ BAD = [
     ('model   = "pair.toml"', 'model   = "pear.toml"', None, r"there is no file 'pear\.toml'.*Did you mean 'pair\.toml'"),
     ('file     = "logs/box_bench.csv"\n', "", "[records.box_bench]", r"a record has `file`, or `files` with patterns; one of them"),
     ('free    = ["stack.contact_conductance"]', 'free    = ["stack.contact"]', "[[stages]]", r"no parameter 'stack\.contact'"),
-    ("T_A = { node = \"case\"", "T_X = { node = \"case\"", "[records.box_bench]", r"no column 'T_X'.*Did you mean 'T_A'"),
-    ('time     = "time_s"\nchannels = { T_A = { node = "case"', 'time     = "t_s"\nchannels = { T_A = { node = "case"', "[records.box_bench]", r"no column 't_s'"),
-    ('accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }', 'accuracy = "0.3 [W]" }, ROOM = { boundary = "air" }', "[records.box_bench]", r"\[W\]"),
+    ('T_A = { node = "case"', 'T_X = { node = "case"', "[records.box_bench]", r"no column 'T_X'.*Did you mean 'T_A'"),
+    (
+        'time     = "time_s"\nchannels = { T_A = { node = "case"',
+        'time     = "t_s"\nchannels = { T_A = { node = "case"',
+        "[records.box_bench]",
+        r"no column 't_s'",
+    ),
+    (
+        'accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }',
+        'accuracy = "0.3 [W]" }, ROOM = { boundary = "air" }',
+        "[records.box_bench]",
+        r"\[W\]",
+    ),
     ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', "[[verdicts]]", r"there is no criterion 'rms'\. Did you mean 'rmse'"),
     ('{ rmse = "0.5 [K]" }', "{ }", "[[verdicts]]", r"no criterion is given for 'T_A'"),
-    ("[[verdicts]]", 'priors = { "stack.contact_conductance" = { mean = "150 [W]", sd = "1 [W]" } }\n\n[[verdicts]]', "[[stages]]", r"priors\.stack\.contact_conductance"),
-    ("[[verdicts]]", 'loss = "hubert"\n\n[[verdicts]]', "loss", r"stages\.1\.loss: input should be 'linear', 'soft_l1', 'huber' or 'cauchy'"),
+    (
+        "[[verdicts]]",
+        'priors = { "stack.contact_conductance" = { mean = "150 [W]", sd = "1 [W]" } }\n\n[[verdicts]]',
+        "[[stages]]",
+        r"priors\.stack\.contact_conductance",
+    ),
+    (
+        "[[verdicts]]",
+        'loss = "hubert"\n\n[[verdicts]]',
+        "loss",
+        r"stages\.1\.loss: input should be 'linear', 'soft_l1', 'huber' or 'cauchy'",
+    ),
     ("[[verdicts]]", 'window = "5 [K]"\n\n[[verdicts]]', "[[stages]]", r"a time \[s\] is needed here"),
     ("[[verdicts]]", "weights = { T_C = 0.5 }\n\n[[verdicts]]", "[[stages]]", r"a weight is given for 'T_C', which is no sensor here"),
     ("[[verdicts]]", 'ignore = ["T_C"]\n\n[[verdicts]]', "[[stages]]", r"no channel 'T_C'"),
     ("[[verdicts]]", 'bind = { T_C = "a.case" }\n\n[[verdicts]]', "[[stages]]", r"no channel 'T_C'"),
-    ("[[verdicts]]", 'bind = { T_A = { nod = "a.case" } }\n\n[[verdicts]]', "[[stages]]", r"a binding has one of node, boundary, load and command.*not nod"),
+    (
+        "[[verdicts]]",
+        'bind = { T_A = { nod = "a.case" } }\n\n[[verdicts]]',
+        "[[stages]]",
+        r"a binding has one of node, boundary, load and command.*not nod",
+    ),
     ("[[verdicts]]", 'bind = { T_A = { node = "a.case", noise = "1 [K]" } }\n\n[[verdicts]]', "[[stages]]", r"not node, noise"),
     ("[[verdicts]]", 'readings = { room = "T_C" }\n\n[[verdicts]]', "[[stages]]", r"no channel 'T_C'"),
     ("[[verdicts]]", 'local = { room = { sd = "1 [K]" } }\n\n[[verdicts]]', None, r"local\.room\.start: is missing"),
     ("[[verdicts]]", "prepare = []\n\n[[verdicts]]", "prepare", r"stages\.1\.prepare: 'prepare' is no field here"),
-    ("[records.pairs]", '[checksums]\nbox_bensch = "00"\n\n[records.pairs]', None, r"a checksum is given for 'box_bensch', which is no record\. Did you mean 'box_bench'"),
-    ("[records.pairs]", '[checksums]\nbox_bench = "0123456789ab"\n\n[records.pairs]', "[records.box_bench]", r"its samples have the checksum .*, not 0123456789ab"),
-    ("[records.pairs]", '[records.pair_one]\nfile = "logs/box_bench.csv"\nchannels = { T_A = "T_A" }\n\n[records.pairs]', "[records.pairs]", r"two logs give a record 'pair_one'"),
+    (
+        "[records.pairs]",
+        '[checksums]\nbox_bensch = "00"\n\n[records.pairs]',
+        None,
+        r"a checksum is given for 'box_bensch', which is no record\. Did you mean 'box_bench'",
+    ),
+    (
+        "[records.pairs]",
+        '[checksums]\nbox_bench = "0123456789ab"\n\n[records.pairs]',
+        "[records.box_bench]",
+        r"its samples have the checksum .*, not 0123456789ab",
+    ),
+    (
+        "[records.pairs]",
+        '[records.pair_one]\nfile = "logs/box_bench.csv"\nchannels = { T_A = "T_A" }\n\n[records.pairs]',
+        "[records.pairs]",
+        r"two logs give a record 'pair_one'",
+    ),
 ]
 
 
@@ -227,7 +281,9 @@ def test_a_missing_campaign_and_one_that_is_no_toml(tmp_path: Path, project: Pat
 
 @pytest.mark.parametrize("name", ["pa ir", "Pa_ir", "pa/ir"])
 def test_stages_that_would_share_a_file_are_refused(project: Path, name: str) -> None:
-    changed(project, ('name    = "box"', 'name    = "pa_ir"'), ('stage = "box"', 'stage = "pa_ir"'), ('name    = "pair"', f'name    = "{name}"'))
+    changed(
+        project, ('name    = "box"', 'name    = "pa_ir"'), ('stage = "box"', 'stage = "pa_ir"'), ('name    = "pair"', f'name    = "{name}"')
+    )
     assert f"stages 'pa_ir' and '{name}' would be saved under one file name" in str(refused(project))
 
 
@@ -251,7 +307,9 @@ class TestUsedRecords:
 
         text = (project.parent / "logs" / "pair_one.csv").read_bytes()
         (project.parent / "logs" / "pair_new.csv.gz").write_bytes(gzip.compress(text))
-        changed(project, ('"logs/pair_*.csv"', '["logs/pair_*.csv", "logs/pair_*.csv.gz"]'), ('record   = "pair_two"', 'record   = "pair_new"'))
+        changed(
+            project, ('"logs/pair_*.csv"', '["logs/pair_*.csv", "logs/pair_*.csv.gz"]'), ('record   = "pair_two"', 'record   = "pair_new"')
+        )
         assert "record 'pair_new' was used by stage 'pair' as 'pair_one'" in refused(project).message
 
     def test_a_pattern_judges_each(self, project: Path) -> None:
@@ -271,7 +329,9 @@ class TestWhereLogsLie:
         assert run_stages(project).passed
 
     def test_a_data_folder_that_is_not_there(self, project: Path) -> None:
-        with pytest.raises(ThermidError, match=r"campaign\.toml: the data folder 'none' is not there\. Give another with --data or THERMID_DATA"):
+        with pytest.raises(
+            ThermidError, match=r"campaign\.toml: the data folder 'none' is not there\. Give another with --data or THERMID_DATA"
+        ):
             run_stages(project, data=project.parent / "none")
 
     def test_a_link_out_of_the_project_is_refused(self, project: Path, tmp_path: Path) -> None:
@@ -333,20 +393,31 @@ class TestCache:
             ((FIXED, 'as = "prior"'), ["pair"]),
             ((FIXED, 'as = "fixed", only = ["case.mass"]'), ["pair"]),
             (('free    = ["skin.effective_htc", "case.mass"]', 'free    = ["skin.effective_htc"]'), ["box", "pair"]),
-            (('accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }', 'accuracy = "0.4 [K]" }, ROOM = { boundary = "air" }'), ["box", "pair"]),
+            (
+                ('accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }', 'accuracy = "0.4 [K]" }, ROOM = { boundary = "air" }'),
+                ["box", "pair"],
+            ),
             (("[[verdicts]]", 'loss = "huber"\n\n[[verdicts]]'), ["pair"]),
             (("[[verdicts]]", "weights = { T_B = 0.5 }\n\n[[verdicts]]"), ["pair"]),
             (("[[verdicts]]", 'window = "5 [min]"\n\n[[verdicts]]'), ["pair"]),
             (("[[verdicts]]", 'priors = { "stack.contact_conductance" = { sd = "50 [%]" } }\n\n[[verdicts]]'), ["pair"]),
             (("[[verdicts]]", 'scenario = { start = "24.001 [degC]" }\n\n[[verdicts]]'), ["pair"]),
             (("[[verdicts]]", 'local = { "initial.a.case" = { start = "24 [degC]", sd = "1 [K]" } }\n\n[[verdicts]]'), ["pair"]),
-            (('time     = "time_s"\nchannels = { T_A = { node = "a.case"', 'time     = "time_s"\nprepare  = [{ trim = ["1 [min]", "end"] }]\nchannels = { T_A = { node = "a.case"'), ["pair"]),
+            (
+                (
+                    'time     = "time_s"\nchannels = { T_A = { node = "a.case"',
+                    'time     = "time_s"\nprepare  = [{ trim = ["1 [min]", "end"] }]\nchannels = { T_A = { node = "a.case"',
+                ),
+                ["pair"],
+            ),
             (('rmse = "0.5 [K]"', 'rmse = "0.6 [K]"'), []),
             (('title = "Two levels"', 'title = "Other"'), []),
         ],
         ids=lambda c: c[1][:30].strip() if isinstance(c, tuple) else "",
     )
-    def test_what_a_change_of_the_campaign_runs_again(self, project: Path, tmp_path: Path, change: tuple[str, str], again: list[str]) -> None:
+    def test_what_a_change_of_the_campaign_runs_again(
+        self, project: Path, tmp_path: Path, change: tuple[str, str], again: list[str]
+    ) -> None:
         self.runs(project, tmp_path / "r")
         _, second = self.runs(changed(project, change), tmp_path / "r")
         assert second == again

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from unit.identify.bench import HTC, ICE, MASS, box, log, metered, pair, room
 
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
 from thermid.identify.calibrate import calibrate
@@ -16,6 +15,7 @@ from thermid.measure import Channel, Record, read_record
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Table
 from thermid.simulation.scenario import Scenario
+from unit.identify.bench import HTC, ICE, MASS, box, log, metered, pair, room
 
 
 @pytest.fixture(scope="module")

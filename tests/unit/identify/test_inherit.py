@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unit.identify.bench import box, log, pair
 
 from thermid.errors import NameNotFoundError
 from thermid.identify.calibrate import fit
@@ -15,6 +14,7 @@ from thermid.identify.inherit import counted_twice, handed_on
 from thermid.identify.request import Request
 from thermid.measure import Record
 from thermid.model.model import Model
+from unit.identify.bench import box, log, pair
 
 LINEAR = {"parameters/power/min": 0}
 """With zero as its minimum a power is fitted as it is, and every temperature is linear in all that is looked for."""
@@ -76,7 +76,9 @@ def test_two_steps_with_a_prior_are_one_fit_of_all_data(
     np.testing.assert_allclose(two.values.covariance, joint.values.covariance, rtol=0, atol=1e-4 * spread.max() ** 2)
 
 
-def test_the_step_above_learns_more_than_either_alone(stack: Model, records: tuple[Record, Record], below: Calibration, joint: Calibration) -> None:
+def test_the_step_above_learns_more_than_either_alone(
+    stack: Model, records: tuple[Record, Record], below: Calibration, joint: Calibration
+) -> None:
     alone = fit(Request(stack, records[1:], FREE, name="above"))
     for path in FREE:
         assert joint[path].error < min(alone[path].error, below[path].error)

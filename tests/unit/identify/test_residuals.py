@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unit.identify.bench import HTC, MASS, box, log, metered, pair
 
 from thermid.identify.gather import problem_for
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.residuals import FAILED, Problem
 from thermid.measure import Channel
+from thermid.model.modelfile import model_from_dict
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
+from unit.identify.bench import HTC, MASS, box, deck, log, metered, pair
 
 STEP = 3e-5
 EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-7)
@@ -126,10 +127,6 @@ def test_power_law_and_radiation() -> None:
         "surfaces/skin/htc": {"coefficient": "2 [W/(m^2 K)]", "exponent": 0.25},
         "surfaces/skin/emissivity": {"value": "0.6", "min": 0.05, "max": 1},
     }
-    from unit.identify.bench import deck
-
-    from thermid.model.modelfile import model_from_dict
-
     made = deck(changes)
     del made["surfaces"]["skin"]["effective_htc"]
     model = model_from_dict(made)

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unit.identify.bench import HTC, MASS, box, log, metered
 
 from thermid.errors import IdentificationError, UnitError
 from thermid.identify.calibrate import calibrate
 from thermid.identify.calibration import Calibration
 from thermid.identify.validate import Criteria, validate
 from thermid.measure import Record
+from unit.identify.bench import HTC, MASS, box, log, metered
 
 
 def run(name: str, seed: int, **more: object) -> Record:
@@ -23,7 +23,9 @@ def run(name: str, seed: int, **more: object) -> Record:
 
 @pytest.fixture(scope="module")
 def found() -> Calibration:
-    return calibrate(box(), [run("a", 1), run("b", 2, loads={"heat": 4.0}, start="45 [degC]")], [HTC, MASS], priors={MASS: ("1.5 [kg]", "1 [%]")})
+    return calibrate(
+        box(), [run("a", 1), run("b", 2, loads={"heat": 4.0}, start="45 [degC]")], [HTC, MASS], priors={MASS: ("1.5 [kg]", "1 [%]")}
+    )
 
 
 WIDE = Criteria(rmse="1 [K]")

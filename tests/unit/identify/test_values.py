@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from unit.identify.bench import HTC, MASS, box, log, metered, pair
 
 from thermid.errors import DeckError, NameNotFoundError
 from thermid.identify.calibrate import calibrate
 from thermid.identify.calibration import Calibration
 from thermid.identify.values import FittedValue, FittedValues, load_values
 from thermid.model.modelfile import load_model, save_model
+from unit.identify.bench import HTC, MASS, box, log, metered, pair
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,9 @@ def test_tied_instances_are_all_assigned() -> None:
     found = calibrate(stack, data, ["a.case.mass"])
     assert list(found.values.assignments) == ["a.case.mass", "b.case.mass"]
     fitted = found.fitted_model
-    assert fitted.at("b.case.mass").expression.literal.value == fitted.at("a.case.mass").expression.literal.value == found["a.case.mass"].value
+    assert (
+        fitted.at("b.case.mass").expression.literal.value == fitted.at("a.case.mass").expression.literal.value == found["a.case.mass"].value
+    )
 
 
 def test_names(found: Calibration) -> None:
@@ -91,7 +93,7 @@ def test_names(found: Calibration) -> None:
         lambda t: "not = a values file",
         lambda t: "",
         lambda t: t.replace("covariance = [[", "covariance = [["[:-1] + "[1.0, "),
-        lambda t: t.replace('bounds = [', 'bounds = "wide" # [', 1),
+        lambda t: t.replace("bounds = [", 'bounds = "wide" # [', 1),
         lambda t: "\x00\x01",
     ],
 )

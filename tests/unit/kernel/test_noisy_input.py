@@ -107,6 +107,14 @@ def test_within_the_target(nonlinear: bool) -> None:
     np.testing.assert_allclose(plain.traces, r.traces[:, :12], rtol=0, atol=1e-11)
 
 
+def test_tight_tolerance_from_a_start_at_ambient() -> None:
+    """At dT = 0 the convection law bends most: the steps fall back to the samples and still advance."""
+    u = ambient(n=601)
+    r = bench(True, u).run(np.arange(601.0), input_atol=1e-6, atol=1e-8, rtol=1e-9, max_steps=5000)
+    assert r.status == k.OK
+    assert np.abs(r.traces - independent(True, u)).max() < 1e-5
+
+
 def test_held_samples_that_change_too_often_for_breaks() -> None:
     u = ambient(2)
     u = u + 1e-6 * np.arange(len(u))  # every sample differs: more than 5000 changes

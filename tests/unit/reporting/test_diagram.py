@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Any
 
 import pytest
@@ -174,7 +174,7 @@ def test_a_temperature_of_no_node_is_refused(box: td.Model) -> None:
 def test_rows_and_boxes_do_not_overlap_and_boxes_hold_their_parts(nested: td.Model) -> None:
     plan = arrange(flatten(nested), {}, {})
     rows = sorted(plan.rows.values(), key=lambda r: r.y)
-    assert all(a.y + a.height < b.y for a, b in zip(rows, rows[1:], strict=False))
+    assert all(a.y + a.height < b.y for a, b in pairwise(rows))
     boxes = list(plan.root.boxes())
     assert {b.prefix for b in boxes} == {"", "imu.", "imu.x.", "imu.y.", "imu.z.", "ele.", "ele.a.", "ele.b."}
     for outer, inner in combinations(boxes, 2):
