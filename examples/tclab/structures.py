@@ -37,7 +37,8 @@ KNEE = 5.0
 GRID = 5.0
 SENSORS = ("T1_C", "T2_C")
 ROOM = {"start": "T1_C", "sd": "0.5 [K]"}
-SLOW = {"start": "T1_C", "sd": "1 [K]"}
+WALLS = LocalSpec("23 [degC]", 3.0)
+"""Of a hot start: the walls of a box are nearer the room than the board is, whose start the campaign gives."""
 LOOSE = td.Criteria(rmse="100 [K]")
 """Limits that nothing misses: here the figures count, the campaign judges."""
 
@@ -87,18 +88,19 @@ def scenario(which: Candidate) -> td.Scenario:
 
 def request(source: CampaignSource, which: Candidate, records: Sequence[td.Record]) -> Request:
     """Return the joint fit with the noise, the priors and the loss of the campaign."""
-    local = {"room": ROOM} | {f"initial.{n}": SLOW for n in which.slow}
     own: dict[str, dict[str, LocalSpec]] = {}
     for record in records:
         of = source.local_of_record(record.name)
         board = of.pop("initial.pcb", None)
-        own[record.name] = of | ({f"initial.{n}": board for n in which.slow} if board is not None else {})
+        if board is not None:
+            of |= {f"initial.{n}": WALLS if n == "box" and len(which.slow) > 1 else board for n in which.slow}
+        own[record.name] = of
     return Request(
         which.model,
         tuple(records),
         which.free,
         {"*": scenario(which)},
-        {n: LocalSpec.read(t, n) for n, t in local.items()},
+        {"room": LocalSpec.read(ROOM, "room")},
         record_local=own,
         untie=True,
         loss="soft_l1",

@@ -46,7 +46,8 @@ class TestCheck:
     def test_a_deck_that_can_be_read_and_not_used(self, call: Call, tmp_path: Path) -> None:
         deck = tmp_path / "deck.toml"
         deck.write_text(
-            'title = "X"\nneeds = ["air"]\n[nodes]\ncase = { capacitance = "1 [J/K]" }\nlone = {}\n[loads]\nq = { into = "case", power = "1 [W]" }\n'
+            'title = "X"\nneeds = ["air"]\n[nodes]\ncase = { capacitance = "1 [J/K]" }\nlone = {}\n'
+            '[loads]\nq = { into = "case", power = "1 [W]" }\n'
         )
         said = call("check", deck, "--json")
         assert said.code == 2

@@ -39,7 +39,11 @@ get      = "Run the test."
 [records.pairs]
 files    = "logs/pair_*.csv"
 time     = "time_s"
-channels = { T_A = { node = "a.case", noise = "0.05 [K]", accuracy = "0.3 [K]" }, T_B = { node = "b.case", noise = "0.05 [K]" }, ROOM = { boundary = "room" } }
+
+[records.pairs.channels]
+T_A  = { node = "a.case", noise = "0.05 [K]", accuracy = "0.3 [K]" }
+T_B  = { node = "b.case", noise = "0.05 [K]" }
+ROOM = { boundary = "room" }
 
 [[stages]]
 name    = "box"

@@ -149,10 +149,22 @@ class TestInheritance:
         assert found.fitted_model.at(HTC).expression.literal.value == run_stages(project)["box"][HTC].value
 
     def test_readings_that_are_in_the_prior_already_are_remarked(self, project: Path) -> None:
-        again = '\n[[stages]]\nname = "again"\nmodel = "box.toml"\nrecords = ["box_bench"]\ninherit = { "." = { stage = "box", as = "prior" } }\n'
-        found = run_stages(changed(project, ("\n[[verdicts]]", again + "\n[[verdicts]]")))
+        again = '[[stages]]\nname = "again"\nmodel = "box.toml"\nrecords = ["box_bench"]\n'
+        again += 'inherit = { "." = { stage = "box", as = "prior" } }'
+        found = run_stages(changed(project, before(VERDICTS, again)))
         assert any(w.startswith("record 'box_bench' was fitted by stage 'box' too") for w in found["again"].warnings)
         assert not any("count twice" in w for w in found["pair"].warnings)
+
+
+VERDICTS = "[[verdicts]]"
+PAIRS = "[records.pairs]"
+BENCH = "[records.box_bench]"
+STAGES = "[[stages]]"
+
+
+def before(place: str, text: str) -> tuple[str, str]:
+    """Put a text before a place that is in the campaign once."""
+    return place, f"{text}\n\n{place}"
 
 
 BAD = [
@@ -160,7 +172,7 @@ BAD = [
     ('free    = ["stack', 'fre     = ["stack', "fre ", r"stages\.1\.fre: 'fre' is no field here\. Did you mean 'free'"),
     ('title = "Two levels"', 'titel = "Two levels"', None, r"campaign\.toml:2, titel: 'titel' is no field here\. Did you mean 'title'"),
     ('get      = "Run', 'gett     = "Run', "gett ", r"records\.box_bench\.gett: 'gett' is no field here\. Did you mean 'get'"),
-    ('model   = "pair.toml"\n', "", "[[stages]]", r"stages\.1\.model: is missing"),
+    ('model   = "pair.toml"\n', "", STAGES, r"stages\.1\.model: is missing"),
     (
         'stage = "box", as',
         'stage = "bux", as',
@@ -168,82 +180,59 @@ BAD = [
         r"'a' inherits from stage 'bux', which does not come before\. Did you mean 'box'",
     ),
     ('stage = "box", as', 'stage = "pair", as', "inherit", r"'a' inherits from stage 'pair', which does not come before"),
-    ('name    = "pair"', 'name    = "box"', "[[stages]]", r"two stages are named 'box'"),
+    ('name    = "pair"', 'name    = "box"', STAGES, r"two stages are named 'box'"),
     ('name    = "pair"', 'name    = ""', 'name    = ""', r"a stage needs a name"),
     ('model    = "pair"', 'model    = "pear"', 'model    = "pear"', r"verdicts\.0\.model: no stage 'pear'\. Did you mean 'pair'"),
-    ('records = ["pair_one"]', 'records = ["pair_won"]', "[[stages]]", r"no record 'pair_won'\. Did you mean 'pair_two'"),
-    ('records = ["pair_one"]', 'records = ["bench_*"]', "[[stages]]", r"no record 'bench_\*'"),
-    ('record   = "pair_two"', 'record   = "pair_tow"', "[[verdicts]]", r"no record 'pair_tow'\. Did you mean 'pair_two'"),
+    ('records = ["pair_one"]', 'records = ["pair_won"]', STAGES, r"no record 'pair_won'\. Did you mean 'pair_two'"),
+    ('records = ["pair_one"]', 'records = ["bench_*"]', STAGES, r"no record 'bench_\*'"),
+    ('record   = "pair_two"', 'record   = "pair_tow"', VERDICTS, r"no record 'pair_tow'\. Did you mean 'pair_two'"),
     (
         '"logs/box_bench.csv"',
         '"logs/gone.csv"',
-        "[records.box_bench]",
+        BENCH,
         r"no log 'logs/gone\.csv' in the folder given by --data or THERMID_DATA\. Run the test\.",
     ),
-    ('"logs/pair_*.csv"', '"logs/nothing_*.csv"', "[records.pairs]", r"no log 'logs/nothing_\*\.csv'"),
-    ('"logs/box_bench.csv"', '"../box_bench.csv"', "[records.box_bench]", r"'\.\./box_bench\.csv' leaves the project"),
-    ('"logs/pair_*.csv"', '"../logs/pair_*.csv"', "[records.pairs]", r"leaves the project"),
-    ('model   = "pair.toml"', 'model   = "../pair.toml"', "[[stages]]", r"'\.\./pair\.toml' leaves the project"),
+    ('"logs/pair_*.csv"', '"logs/nothing_*.csv"', PAIRS, r"no log 'logs/nothing_\*\.csv'"),
+    ('"logs/box_bench.csv"', '"../box_bench.csv"', BENCH, r"'\.\./box_bench\.csv' leaves the project"),
+    ('"logs/pair_*.csv"', '"../logs/pair_*.csv"', PAIRS, r"leaves the project"),
+    ('model   = "pair.toml"', 'model   = "../pair.toml"', STAGES, r"'\.\./pair\.toml' leaves the project"),
     ('model   = "pair.toml"', 'model   = "pear.toml"', None, r"there is no file 'pear\.toml'.*Did you mean 'pair\.toml'"),
-    ('file     = "logs/box_bench.csv"\n', "", "[records.box_bench]", r"a record has `file`, or `files` with patterns; one of them"),
-    ('free    = ["stack.contact_conductance"]', 'free    = ["stack.contact"]', "[[stages]]", r"no parameter 'stack\.contact'"),
-    ('T_A = { node = "case"', 'T_X = { node = "case"', "[records.box_bench]", r"no column 'T_X'.*Did you mean 'T_A'"),
+    ('file     = "logs/box_bench.csv"\n', "", BENCH, r"a record has `file`, or `files` with patterns; one of them"),
+    ('free    = ["stack.contact_conductance"]', 'free    = ["stack.contact"]', STAGES, r"no parameter 'stack\.contact'"),
+    ('T_A = { node = "case"', 'T_X = { node = "case"', BENCH, r"no column 'T_X'.*Did you mean 'T_A'"),
     (
         'time     = "time_s"\nchannels = { T_A = { node = "case"',
         'time     = "t_s"\nchannels = { T_A = { node = "case"',
-        "[records.box_bench]",
+        BENCH,
         r"no column 't_s'",
     ),
+    ('accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }', 'accuracy = "0.3 [W]" }, ROOM = { boundary = "air" }', BENCH, r"\[W\]"),
+    ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', VERDICTS, r"there is no criterion 'rms'\. Did you mean 'rmse'"),
+    ('{ rmse = "0.5 [K]" }', "{ }", VERDICTS, r"no criterion is given for 'T_A'"),
     (
-        'accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }',
-        'accuracy = "0.3 [W]" }, ROOM = { boundary = "air" }',
-        "[records.box_bench]",
-        r"\[W\]",
-    ),
-    ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', "[[verdicts]]", r"there is no criterion 'rms'\. Did you mean 'rmse'"),
-    ('{ rmse = "0.5 [K]" }', "{ }", "[[verdicts]]", r"no criterion is given for 'T_A'"),
-    (
-        "[[verdicts]]",
-        'priors = { "stack.contact_conductance" = { mean = "150 [W]", sd = "1 [W]" } }\n\n[[verdicts]]',
-        "[[stages]]",
+        *before(VERDICTS, 'priors = { "stack.contact_conductance" = { mean = "150 [W]", sd = "1 [W]" } }'),
+        STAGES,
         r"priors\.stack\.contact_conductance",
     ),
+    (*before(VERDICTS, 'loss = "hubert"'), "loss", r"stages\.1\.loss: input should be 'linear', 'soft_l1', 'huber' or 'cauchy'"),
+    (*before(VERDICTS, 'window = "5 [K]"'), STAGES, r"a time \[s\] is needed here"),
+    (*before(VERDICTS, "weights = { T_C = 0.5 }"), STAGES, r"a weight is given for 'T_C', which is no sensor here"),
+    (*before(VERDICTS, 'ignore = ["T_C"]'), STAGES, r"no channel 'T_C'"),
+    (*before(VERDICTS, 'bind = { T_C = "a.case" }'), STAGES, r"no channel 'T_C'"),
+    (*before(VERDICTS, 'bind = { T_A = { nod = "a.case" } }'), STAGES, r"a binding has one of node, boundary, load and command.*not nod"),
+    (*before(VERDICTS, 'bind = { T_A = { node = "a.case", noise = "1 [K]" } }'), STAGES, r"not node, noise"),
+    (*before(VERDICTS, 'readings = { room = "T_C" }'), STAGES, r"no channel 'T_C'"),
+    (*before(VERDICTS, 'local = { room = { sd = "1 [K]" } }'), None, r"local\.room\.start: is missing"),
+    (*before(VERDICTS, "prepare = []"), "prepare", r"stages\.1\.prepare: 'prepare' is no field here"),
     (
-        "[[verdicts]]",
-        'loss = "hubert"\n\n[[verdicts]]',
-        "loss",
-        r"stages\.1\.loss: input should be 'linear', 'soft_l1', 'huber' or 'cauchy'",
-    ),
-    ("[[verdicts]]", 'window = "5 [K]"\n\n[[verdicts]]', "[[stages]]", r"a time \[s\] is needed here"),
-    ("[[verdicts]]", "weights = { T_C = 0.5 }\n\n[[verdicts]]", "[[stages]]", r"a weight is given for 'T_C', which is no sensor here"),
-    ("[[verdicts]]", 'ignore = ["T_C"]\n\n[[verdicts]]', "[[stages]]", r"no channel 'T_C'"),
-    ("[[verdicts]]", 'bind = { T_C = "a.case" }\n\n[[verdicts]]', "[[stages]]", r"no channel 'T_C'"),
-    (
-        "[[verdicts]]",
-        'bind = { T_A = { nod = "a.case" } }\n\n[[verdicts]]',
-        "[[stages]]",
-        r"a binding has one of node, boundary, load and command.*not nod",
-    ),
-    ("[[verdicts]]", 'bind = { T_A = { node = "a.case", noise = "1 [K]" } }\n\n[[verdicts]]', "[[stages]]", r"not node, noise"),
-    ("[[verdicts]]", 'readings = { room = "T_C" }\n\n[[verdicts]]', "[[stages]]", r"no channel 'T_C'"),
-    ("[[verdicts]]", 'local = { room = { sd = "1 [K]" } }\n\n[[verdicts]]', None, r"local\.room\.start: is missing"),
-    ("[[verdicts]]", "prepare = []\n\n[[verdicts]]", "prepare", r"stages\.1\.prepare: 'prepare' is no field here"),
-    (
-        "[records.pairs]",
-        '[checksums]\nbox_bensch = "00"\n\n[records.pairs]',
+        *before(PAIRS, '[checksums]\nbox_bensch = "00"'),
         None,
         r"a checksum is given for 'box_bensch', which is no record\. Did you mean 'box_bench'",
     ),
+    (*before(PAIRS, '[checksums]\nbox_bench = "0123456789ab"'), BENCH, r"its samples have the checksum .*, not 0123456789ab"),
     (
-        "[records.pairs]",
-        '[checksums]\nbox_bench = "0123456789ab"\n\n[records.pairs]',
-        "[records.box_bench]",
-        r"its samples have the checksum .*, not 0123456789ab",
-    ),
-    (
-        "[records.pairs]",
-        '[records.pair_one]\nfile = "logs/box_bench.csv"\nchannels = { T_A = "T_A" }\n\n[records.pairs]',
-        "[records.pairs]",
+        *before(PAIRS, '[records.pair_one]\nfile = "logs/box_bench.csv"\nchannels = { T_A = "T_A" }'),
+        PAIRS,
         r"two logs give a record 'pair_one'",
     ),
 ]
@@ -404,10 +393,7 @@ class TestCache:
             (("[[verdicts]]", 'scenario = { start = "24.001 [degC]" }\n\n[[verdicts]]'), ["pair"]),
             (("[[verdicts]]", 'local = { "initial.a.case" = { start = "24 [degC]", sd = "1 [K]" } }\n\n[[verdicts]]'), ["pair"]),
             (
-                (
-                    'time     = "time_s"\nchannels = { T_A = { node = "a.case"',
-                    'time     = "time_s"\nprepare  = [{ trim = ["1 [min]", "end"] }]\nchannels = { T_A = { node = "a.case"',
-                ),
+                ('files    = "logs/pair_*.csv"', 'files    = "logs/pair_*.csv"\nprepare  = [{ trim = ["1 [min]", "end"] }]'),
                 ["pair"],
             ),
             (('rmse = "0.5 [K]"', 'rmse = "0.6 [K]"'), []),
