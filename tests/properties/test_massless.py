@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import thermid as td
 from strategies import DURATION, EVERY, LINEAR, LOADS, TIGHTER, Case, Deck, build, cases, random_models
 
 TIMES = np.linspace(0.0, DURATION, 37)[1:]
+STIFF = 2e-6  # what the tightest tolerance leaves of error in a node that follows a sine a million times faster than the step, in kelvin
 
 
 def _with_capacitance(deck: Deck, joules: float | None) -> Deck:
@@ -34,7 +36,7 @@ def _check(case: Case) -> None:
         differences.append(float(np.abs(near.temperatures - limit.temperatures)[away].max()))
     # heat stored in 0.01 J/K at some kelvins per second through a hundredth of a watt per kelvin, and a thousandth of it
     assert differences[0] < 0.05
-    assert differences[1] < max(1.5e-3 * differences[0], 1e-7)
+    assert differences[1] < max(1.5e-3 * differences[0], STIFF)
 
 
 @random_models(
@@ -62,3 +64,23 @@ def _quiet_last(case: Case) -> Case:
     last = list(case.deck["nodes"])[-1]
     scenario = {k: v for k, v in case.scenario.items() if k != "commands"}
     return Case(case.deck, {**scenario, "initial": {n: v for n, v in scenario["initial"].items() if n != last}})
+
+
+@pytest.mark.xfail(strict=True, reason="the kernel's output of a very fast node between steps is not that of the massless one under a sine")
+@pytest.mark.properties
+@pytest.mark.parametrize("joules", [1e-4, 1e-6])
+def test_a_very_fast_node_follows_a_sine_at_the_default_tolerance(joules: float) -> None:
+    """0.07 W/K and 1e-6 J/K settle in 14 us: within 1e-5 K, as everything else at this tolerance, it is the mean of its neighbours."""
+    links = {"a": ("n", "still", 0.05), "b": ("n", "moving", 0.02)}
+    deck = {
+        "title": "Foil",
+        "needs": ["still", "moving"],
+        "nodes": {"n": {"capacitance": f"{joules!r} [J/K]"}},
+        "conductors": {k: {"kind": "conduction", "between": [a, b], "conductance": f"{g} [W/K]"} for k, (a, b, g) in links.items()},
+    }
+    moving = {"mean": "255 [K]", "amplitude": "1 [K]", "period": "900 [s]"}
+    scenario = td.Scenario("sine", boundaries={"still": "255 [K]", "moving": moving}, start="255 [K]", duration=DURATION)
+    found = td.simulate(td.model_from_dict(deck), scenario, times=TIMES)["n"].kelvin
+    w, tau = 2 * np.pi / 900, joules / 0.07
+    exact = 255 + 2 / 7 * (np.sin(w * TIMES) - w * tau * np.cos(w * TIMES)) / (1 + (w * tau) ** 2)
+    assert np.abs(found - exact).max() < 1e-5

@@ -46,8 +46,8 @@ class Options:
     max_steps : int             Steps after which the run is given up.
     """
 
-    tolerance: float = 1e-6
-    relative: float = 1e-7
+    tolerance: float = 2e-7
+    relative: float = 2e-8
     input_tolerance: float = 1e-4
     max_step: float = float("inf")
     max_steps: int = 1_000_000
