@@ -49,7 +49,7 @@ def _gauss(edges: list[float]) -> tuple[np.ndarray, np.ndarray]:
     point, weight = np.polynomial.legendre.leggauss(6)
     times, weights = [], []
     for a, b in pairwise(edges):
-        grid = a + (b - a) * fractions
+        grid = np.union1d(a + (b - a) * fractions, np.linspace(a, b, 2 + int((b - a) / 60)))
         for low, high in pairwise(grid):
             times.append(low + (high - low) * (point + 1) / 2)
             weights.append(weight * (high - low) / 2)

@@ -9,7 +9,8 @@ import thermid as td
 from strategies import DURATION, EVERY, LINEAR, LOADS, TIGHTER, Case, Deck, build, cases, random_models
 
 TIMES = np.linspace(0.0, DURATION, 37)[1:]
-STIFF = 2e-6  # what the tightest tolerance leaves of error in a node that follows a sine a million times faster than the step, in kelvin
+ENDS = (410.0, 1510.0, DURATION)
+FLOOR = 1e-7  # a thousand times what a step may err, in kelvin
 
 
 def _with_capacitance(deck: Deck, joules: float | None) -> Deck:
@@ -27,20 +28,23 @@ def _steps(case: Case) -> np.ndarray:
     return np.array(found)
 
 
+def _ends(deck: Deck, case: Case) -> np.ndarray:
+    """Return the temperatures (ends, nodes) at the ends of three runs, where a step ends as well."""
+    model = build(deck)
+    return np.array([td.simulate(model, case.run(duration=end), times=[end], options=TIGHTER).temperatures[0] for end in ENDS])
+
+
 def _check(case: Case) -> None:
-    limit = td.simulate(build(_with_capacitance(case.deck, None)), case.run(), times=TIMES, options=TIGHTER)
-    away = np.array([all(not 0 <= t - s < 30 for s in _steps(case)) for t in TIMES])
-    differences = []
-    for joules in (1e-2, 1e-5):
-        near = td.simulate(build(_with_capacitance(case.deck, joules)), case.run(), times=TIMES, options=TIGHTER)
-        differences.append(float(np.abs(near.temperatures - limit.temperatures)[away].max()))
+    limit = _ends(_with_capacitance(case.deck, None), case)
+    away = np.array([all(not 0 <= t - s < 30 for s in _steps(case)) for t in ENDS])
+    differences = [float(np.abs(_ends(_with_capacitance(case.deck, joules), case) - limit)[away].max()) for joules in (1e-2, 1e-5)]
     # heat stored in 0.01 J/K at some kelvins per second through a hundredth of a watt per kelvin, and a thousandth of it
     assert differences[0] < 0.05
-    assert differences[1] < max(1.5e-3 * differences[0], STIFF)
+    assert differences[1] < 1.5e-3 * differences[0] + FLOOR
 
 
 @random_models(
-    40, case=cases(kinds=LINEAR, loads=("constant", "polynomial", "sine"), nodes=5, flat=True).filter(lambda c: len(c.deck["nodes"]) > 1)
+    40, case=cases(kinds=LINEAR, loads=("constant", "polynomial"), nodes=5, flat=True).filter(lambda c: len(c.deck["nodes"]) > 1)
 )
 def test_linear_limit(case: Case) -> None:
     _check(_quiet_last(case))
@@ -50,7 +54,7 @@ def test_linear_limit(case: Case) -> None:
     40,
     case=cases(
         kinds=tuple(k for k in EVERY if k != "flow"),
-        loads=tuple(k for k in LOADS if k not in ("periodic", "proportional")),
+        loads=tuple(k for k in LOADS if k not in ("periodic", "sine", "proportional")),
         nodes=5,
         flat=True,
     ).filter(lambda c: len(c.deck["nodes"]) > 1),
@@ -60,10 +64,14 @@ def test_nonlinear_limit(case: Case) -> None:
 
 
 def _quiet_last(case: Case) -> Case:
-    """Return the case without an initial temperature of the last node and without commands: they would be jumps of their own."""
+    """Return the case without an initial temperature of the last node and without commands: they would be jumps of their own.
+
+    Sines become their means, and only ends of steps are read: how a very fast node follows between them is the last test here.
+    """
     last = list(case.deck["nodes"])[-1]
     scenario = {k: v for k, v in case.scenario.items() if k != "commands"}
-    return Case(case.deck, {**scenario, "initial": {n: v for n, v in scenario["initial"].items() if n != last}})
+    still = {n: v["mean"] if isinstance(v, dict) and "mean" in v else v for n, v in scenario["boundaries"].items()}
+    return Case(case.deck, {**scenario, "boundaries": still, "initial": {n: v for n, v in scenario["initial"].items() if n != last}})
 
 
 @pytest.mark.xfail(strict=True, reason="the kernel's output of a very fast node between steps is not that of the massless one under a sine")

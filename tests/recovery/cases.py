@@ -62,10 +62,11 @@ def draw(bench: Bench, rng: np.random.Generator) -> tuple[dict[str, float], list
     hidden = bench.model.with_values({p: f"{v!r} [{bench.ranges[p][2]}]" for p, v in truth.items()})
     bias = {s: bench.accuracy * rng.standard_normal() for s in (*bench.nodes, "ROOM")}
     gain = {load: 1.0 + bench.meter * rng.standard_normal() for load in {k for powers, _ in bench.runs for k in powers}}
-    return truth, [_log(bench, hidden, k, bias, gain, rng) for k in range(len(bench.runs))]
+    return truth, [log(bench, hidden, k, bias, gain, rng) for k in range(len(bench.runs))]
 
 
-def _log(bench: Bench, hidden: Model, k: int, bias: Mapping[str, float], gain: Mapping[str, float], rng: np.random.Generator) -> Record:
+def log(bench: Bench, hidden: Model, k: int, bias: Mapping[str, float], gain: Mapping[str, float], rng: np.random.Generator) -> Record:
+    """Return what the sensors of run `k` would have written of a hidden model, their constant errors and its meters' factors given."""
     powers, above = bench.runs[k]
     times = np.linspace(0.0, 3600.0 * bench.hours, bench.samples)
     air = ICE + 24.0 + 0.5 * np.sin(times / 4000.0 + rng.uniform(0, 6))

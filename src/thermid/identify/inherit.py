@@ -24,9 +24,9 @@ NEGLIGIBLE = 1e-12
 def handed_on(values: FittedValues, unknowns: Sequence[Unknown]) -> tuple[NDArray[np.int64], Array, Array]:
     """Return positions among the unknowns, mean and root of the information of what the data of a stage below said.
 
-    The covariance of the stage holds its priors too (of sensors' constant errors, of powers). They hold for the stage above as well, so
-    they are taken out here, or they would count twice: information = inverse covariance - that of the priors. The residual of the joint
-    prior is ``root @ (fitted - mean)``.
+    The covariance of the stage holds the accuracies of its instruments too. They hold for the stage above as well, so they are taken out
+    here, or they would count twice: information = inverse covariance - that of the accuracies. A prior that the stage below was given for
+    a parameter is part of what it hands on. The residual of the joint prior is ``root @ (fitted - mean)``.
     """
     order = {u.name: k for k, u in enumerate(unknowns)}
     names = list(values)
@@ -37,7 +37,7 @@ def handed_on(values: FittedValues, unknowns: Sequence[Unknown]) -> tuple[NDArra
     vector = information @ mean
     for k, p in enumerate(members):
         prior = values[p].prior
-        if prior is not None:
+        if prior is not None and values[p].kind != "parameter":
             information[k, k] -= prior[1] ** -2
             vector[k] -= prior[0] * prior[1] ** -2
     scale = np.sqrt(np.maximum(np.diag(values.covariance[np.ix_(rows, rows)]), 1e-300))

@@ -160,14 +160,17 @@ def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[st
         for name in inherit.stages:
             below = done[name]
             values = below.values.only(inherit.only) if inherit.only else below.values
+            part, prefix = model.canonical(part), "" if part == "." else f"{model.canonical(part)}."
             model = _inherited(model, part, values)
-            remarks += _shadowed(model, part, values)
+            hidden = _shadowed(model, prefix, values)
+            remarks += hidden.values()
             seen |= below.seen
             if inherit.as_ == "prior":
                 # a second part takes the same values, but what they say of sensors counts once
+                values = values.only([p for p in values.parameters if p not in hidden])
                 values = values.bare() if name in told else values
                 told[name] = below
-                handed.append(_prefixed(values, "" if part == "." else f"{part}."))
+                handed.append(_prefixed(values, prefix))
             else:
                 bias_priors |= {s: (v.value, v.error) for s, v in values.sensors.items()}
     records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
@@ -221,12 +224,14 @@ def _origin(below: FittedValues) -> str:
     return f"stage '{below.stage}'"
 
 
-def _shadowed(model: Model, part: str, below: FittedValues) -> list[str]:
-    """Return a remark for every inherited value that the deck's own [set] hides."""
-    prefix = "" if part == "." else f"{part}."
-    table = parameter_table(model)
-    hidden = [prefix + p for p in below.assignments if any(who == _origin(below) for who, _ in table[prefix + p].shadowed)]
-    return [f"'{p}' is {table[p].parameter.text} by {table[p].origin}, which hides what stage '{below.stage}' found." for p in hidden]
+def _shadowed(model: Model, prefix: str, below: FittedValues) -> dict[str, str]:
+    """Return path -> a remark for every inherited value that the deck's own [set] hides; it is not handed on as a prior either."""
+    table = {p: parameter_table(model)[prefix + p] for p in below.assignments}
+    return {
+        p: f"'{prefix}{p}' is {entry.parameter.text} by {entry.origin}, which hides what stage '{below.stage}' found."
+        for p, entry in table.items()
+        if any(who == _origin(below) for who, _ in entry.shadowed)
+    }
 
 
 def _prefixed(values: FittedValues, prefix: str) -> FittedValues:

@@ -42,7 +42,7 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
     for _ in range(MOST_ITERATIONS):
         heat, jacobian, slopes = engine.rhs(a, temperatures, time, gradients)
         try:
-            step = np.linalg.solve(jacobian, -heat)
+            step = np.asarray(np.linalg.solve(jacobian, -heat), dtype=np.float64)
         except np.linalg.LinAlgError:
             step = np.full(temperatures.shape, np.nan)
         if not np.isfinite(step).all() or np.linalg.cond(jacobian) > 1e15:

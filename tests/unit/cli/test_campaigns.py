@@ -151,7 +151,7 @@ class TestCalibrate:
         said = call("calibrate", changed(campaign, free, 'free    = ["skin.effective_htc", "skin.area"]'), "--json")
         assert said.code == 4
         assert "they act only as a product (known: skin.effective_htc*skin.area = 0.2" in said.object["message"]
-        assert said.object["where"].startswith("campaign.toml:16, stages.0")
+        assert said.object["where"].startswith("campaign.toml:20, stages.0")
 
     def test_a_used_record_is_not_a_validation(self, call: Call, campaign: Path) -> None:
         said = call("calibrate", changed(campaign, 'record   = "pair_two"', 'record   = "pair_one"'), "--json")

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -75,21 +73,3 @@ def test_ctrl_c_is_no_traceback(made: Path, tmp_path: Path) -> None:
     assert said.returncode == 130
     assert "Traceback" not in said.stderr
     assert said.stdout == ""
-
-
-def test_ctrl_c_from_outside(made: Path, tmp_path: Path) -> None:
-    """The same with a signal from another process, whenever it comes."""
-    arguments = [*COMMAND, "calibrate", str(made), "--fresh", "--to", str(tmp_path), "--json"]
-    for delay in (0.6, 1.0):
-        with subprocess.Popen(
-            arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=ENVIRONMENT, start_new_session=True
-        ) as process:
-            time.sleep(delay)
-            process.send_signal(signal.SIGINT)
-            out, errors = process.communicate(timeout=60)
-        if process.returncode == 0:
-            continue  # it had finished
-        if b"site" not in errors:  # Python itself was still starting
-            assert b"Traceback" not in errors, errors.decode()
-        assert process.returncode in (130, -signal.SIGINT, 1)
-        assert b"status" not in out or process.returncode == 0

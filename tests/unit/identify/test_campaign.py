@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -10,9 +12,11 @@ import numpy as np
 import pytest
 
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
+from thermid.identify.cache import in_full
 from thermid.identify.campaignfile import read_campaign
 from thermid.identify.stages import Campaign, run_stages
 from thermid.identify.values import load_values
+from thermid.model.signal import Table
 from unit.identify.bench import HTC, MASS
 from unit.identify.project import CAMPAIGN, make_project
 
@@ -135,6 +139,36 @@ class TestInheritance:
         assert found.fitted_model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
         assert f"'a.{HTC}' is 5.5 [W/(m^2 K)] by [set] of Pair, which hides what stage 'box' found." in found.warnings
 
+    def test_what_the_set_hides_is_no_prior_either(self, project: Path) -> None:
+        deck = project.parent / "pair.toml"
+        deck.write_text(deck.read_text() + '\n[set]\n"a.skin.effective_htc" = "5.5 [W/(m^2 K)]"\n')
+        found = run_stages(changed(project, (FIXED, 'as = "prior"')))["pair"]
+        assert list(found.values.parameters) == [JOINT, f"a.{MASS}"]
+        assert found.fitted_model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
+        assert any("which hides what stage 'box' found" in w for w in found.warnings)
+
+    @pytest.mark.parametrize("how", ["fixed", "prior"])
+    def test_a_part_by_its_alias(self, project: Path, how: str) -> None:
+        deck = project.parent / "pair.toml"
+        deck.write_text(deck.read_text() + '\n[aliases]\nfirst = "a"\n')
+        changed(project, (FIXED, f'as = "{how}"'))
+        plain = run_stages(project)["pair"]
+        named = run_stages(changed(project, ("{ a = { stage", "{ first = { stage")))["pair"]
+        assert dict(named.values) == dict(plain.values)
+
+    def test_two_parts_from_one_stage_share_what_it_says_of_sensors_once(self, project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        import thermid.identify.stages as stages
+
+        deck = project.parent / "pair.toml"
+        deck.write_text(deck.read_text().replace('use = "cool.toml"', 'use = "box.toml"'))
+        both = 'inherit = { a = { stage = "box", as = "prior" }, b = { stage = "box", as = "prior" } }'
+        asked, original = [], stages.fit
+        monkeypatch.setattr(stages, "fit", lambda request, *more: asked.append(request) or original(request, *more))
+        run_stages(changed(project, ('inherit = { a = { stage = "box", as = "fixed" } }', both)))
+        first, second = asked[1].inherited
+        assert list(first) == [f"a.{HTC}", f"a.{MASS}", "sensor T_A"]
+        assert list(second) == [f"b.{HTC}", f"b.{MASS}"]
+
     def test_the_model_itself_by_a_dot(self, project: Path) -> None:
         changed(
             project,
@@ -242,8 +276,6 @@ BAD = [
 def test_bad_input_is_refused_with_its_place(project: Path, old: str, new: str, at: str | None, words: str) -> None:
     changed(project, (old, new))
     error = refused(project)
-    import re
-
     assert re.search(words, str(error)), str(error)
     assert "campaign.toml" in error.where or at is None
     if at is not None:
@@ -409,6 +441,8 @@ class TestCache:
         assert second == again
 
     def test_fixed_and_prior_are_told_apart_where_the_same_names_are_free(self, project: Path, tmp_path: Path) -> None:
+        # without accuracies nothing else tells them apart
+        project.write_text(project.read_text().replace(', accuracy = "0.3 [K]"', ""))
         wide = ('["stack.contact_conductance"]', '["stack.contact_conductance", "a.skin.effective_htc", "a.case.mass"]')
         fixed, _ = self.runs(changed(project, wide), tmp_path / "r")
         prior, second = self.runs(changed(project, (FIXED, 'as = "prior"')), tmp_path / "r")
@@ -429,6 +463,13 @@ class TestCache:
         deck.write_text("# only a remark\n" + deck.read_text())
         assert self.runs(project, tmp_path / "r")[1] == []
 
+    def test_every_sample_of_a_long_table_counts(self) -> None:
+        values = np.linspace(20.0, 30.0, 5000)
+        other = values.copy()
+        other[2500] = np.nextafter(values[2500], 40.0)
+        texts = [json.dumps(Table(np.arange(5000.0), v), default=in_full) for v in (values, other)]
+        assert texts[0] != texts[1]
+
     @pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"{}", b'{"key": 1}', b"\xff\xfe\x00", b'{"key": "x", "fitted": 3}', b"null"])
     def test_a_damaged_file_is_as_good_as_none(self, project: Path, tmp_path: Path, damage: bytes) -> None:
         one, _ = self.runs(project, tmp_path / "r")
@@ -439,8 +480,6 @@ class TestCache:
         assert self.numbers(one) == self.numbers(two)
 
     def test_numbers_in_the_kept_file_that_are_none(self, project: Path, tmp_path: Path) -> None:
-        import json
-
         one, _ = self.runs(project, tmp_path / "r")
         (file,) = (tmp_path / "r").glob("pair*.json")
         kept = json.loads(file.read_text())

@@ -195,11 +195,11 @@ class TestConstantErrorsOfInstruments:
 
     @pytest.mark.parametrize("order", [1, -1])
     def test_the_record_with_the_largest_power_says_how_well_it_is_known(self, model: Model, order: int) -> None:
-        off = metered(log(model, {}, {"T": "case"}, name="off", loads={"heat": 0.0}, start="60 [degC]"), "heat", 0.0, accuracy=0.04)
+        weak = metered(log(model, {}, {"T": "case"}, name="weak", loads={"heat": 0.5}, start="60 [degC]"), "heat", 0.5, accuracy=0.04)
         on = metered(log(model, {}, {"T": "case"}, name="on", seed=2), "heat", 4.0, accuracy=0.04)
-        found = calibrate(model, [off, on][::order], [HTC, MASS])
+        found = calibrate(model, [weak, on][::order], [HTC, MASS])
         assert found["METER error"].prior == (1.0, pytest.approx(0.01))
-        assert found[HTC].error / found[HTC].value == pytest.approx(0.01, rel=0.1)
+        assert found["METER error"].error <= 0.01 * (1 + 1e-9)
 
     def test_pauses_do_not_make_a_meter_worse(self, model: Model) -> None:
         watts = np.where(np.arange(301) % 100 < 20, 4.0, 0.0)

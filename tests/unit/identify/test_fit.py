@@ -12,6 +12,7 @@ from thermid.errors import IdentificationError, RecordError, SolverError
 from thermid.identify.calibrate import calibrate, fit
 from thermid.identify.compare import compare
 from thermid.identify.gather import problem_for
+from thermid.identify.refusals import refuse_after
 from thermid.identify.request import Request
 from thermid.identify.solve import covariances, ended, minimise
 from thermid.identify.summary import summarise
@@ -58,6 +59,15 @@ def test_covariance_is_that_of_the_linear_problem() -> None:
     assert found["power"].error == pytest.approx(math.sqrt(np.linalg.inv(x.T @ x)[0, 0]), rel=1e-4)
 
 
+def test_a_direction_without_readings_has_no_finite_error() -> None:
+    data = log(box(), {}, {"T": "case"}).trim(0.0, 60.0)
+    problem = problem_for(Request(box(), (data,), (HTC, MASS)))
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    total, _ = covariances(ended(problem, at), problem)
+    assert problem.samples < len(problem.unknowns)
+    assert np.isinf(total[0, 0])
+
+
 def test_errors_grow_with_residuals_that_are_larger_than_the_noise() -> None:
     model = box()
     data = log(model, {}, {"T": "case"}, noise=0.05)
@@ -99,6 +109,7 @@ class TestRobust:
         assert shift > 5 * clean[HTC].error, "the outliers matter"
         assert abs(robust[HTC].value - clean[HTC].value) < (0.15 if stated else 0.25) * shift
         assert abs(robust[HTC].value - 6.0) < 4 * robust[HTC].error
+        assert robust.blocks[0].noise == pytest.approx(0.05, rel=0.15)
 
     @pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy"])
     def test_priors_stay_quadratic(self, loss: str) -> None:
@@ -136,6 +147,17 @@ class TestRobust:
                 step = np.zeros(found.fitted.size)
                 step[k] = side * 1e-2
                 assert cost(found.fitted + step) > here
+
+    @pytest.mark.parametrize("knee", [1.0, 2.5])
+    def test_rows_beyond_the_knee_weigh_less(self, knee: float) -> None:
+        data = spoiled(log(box(), {}, {"T": "case"}, samples=101))
+        problem = problem_for(Request(box(), (data,), (HTC, MASS)))
+        at = minimise(problem, "huber", knee).fitted
+        plain, robust = ended(problem, at), ended(problem, at, "huber", knee)
+        size = np.abs(problem.residuals(at))
+        assert (size > knee).sum() > 1
+        weight = np.where(size > knee, np.sqrt(knee / np.maximum(size, knee)), 1.0)
+        np.testing.assert_allclose(robust.jacobian, weight[:, None] * plain.jacobian, rtol=1e-12)
 
     def test_an_unknown_loss(self) -> None:
         with pytest.raises(IdentificationError, match=r"there is no loss 'lin'; there are linear, soft_l1, huber, cauchy"):
@@ -200,6 +222,19 @@ class TestRefusals:
             match=r"'skin\.effective_htc' = .* \+- .* W/\(m\^2 K\): its standard error is wider than its bounds 1 \.\. 20",
         ):
             calibrate(model, data, [HTC])
+
+    @pytest.mark.parametrize(("error", "refused"), [(1.51, True), (1.49, False)])
+    def test_wider_is_one_standard_error_either_side_against_the_width(self, error: float, refused: bool) -> None:
+        # ln(20/1) = 2.996
+        request = Request(box(), (log(box(), {}, {"T": "case"}, samples=11),), (HTC,))
+        problem = problem_for(request)
+        found = ended(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
+        total = np.diag([error**2, 1.0])
+        if refused:
+            with pytest.raises(IdentificationError, match="wider than its bounds"):
+                refuse_after(request, problem, found, total)
+        else:
+            refuse_after(request, problem, found, total)
 
     def test_two_records_of_one_name_and_none(self) -> None:
         data = log(box(), {}, {"T": "case"}, samples=11)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.inherit import counted_twice, handed_on
 from thermid.identify.request import Request
+from thermid.identify.summary import _moved as moved
 from thermid.measure import Record
 from thermid.model.model import Model
 from unit.identify.bench import box, log, pair
@@ -91,6 +93,36 @@ def test_priors_of_sensors_count_once(stack: Model, records: tuple[Record, Recor
     twice = fit(Request(stack, records[1:], FREE, inherited=(careless,)))
     assert twice["sensor A"].error < 0.97 * joint["sensor A"].error
     assert two["sensor A"].error == pytest.approx(joint["sensor A"].error, rel=1e-4)
+
+
+def test_a_prior_of_a_parameter_below_is_handed_on(stack: Model, records: tuple[Record, Record]) -> None:
+    # the stage above knows of it only through what the stage below hands on
+    known = {"a.power": ("4.2 [W]", "0.05 [W]")}
+    below = fit(Request(stack, records[:1], FREE, priors=known))
+    two = fit(Request(stack, records[1:], FREE, inherited=(below.values,)))
+    joint = fit(Request(stack, records, FREE, priors=known))
+    for path in joint.values:
+        assert abs(two[path].value - joint[path].value) < 1e-3 * joint[path].error
+        assert two[path].error == pytest.approx(joint[path].error, rel=1e-4)
+
+
+def test_accuracies_about_another_value_than_zero_count_once(stack: Model, records: tuple[Record, Record]) -> None:
+    about = {"A": (0.5, 0.2), "B": (-0.4, 0.2)}
+    below = fit(Request(stack, records[:1], FREE, bias_priors=about))
+    two = fit(Request(stack, records[1:], FREE, bias_priors=about, inherited=(below.values,)))
+    joint = fit(Request(stack, records, FREE, bias_priors=about))
+    for path in joint.values:
+        assert abs(two[path].value - joint[path].value) < 1e-3 * joint[path].error
+        assert two[path].error == pytest.approx(joint[path].error, rel=1e-4)
+
+
+@pytest.mark.parametrize(("far", "said"), [(3.6, True), (3.4, False)])
+def test_moved_is_beyond_three_standard_deviations_of_a_chi_square(far: float, said: bool) -> None:
+    # four directions: 4 + 3 sqrt(8) = 12.5 = 3.53^2
+    coupled = ((np.arange(4), np.zeros(4), np.eye(4)),)
+    problem = SimpleNamespace(coupled=coupled, unknowns=[SimpleNamespace(name=n) for n in "pqrs"])
+    found = SimpleNamespace(fitted=np.array([far, 0.0, 0.0, 0.0]))
+    assert [(n, round(d, 6), k) for n, d, k in moved(problem, found)] == ([("p, q, r, s", far, 4)] if said else [])  # type: ignore[arg-type]
 
 
 def test_fixed_values_are_not_that(stack: Model, records: tuple[Record, Record], below: Calibration, joint: Calibration) -> None:

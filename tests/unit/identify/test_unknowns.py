@@ -245,6 +245,13 @@ class TestReadings:
         assert found[MASS].value == pytest.approx(1.5, rel=2e-3)
         assert found.sensors["T"].bias == pytest.approx(1.0, abs=3e-3)
 
+    def test_an_offset_is_added_to_a_reading_less_its_held_bias(self) -> None:
+        model = box({"parameters/lift": {"value": "0 [K]", "min": -5, "max": 5}})
+        data = log(model, {}, {"T": "case"}, noise=None, start="26 [degC]", bias={"T": 1.0}, swing=0.0).select("T")
+        readings = {"air": Reading("T", "lift"), "initial.case": Reading("T")}
+        found = fit(Request(model, (data,), ("lift",), readings=readings, held_bias={"T": 1.0}))
+        assert found["lift"].value == pytest.approx(-2.0, abs=0.01)
+
     def test_held_bias_is_taken_off(self) -> None:
         model = box()
         data = log(model, {}, {"T": "case"}, noise=1e-3, bias={"T": 1.0}, swing=0.0)
