@@ -10,7 +10,7 @@ namespace thermid {
 // dT = (b + s db) w + (A b - db) ww + A A b www; the next term of the series is the estimate.
 double Integrator::input_error() {
     double total = 0.0;
-    make_slaved(fast_, leftover_ ? 1e-4 : 1e-8);
+    make_slaved(fast_, 1e-4);
     if (!leftover_) {
         for (Noise& z : noise_) z.active = false;
         return 0.0;
@@ -163,6 +163,13 @@ double Integrator::smooth(int i, double x) const {
     return c[0] + x * (c[n] + x * (c[2 * n] + x * (c[3 * n] + x * (c[4 * n] + x * c[5 * n]))));
 }
 
+// Its derivative in x.
+double Integrator::slope(int i, double x) const {
+    const double* c = poly_.data() + i;
+    const size_t n = n_;
+    return c[n] + x * (2.0 * c[2 * n] + x * (3.0 * c[3 * n] + x * (4.0 * c[4 * n] + x * 5.0 * c[5 * n])));
+}
+
 // All temperatures at s into eo_.t, at the inputs' own values; those of slaved nodes only when asked for.
 void Integrator::nodes_at(double s, bool slaved) {
     move_cursors(s);
@@ -172,7 +179,11 @@ void Integrator::nodes_at(double s, bool slaved) {
     for (const Noise& z : noise_)
         if (z.active)
             for (int i = 0; i < n_; ++i) eo_.t[i] += (z.b[i] + s * z.db[i]) * z.w + z.c[i] * z.ww + z.aab[i] * z.www;
-    if (slaved && !fast_.nodes.empty()) solve_slaved(fast_, eo_);
+    if (!slaved || fast_.nodes.empty()) return;
+    // A fast node still takes up heat while it follows: C dT/dt with the slope of its own polynomial.
+    lag_.resize(fast_.nodes.size());
+    for (size_t k = 0; k < lag_.size(); ++k) lag_[k] = cap_[fast_.nodes[k]] * slope(fast_.nodes[k], x) / h_;
+    solve_slaved(fast_, eo_, lag_.data());
 }
 
 // One row of outputs through the network: slaved nodes and boundaries are observed too.

@@ -84,7 +84,7 @@ class Integrator {
     // reaches them undelayed (1e-4). quick_: slaved in second derivatives (1e-4).
     Slaved massless_, fast_, quick_;
     std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
-    std::vector<double> xa_, fp_, row_;
+    std::vector<double> xa_, fp_, row_, lag_;
     std::vector<const double*> rows_;
     std::vector<double> weights_, SO_;
     double end_ = 0.0;       // t_ + h_, exact where a break is
@@ -108,7 +108,7 @@ class Integrator {
     void make_slaved(Slaved& s, double small);
     void index_slaved(Slaved& s);
     void factor_slaved(Slaved& s, const double* j);
-    void solve_slaved(Slaved& s, Evaluation& e);
+    void solve_slaved(Slaved& s, Evaluation& e, const double* heat = nullptr);
     void slaved_rows(const Slaved& s, Evaluation& e) const;
     void slaved_jacobian(const Slaved& s, const Evaluation& e, double* j) const;
     void respond(Slaved& s, const double* j, const double* g, double* dir);
@@ -130,6 +130,7 @@ class Integrator {
     void move_cursors(double s);
     void nodes_at(double s, bool slaved);
     double smooth(int i, double x) const;
+    double slope(int i, double x) const;
     void dense_start();
     void slope_sensitivity(int stage, const std::vector<double>& slope, std::vector<double>& out);
     // Second derivatives serve the dense output; of a stiff node they would only amplify its error.

@@ -89,23 +89,24 @@ void Integrator::slaved_jacobian(const Slaved& s, const Evaluation& e, double* j
         if (p_.load.sensor[r] < n_) j[p_.load.node[r] * n_ + p_.load.sensor[r]] += e.slope[r];
 }
 
-// Newton on f = 0 of the slaved nodes, the others held. Starts with the factors at hand.
-void Integrator::solve_slaved(Slaved& s, Evaluation& e) {
+// Newton on f = heat of the slaved nodes (none: 0), the others held. Starts with the factors at hand.
+void Integrator::solve_slaved(Slaved& s, Evaluation& e, const double* heat) {
     const int m = static_cast<int>(s.nodes.size());
     auto refresh = [&] {
         slaved_jacobian(s, e, row_.data());
         factor_slaved(s, row_.data());
     };
     double last = std::numeric_limits<double>::infinity();
-    for (int it = 0; it < 60; ++it) {
+    for (int it = 0; it < 120; ++it) {
         slaved_rows(s, e);
         if (!s.factored) refresh();
-        for (int k = 0; k < m; ++k) xa_[k] = e.f[s.nodes[k]];
+        for (int k = 0; k < m; ++k) xa_[k] = e.f[s.nodes[k]] - (heat ? heat[k] : 0.0);
         s.lu.solve(xa_.data());
-        double size = 0.0, damp = 1.0;
+        // Full steps may hop to and fro over the corner of a clamped law; half ones end there.
+        double size = 0.0, damp = it > 8 ? 0.5 : 1.0;
         for (int k = 0; k < m; ++k) size = std::max(size, std::fabs(xa_[k]));
         if (!std::isfinite(size)) throw Failure{NON_FINITE, s.nodes[0]};
-        if (size > 100.0) damp = 100.0 / size;  // far from the solution T^4 overshoots
+        if (size > 100.0) damp *= 100.0 / size;  // far from the solution T^4 overshoots
         for (int k = 0; k < m; ++k) e.t[s.nodes[k]] -= damp * xa_[k];
         // The next change would be below 1e-9 K.
         if (size < 1e-9 || (size < 1e-6 && size < 1e-3 * last)) return;

@@ -84,7 +84,7 @@ bool Integrator::newton(int s) {
     const double* f = nullptr;
     double last = 0.0;
     bool fresh = false;
-    for (int it = 0; it < 25; ++it) {
+    for (int it = 0; it < 60; ++it) {
         e_.rows();
         ++r_->newton;
         f = e_.f.data();
@@ -100,6 +100,9 @@ bool Integrator::newton(int s) {
         }
         lu_.solve(delta_.data());
         double size = 0.0;
+        // Full steps may hop to and fro over the corner of a clamped law; half ones end there.
+        if (it > 8)
+            for (int i = 0; i < n_; ++i) delta_[i] *= 0.5;
         for (int i = 0; i < n_; ++i) {
             e_.t[i] -= delta_[i];
             size = std::max(size, std::fabs(delta_[i]));
