@@ -23,10 +23,10 @@ demo: setup  ## the demonstration; ends with the path of its page
 	@$(BIN)/python examples/demo.py
 
 test: lint  ## lint, then every test but the whole campaigns
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m "not campaign" --durations=10
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m "not campaign" -rs --durations=10
 
 test-all: lint  ## lint, then every test
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --durations=10
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -rs --durations=10
 
 lint: setup-test  ## ruff and mypy
 	$(BIN)/ruff check .

@@ -110,7 +110,7 @@ void Integrator::solve_slaved(Slaved& s, Evaluation& e, const double* heat) {
         for (int k = 0; k < m; ++k) e.t[s.nodes[k]] -= damp * xa_[k];
         // The next change would be below 1e-9 K.
         if (size < 1e-9 || (size < 1e-6 && size < 1e-3 * last)) return;
-        if (size > 1e-2 * last || size > 10.0) refresh();
+        if (size > 1e-2 * last || size > 10.0) s.factored = false;  // factored again where the rows stand next
         last = size;
     }
     throw Failure{NEWTON_FAILED, s.nodes[0]};

@@ -37,7 +37,6 @@ def test_random_models_with_thermostats(case: Case) -> None:
     assert _largest_error(case, TIGHT, 1e-8) < 1e-5
 
 
-@pytest.mark.xfail(strict=True, reason="the kernel's Newton for massless nodes cycles about the knee of a proportional heater")
 @pytest.mark.properties
 def test_a_controlled_heater_on_a_massless_node_that_only_radiates() -> None:
     """0.02 (290 - T) = 0.1 sigma 0.005 (T^4 - 255^4): between the knee at 280 K and the set point, where Newton's steps overshoot."""

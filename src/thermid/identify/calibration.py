@@ -197,7 +197,7 @@ def _value_line(v: FittedValue, width: int) -> str:
     total, random = v.shown(v.error), v.shown(v.error_random)
     low, high = (v.converted(b) if np.isfinite(b) else b for b in v.bounds)
     bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
-    what = " (constant errors)" if total > 1.05 * random else ""
+    what = " (constant errors, priors)" if total > 1.05 * random else ""
     text = f"{v.path:<{width}}  {_digits(v.in_unit, random):>12} {v.unit:<10}  random +- {random:.2g}   total +- {total:.2g}{what}"
     return f"{text}   start {v.converted(v.start):.5g}{bounds}"
 

@@ -68,8 +68,11 @@ class CampaignSource:
                     out[own] = (file, table)
             for name in self.content.checksums:
                 if name not in out:
-                    raise DeckError(
-                        f"a checksum is given for '{name}', which is no record.{nearest(name, out)}", self.where(f"checksums.{name}")
+                    get = next((f" {t.get}" for t in self.content.records.values() if t.files is not None and t.get), "")
+                    raise MissingDataError(
+                        f"a checksum is given for '{name}', but no log gives a record of that name: the data are incomplete or the name "
+                        f"is misspelt.{nearest(name, out)}{get}",
+                        self.where(f"checksums.{name}"),
                     )
             self._files.update(out)
         return self._files
@@ -90,13 +93,15 @@ class CampaignSource:
         for root in (*roots, self.path.parent):
             if any(mark in pattern for mark in "*?["):
                 inside = resolve_inside(root, str(Path(pattern).parent), where, tuple(roots))
-                hits = sorted(p for p in inside.glob(Path(pattern).name)) if inside.is_dir() else []
+                found = sorted(inside.glob(Path(pattern).name)) if inside.is_dir() else []
+                hits = [resolve_inside(p.parent, p.name, where, tuple(roots)) for p in found]
             else:
                 target = resolve_inside(root, pattern, where, tuple(roots))
                 hits = [target] if target.is_file() else []
             if hits:
                 return hits
-        shown = f" in the folder given by --data or {DATA}" if self.data is None else f" in '{self.data.name}/' nor beside the campaign"
+        beside = f" beside the campaign, and no folder of data is given (--data, or {DATA})"
+        shown = beside if self.data is None else f" in '{self.data.name}/' nor beside the campaign"
         get = f" {table.get}" if table.get else ""
         raise MissingDataError(f"no log '{pattern}'{shown}.{get}", where)
 
@@ -137,7 +142,7 @@ class CampaignSource:
                 if known is not None and not raw.origin.sha256.startswith(known):
                     raise RecordError(
                         f"its samples have the checksum {raw.origin.sha256[:12]}..., not {known[:12]}...: "
-                        "this is not the log that the campaign was made for.",
+                        f"this is not the log that the campaign was made for.{f' {table.get}' if table.get else ''}",
                         where,
                     )
                 self._records[name] = raw.prepare(table.prepare)

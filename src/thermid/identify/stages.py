@@ -173,6 +173,7 @@ def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[st
                 handed.append(_prefixed(values, prefix))
             else:
                 bias_priors |= {s: (v.value, v.error) for s, v in values.sensors.items()}
+                remarks += _held(part, name, values)
     records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
     return Request(
         model,
@@ -194,6 +195,18 @@ def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[st
         seen=seen,
         readings=readings_of(stage.readings),
     )
+
+
+def _held(part: str, stage: str, values: FittedValues) -> list[str]:
+    """Return a remark that values from below are taken as exact, where the stage below did not know them so."""
+    unsure = [p for p, v in values.parameters.items() if v.error > 0]
+    if not unsure:
+        return []
+    what = "the model" if part == "." else f"'{part}'"
+    return [
+        f"{len(unsure)} values of {what} are held as stage '{stage}' found them; the errors here leave theirs out. Hand them on with "
+        'as = "prior" to count them.'
+    ]
 
 
 def readings_of(tables: Mapping[str, Any]) -> dict[str, Reading]:

@@ -132,7 +132,10 @@ class TestCalibrate:
     def test_bad_input(self, call: Call, campaign: Path) -> None:
         said = call("calibrate", changed(campaign, '"logs/box_bench.csv"', '"logs/gone.csv"'), "--json")
         assert (said.code, said.err) == (2, "")
-        assert said.object["message"] == "no log 'logs/gone.csv' in the folder given by --data or THERMID_DATA. Run the test."
+        assert (
+            said.object["message"]
+            == "no log 'logs/gone.csv' beside the campaign, and no folder of data is given (--data, or THERMID_DATA). Run the test."
+        )
         assert said.object["where"] == "campaign.toml:5, records.box_bench"
 
     def test_the_solver(self, call: Call, campaign: Path) -> None:

@@ -224,7 +224,7 @@ BAD = [
         '"logs/box_bench.csv"',
         '"logs/gone.csv"',
         BENCH,
-        r"no log 'logs/gone\.csv' in the folder given by --data or THERMID_DATA\. Run the test\.",
+        r"no log 'logs/gone\.csv' beside the campaign, and no folder of data is given \(--data, or THERMID_DATA\)\. Run the test\.",
     ),
     ('"logs/pair_*.csv"', '"logs/nothing_*.csv"', PAIRS, r"no log 'logs/nothing_\*\.csv'"),
     ('"logs/box_bench.csv"', '"../box_bench.csv"', BENCH, r"'\.\./box_bench\.csv' leaves the project"),
@@ -261,7 +261,7 @@ BAD = [
     (
         *before(PAIRS, '[checksums]\nbox_bensch = "00"'),
         None,
-        r"a checksum is given for 'box_bensch', which is no record\. Did you mean 'box_bench'",
+        r"a checksum is given for 'box_bensch', but no log gives a record of that name.* Did you mean 'box_bench'",
     ),
     (*before(PAIRS, '[checksums]\nbox_bench = "0123456789ab"'), BENCH, r"its samples have the checksum .*, not 0123456789ab"),
     (

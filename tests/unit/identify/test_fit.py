@@ -346,7 +346,8 @@ def test_the_text_tells_values_errors_sensors_and_correlations() -> None:
     lines = text.splitlines()
     assert lines[0] == "bench fit: 2 free parameters, 301 samples of 1 channel (synthetic data)"
     assert any(
-        x.split()[0] == HTC and "random +- " in x and "total +- " in x and "(constant errors)" in x and "bounds 1 .. 20" in x for x in lines
+        x.split()[0] == HTC and "random +- " in x and "total +- " in x and "(constant errors, priors)" in x and "bounds 1 .. 20" in x
+        for x in lines
     )
     assert any("T: RMSE 0.0" in x and "residuals white:" in x and "bias " in x for x in lines)
     assert any(x.startswith("  correlations: ") for x in lines)

@@ -234,7 +234,13 @@ def test_a_conductor_takes_area_from_surfaces() -> None:
             "t": {"of": "b", "to": "air", "area": "10 [cm^2]", "htc": "5 [W/(m^2 K)]"},
         },
         "conductors": {
-            "c": {"kind": "contact", "between": ["a", "b"], "area": "2 [cm^2]", "contact_conductance": "100 [W/(m^2 K)]", "takes": ["s", "t"]}
+            "c": {
+                "kind": "contact",
+                "between": ["a", "b"],
+                "area": "2 [cm^2]",
+                "contact_conductance": "100 [W/(m^2 K)]",
+                "takes": ["s", "t"],
+            }
         },
     }
     lines = {line.surface: line for line in ledger(model_from_dict(deck))}
