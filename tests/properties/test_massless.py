@@ -75,9 +75,19 @@ def _quiet_last(case: Case) -> Case:
 
 
 @pytest.mark.properties
-@pytest.mark.parametrize("joules", [1e-4, 1e-6])
-def test_a_very_fast_node_follows_a_sine_at_the_default_tolerance(joules: float) -> None:
-    """0.07 W/K and 1e-6 J/K settle in 14 us: within 1e-5 K, as everything else at this tolerance, it is the mean of its neighbours."""
+@pytest.mark.parametrize(
+    ("joules", "bound"),
+    [
+        (1e-6, 1e-5),
+        (1e-4, 1e-5),
+        pytest.param(
+            1e-3, 3e-4, marks=pytest.mark.xfail(strict=True, reason="1.2e-3 K: between fast and slow the default tolerance errs most")
+        ),
+        (1e-2, 3e-4),
+    ],
+)
+def test_a_very_fast_node_follows_a_sine_at_the_default_tolerance(joules: float, bound: float) -> None:
+    """0.07 W/K and 1e-6 J/K settle in 14 us: it is the mean of its neighbours, as a massless node."""
     links = {"a": ("n", "still", 0.05), "b": ("n", "moving", 0.02)}
     deck = {
         "title": "Foil",
@@ -90,4 +100,4 @@ def test_a_very_fast_node_follows_a_sine_at_the_default_tolerance(joules: float)
     found = td.simulate(td.model_from_dict(deck), scenario, times=TIMES)["n"].kelvin
     w, tau = 2 * np.pi / 900, joules / 0.07
     exact = 255 + 2 / 7 * (np.sin(w * TIMES) - w * tau * np.cos(w * TIMES)) / (1 + (w * tau) ** 2)
-    assert np.abs(found - exact).max() < 1e-5
+    assert np.abs(found - exact).max() < bound

@@ -209,6 +209,8 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
 
     target = Path(path)
     content, lines = read_toml(target)
+    if "stages" not in content and ("nodes" in content or "submodels" in content):
+        raise DeckError("this is a deck. A campaign has records and stages, and names the deck of each stage under 'model'.", target.name)
     try:
         checked = CampaignFile.model_validate(content)
     except ValidationError as error:

@@ -96,6 +96,8 @@ def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loa
         raise DeckError(f"decks use decks over more than {DEEPEST} levels.", path.name)
     if here not in known:
         data, lines = read_toml(path)
+        if "stages" in data and "records" in data:
+            raise DeckError("this is a campaign, not a deck; the decks of its stages stand under 'model'.", path.name)
 
         def use(name: str, where: str) -> Loaded:
             return _load(resolve_inside(path.parent, name, where), (*trail, here), known)

@@ -7,6 +7,9 @@ from thermid.model.model import Model, Submodel
 
 __all__ = ["Names", "local_names", "used_offers"]
 
+FEW = 12
+"""Up to so many names are listed where none is near."""
+
 
 def used_offers(model: Model, part: str) -> set[str]:
     """Return the nodes and surfaces of a submodel that its user attaches to, names as the part offers them."""
@@ -150,5 +153,7 @@ class Names:
         path = self.model.canonical(raw)
         path = self._alias.get(path, path)
         if path not in self.nodes and path not in self.boundaries:
-            raise NameNotFoundError(f"no node '{raw}'.{nearest(path, [*self.nodes, *self.boundaries])}", where or self.model.title)
+            known = [*self.nodes, *self.boundaries]
+            hint = nearest(path, known) or (f" There are {', '.join(known)}." if len(known) <= FEW else "")
+            raise NameNotFoundError(f"no node '{raw}'.{hint}", where or self.model.title)
         return path

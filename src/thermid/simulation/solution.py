@@ -185,7 +185,8 @@ class Solution:
     def __str__(self) -> str:
         """Return the end of the run as a short table."""
         width = max(len(n) for n in self.nodes)
-        lines = [f"{self.title}, {self.scenario}: {self.times[-1] / 3600:.4g} h, {self.status}"]
+        size, unit = next(((s, u) for s, u in ((3600.0, "h"), (60.0, "min")) if self.times[-1] >= s), (1.0, "s"))
+        lines = [f"{self.title}, {self.scenario}: {self.times[-1] / size:.4g} {unit}, {self.status}"]
         for k, node in enumerate(self.nodes):
             column = self.temperatures[:, k] - ICE_POINT
             lines.append(f"  {node:<{width}}  end {column[-1]:9.3f} degC   highest {column.max():9.3f} degC")

@@ -61,6 +61,18 @@ class TestCheck:
         said = call("check", made, "--json")
         assert (said.code, said.object["status"]) == (0, "ok")
 
+    def test_one_kind_of_file_taken_for_the_other(self, call: Call, accelerometer: Path, campaign: Path) -> None:
+        said = call("calibrate", accelerometer, "--json")
+        assert said.code == 2
+        assert said.object["message"].startswith("this is a deck. A campaign has records and stages")
+        said = call("simulate", campaign, "--json")
+        assert said.code == 2
+        assert said.object["message"].startswith("this is a campaign, not a deck")
+
+    def test_names_are_listed_where_none_is_near(self, call: Call, accelerometer: Path) -> None:
+        said = call("simulate", accelerometer, "--boundary", "zzz=20", "--for", "1 [h]", "--json")
+        assert (said.code, said.object["message"]) == (2, "no node 'zzz'. There are case, air.")
+
     def test_a_campaign_with_a_mistake(self, call: Call, campaign: Path) -> None:
         said = call("check", changed(campaign, 'stage = "box", as', 'stage = "bux", as'), "--json")
         assert said.code == 2
