@@ -18,6 +18,8 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         if (d.any(e.coef)) load_p_.push_back(e);
         if (p.coef_input[e.coef] >= 0) load_u_.push_back(e);
     }
+    for (int k : p.con.kind) curved_ |= k != LINEAR && k != FLOW;
+    for (int k : p.load.kind) curved_ |= k != SIGNAL && k != THERMOSTAT;
     cap_.assign(n, 0.0);
     for (int i = 0; i < n_; ++i)
         if (p.capacity[i] >= 0) cap_[i] = coef[p.capacity[i]];

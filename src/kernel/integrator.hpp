@@ -84,7 +84,8 @@ class Integrator {
     // reaches them undelayed (1e-4). quick_: slaved in second derivatives (1e-4).
     Slaved massless_, fast_, quick_;
     std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
-    std::vector<double> xa_, fp_, row_, lag_;
+    std::vector<double> xa_, fp_, row_, lag_, reach_;
+    bool curved_ = false;  // some law is not linear in temperature
     std::vector<const double*> rows_;
     std::vector<double> weights_, SO_;
     double end_ = 0.0;       // t_ + h_, exact where a break is
@@ -99,6 +100,7 @@ class Integrator {
     bool newton(int s);
     void stage_sensitivity(int s);
     double error();
+    double sensitivity_error();
     double tolerance() const;
     void iteration_matrix(const double* j);
     void add_energy(int s, bool updated);

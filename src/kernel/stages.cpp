@@ -109,7 +109,7 @@ bool Integrator::newton(int s) {
         }
         if (!std::isfinite(size) || size > 1e6) return false;
         last_size_ = size;
-        double rate = rho_;
+        double rate = curved_ ? std::max(rho_, 1e-3) : rho_;  // a law may bend where the steps before met none
         if (it > 0 && last > 1e-10) rho_ = std::min(0.9, rate = std::max(size, 1e-12) / last);
         if (size <= 1e-13 || 4.0 * std::min(rate, 0.9) * size <= close || size <= 0.1 * close) return true;
         fresh = it > 0 && rate > 0.05;
@@ -180,10 +180,11 @@ bool Integrator::stages() {
         if (s == 1)
             for (int i = 0; i < n_; ++i) bend[i] = e_.t[i] - guess_[i];
         for (int i = 0; i < n_; ++i) F_[s * n + i] = cap_[i] > 0.0 ? (cap_[i] * (e_.t[i] - T_[i]) - base_[i]) / hg : 0.0;
-        if (o_.energy) add_energy(s, true);
+        // The rows stand at the last iterate; heats and derivatives are wanted at the solution.
+        const bool again = last_size_ > 1e-8 && (np_ > 0 || (o_.energy && curved_));
+        if (again) e_.rows();
+        if (o_.energy) add_energy(s, !again);
         if (np_ > 0) {
-            // The rows stand at the last iterate; the derivative of the scheme is wanted at the solution.
-            if (last_size_ > 1e-8) e_.rows();
             e_.jacobian(J1_.data());
             iteration_matrix(J1_.data());
             rho_ = std::min(rho_, 0.05);
@@ -209,7 +210,32 @@ double Integrator::error() {
         if (cap_[i] == 0.0 || (leftover_ && fast_.is[i])) continue;
         worst = std::max(worst, std::fabs(err_[i]));
     }
-    return worst / tolerance();
+    return std::max(worst / tolerance(), np_ > 0 ? sensitivity_error() : 0.0);
+}
+
+// The same for the sensitivities, relative to the largest effect that each parameter has had: where temperatures rest they may still move.
+double Integrator::sensitivity_error() {
+    const size_t np = np_, m = static_cast<size_t>(n_) * np;
+    const double* from[STAGES];
+    double w[STAGES];
+    for (int s = 0; s < STAGES; ++s) {
+        from[s] = FS_.data() + s * m;
+        w[s] = h_ * (WEIGHT[s] - EMBEDDED[s]);
+    }
+    combine(G_.data(), from, w, STAGES, static_cast<int>(m));
+    reach_.resize(np, 0.0);
+    for (int i = 0; i < n_; ++i) {
+        if (cap_[i] == 0.0) std::fill(G_.begin() + i * np, G_.begin() + (i + 1) * np, 0.0);
+        for (size_t q = 0; q < np; ++q) reach_[q] = std::max(reach_[q], std::fabs(S1_[i * np + q]));
+    }
+    lu_.solve_many(G_.data(), np_);
+    double worst = 0.0;
+    for (int i = 0; i < n_; ++i) {
+        if (cap_[i] == 0.0 || (leftover_ && fast_.is[i])) continue;
+        for (size_t q = 0; q < np; ++q)
+            if (reach_[q] > 0.0) worst = std::max(worst, std::fabs(G_[i * np + q]) / reach_[q]);
+    }
+    return worst / std::min(1e-2, std::max(leftover_ ? 1e-4 : 1e-6, 100.0 * tolerance()));
 }
 
 // The jumps of projected inputs show in the estimate although they cancel: no finer than those inputs are followed.

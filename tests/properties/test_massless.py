@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import thermid as td
-from strategies import DURATION, EVERY, LINEAR, LOADS, TIGHTER, Case, Deck, build, cases, random_models
+from strategies import DURATION, LINEAR, LOADS, TIGHTER, WITHOUT_KNEES, Case, Deck, build, cases, random_models
 
 TIMES = np.linspace(0.0, DURATION, 37)[1:]
 ENDS = (410.0, 1510.0, DURATION)
-FLOOR = 1e-7  # a thousand times what a step may err, in kelvin
+FLOOR = 1e-6  # what the iteration of a step leaves over in a very fast node, in kelvin
 
 
 def _with_capacitance(deck: Deck, joules: float | None) -> Deck:
@@ -53,13 +53,14 @@ def test_linear_limit(case: Case) -> None:
 @random_models(
     40,
     case=cases(
-        kinds=tuple(k for k in EVERY if k != "flow"),
+        kinds=tuple(k for k in WITHOUT_KNEES if k != "flow"),
         loads=tuple(k for k in LOADS if k not in ("periodic", "sine", "proportional")),
         nodes=5,
         flat=True,
     ).filter(lambda c: len(c.deck["nodes"]) > 1),
 )
 def test_nonlinear_limit(case: Case) -> None:
+    """Without natural convection, whose conductance vanishes with the difference, so that a lag is not proportional to what is stored."""
     _check(_quiet_last(case))
 
 

@@ -7,11 +7,10 @@ import pytest
 
 import thermid as td
 from oracle import Oracle, flatten
-from strategies import DURATION, LOADS, SWITCHED, TIGHT, Case, cases, random_models
+from strategies import DURATION, LOADS, SMOOTH, SWITCHED, TIGHT, Case, cases, random_models
 
 TIMES = np.linspace(1.7, DURATION - 1.1, 61)  # never at a jump, where a massless node has two temperatures
 BEGINNER = 1e-3  # knees, as of natural convection that reverses, cost the default tolerances up to half of it, in kelvin
-SMOOTH = tuple(k for k in LOADS if k != "proportional")
 
 
 def _largest_error(case: Case, options: td.Options, accuracy: float) -> float:

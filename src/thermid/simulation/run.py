@@ -77,10 +77,10 @@ class Run:
         loads = float(answer.load_energy.sum())
         boundaries = float(answer.boundary_energy.sum()) - float(answer.flow_energy.sum())
         capacities = np.array([value_of(c) if c is not None else 0.0 for c in self.assembled.reduced.capacitances.values()])
-        change = answer.final - answer.initial
-        stored = float(capacities @ change)
+        stored = float(capacities @ (answer.final - answer.initial))
+        seen = np.vstack((answer.initial, answer.temperatures, answer.final))
         # heat that only passes through, from one boundary to another, is heat that the integrator handled too
         gross = max(float(np.abs(part).sum()) for part in (answer.load_energy, answer.boundary_energy, answer.flow_energy))
-        size = max(gross, float(capacities @ np.abs(change)), 1e-300)
+        size = max(gross, float(capacities @ np.ptp(seen, axis=0)), 1e-300)
         residual = loads - boundaries - stored
         return HeatBalance(loads, boundaries, stored, residual, abs(residual) / size)

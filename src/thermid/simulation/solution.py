@@ -84,7 +84,7 @@ class HeatBalance:
     boundaries : float  Heat that left into boundaries; what one-way flow links bring is counted against it. [J]
     stored : float      Heat that the nodes took up. [J]
     residual : float    What does not add up. [J]
-    relative : float    The residual over the largest of the sums of loads, boundary flows and stored heats, each without sign. [-]
+    relative : float    The residual over the largest of loads and boundary flows, each without sign, and the range of what was stored. [-]
     """
 
     loads: float

@@ -38,7 +38,7 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
     ScenarioError   When the scenario has no duration, or times lie outside it or do not increase.
     """
     if scenario.seconds <= 0:
-        raise ScenarioError("a run needs a duration above zero: duration = \"5 [h]\", or --for \"5 [h]\".", f"{scenario.title}, duration")
+        raise ScenarioError('a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".', f"{scenario.title}, duration")
     if times is not None:
         wanted = np.asarray(times, dtype=float)
         if (
