@@ -10,7 +10,8 @@ namespace thermid {
 // dT = (b + s db) w + (A b - db) ww + A A b www; the next term of the series is the estimate.
 double Integrator::input_error() {
     double total = 0.0;
-    make_slaved(fast_, 1e-4);
+    make_slaved(fast_, leftover_ ? 1e-4 : 1e-2);
+    if (!settles(fast_)) make_slaved(fast_, 0.0);  // a fast group that is cut off from the others does not follow them
     if (!leftover_) {
         for (Noise& z : noise_) z.active = false;
         return 0.0;
@@ -271,7 +272,19 @@ void Integrator::write_sensitivity(double s, const int* obs, int nobs, bool plai
     for (int i = 0; i < n_; ++i) node(i, SO_.data() + i * np);
     if (!fast_.nodes.empty()) {
         slaved_rows(fast_, eo_);
-        slaved_sensitivity(fast_, eo_, SO_.data());
+        // d/dp of C dT/dt, by the slopes of the cubics of T and S
+        lag_s_.assign(fast_.nodes.size() * np, 0.0);
+        for (size_t f = 0; f < fast_.nodes.size(); ++f) {
+            const int i = fast_.nodes[f], c = p_.capacity[i];
+            if (cap_[i] == 0.0) continue;
+            double* to = lag_s_.data() + f * np;
+            const double g = 6.0 * x * y / h_, a = 1.0 - x * (4.0 - 3.0 * x), b = x * (3.0 * x - 2.0);
+            for (size_t q = 0; q < np; ++q)
+                to[q] = cap_[i] * (g * (S1_[i * np + q] - S_[i * np + q]) + a * sd0_[i * np + q] + b * sd1_[i * np + q]);
+            if (d_.any(c))
+                for (int e = d_.indptr[c]; e < d_.indptr[c + 1]; ++e) to[d_.indices[e]] += d_.data[e] * slope(i, x) / h_;
+        }
+        slaved_sensitivity(fast_, eo_, SO_.data(), lag_s_.data());
     }
     for (int j = 0; j < nobs; ++j) {
         double* to = out + j * np;

@@ -84,7 +84,7 @@ class Integrator {
     // reaches them undelayed (1e-4). quick_: slaved in second derivatives (1e-4).
     Slaved massless_, fast_, quick_;
     std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
-    std::vector<double> xa_, fp_, row_, lag_, reach_;
+    std::vector<double> xa_, fp_, row_, lag_, lag_s_, reach_;
     bool curved_ = false;  // some law is not linear in temperature
     std::vector<const double*> rows_;
     std::vector<double> weights_, SO_;
@@ -108,13 +108,14 @@ class Integrator {
 
     // slaved.cpp
     void make_slaved(Slaved& s, double small);
+    bool settles(Slaved& s);
     void index_slaved(Slaved& s);
     void factor_slaved(Slaved& s, const double* j);
     void solve_slaved(Slaved& s, Evaluation& e, const double* heat = nullptr);
     void slaved_rows(const Slaved& s, Evaluation& e) const;
     void slaved_jacobian(const Slaved& s, const Evaluation& e, double* j) const;
     void respond(Slaved& s, const double* j, const double* g, double* dir);
-    void slaved_sensitivity(Slaved& s, Evaluation& e, double* S);
+    void slaved_sensitivity(Slaved& s, Evaluation& e, double* S, const double* heat = nullptr);
     void rate(Slaved& s, const double* j, const double* g, double* dir, double* out);
     void rate_sensitivity(Slaved& s, Evaluation& e, const double* j, const double* dir_t, const double* dir_u, const double* S,
                           double* dirS, const double* rate, double* out);

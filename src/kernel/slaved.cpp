@@ -46,6 +46,23 @@ void Integrator::factor_slaved(Slaved& s, const double* j) {
     if (bad >= 0) throw Failure{SINGULAR_NODE, s.nodes[bad]};
 }
 
+// Whether the others determine the slaved nodes: their block of the Jacobian is regular.
+bool Integrator::settles(Slaved& s) {
+    const int m = static_cast<int>(s.nodes.size());
+    if (m == static_cast<int>(massless_.nodes.size())) return true;
+    for (int x = 0; x < m; ++x)
+        for (int y = 0; y < m; ++y) s.lu.data()[x * m + y] = J0_[static_cast<size_t>(s.nodes[x]) * n_ + s.nodes[y]];
+    s.factored = false;
+    if (s.lu.factor() >= 0) return false;
+    double low = std::numeric_limits<double>::infinity(), high = 0.0;
+    for (int x = 0; x < m; ++x) {
+        const double own = std::fabs(J0_[static_cast<size_t>(s.nodes[x]) * n_ + s.nodes[x]]), pivot = std::fabs(s.lu.data()[x * m + x]) / own;
+        low = std::min(low, pivot);
+        high = std::max(high, pivot);
+    }
+    return low > 1e-6 * high;
+}
+
 // Rows that touch slaved nodes only; e.f is right for those nodes alone.
 void Integrator::slaved_rows(const Slaved& s, Evaluation& e) const {
     for (int i : s.nodes) e.f[i] = 0.0;
@@ -190,8 +207,8 @@ void Integrator::rate_sensitivity(Slaved& s, Evaluation& e, const double* j, con
     }
 }
 
-// Sensitivities of the slaved nodes from those of the others; rows of e must be current.
-void Integrator::slaved_sensitivity(Slaved& s, Evaluation& e, double* S) {
+// Sensitivities of the slaved nodes from those of the others and of the heat they take up (nodes, np); rows of e must be current.
+void Integrator::slaved_sensitivity(Slaved& s, Evaluation& e, double* S, const double* heat) {
     const int m = static_cast<int>(s.nodes.size());
     const size_t np = np_;
     if (m == 0) return;
@@ -202,7 +219,7 @@ void Integrator::slaved_sensitivity(Slaved& s, Evaluation& e, double* S) {
     for (int k = 0; k < m; ++k) {
         const int i = s.nodes[k];
         double* to = fp_.data() + k * np;
-        for (size_t q = 0; q < np; ++q) to[q] = -G_[i * np + q];
+        for (size_t q = 0; q < np; ++q) to[q] = (heat ? heat[k * np + q] : 0.0) - G_[i * np + q];
         for (int c = 0; c < n_; ++c)
             if (const double v = row_[i * n_ + c]; v != 0.0 && !s.is[c]) axpy(to, -v, S + c * np, np_);
     }

@@ -81,10 +81,8 @@ def _quiet_last(case: Case) -> Case:
     [
         (1e-6, 1e-5),
         (1e-4, 1e-5),
-        pytest.param(
-            1e-3, 3e-4, marks=pytest.mark.xfail(strict=True, reason="1.2e-3 K: between fast and slow the default tolerance errs most")
-        ),
-        (1e-2, 3e-4),
+        (1e-3, 1e-5),
+        (1e-2, 1e-5),
     ],
 )
 def test_a_very_fast_node_follows_a_sine_at_the_default_tolerance(joules: float, bound: float) -> None:
