@@ -14,13 +14,13 @@ from thermid.identify.cache import file_name
 from thermid.identify.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.model.model import Model
-from thermid.model.modelfile import load_model, project_root, read_toml, resolve_inside
+from thermid.model.modelfile import load_model, read_toml, resolve_inside
 from thermid.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from thermid.identify.campaign_schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
 
-__all__ = ["CampaignSource", "read_campaign"]
+__all__ = ["CampaignSource", "local_of", "placed", "read_campaign", "scenario_of"]
 
 DATA = "THERMID_DATA"
 
@@ -259,6 +259,3 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
     for k, verdict in enumerate(verdicts):
         if verdict.model not in done:
             raise DeckError(f"no stage '{verdict.model}'.{nearest(verdict.model, done)}", source.where(f"verdicts.{k}.model"))
-
-
-__all__ += ["local_of", "placed", "project_root", "scenario_of"]

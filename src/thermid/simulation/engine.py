@@ -181,7 +181,8 @@ class Engine:
             _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise the tolerance.",
             _kernel.NEWTON_FAILED: f"a step could not be solved {when}. Look for a power that grows too fast with temperature.",
             _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
-            _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave.",
+            _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave."
+            " Where it falls below 0 K, a negative power takes more than there is.",
             _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
             _kernel.BAD_INPUT: f"a temperature must lie above 0 K and every number be finite, which does not hold {when}. Look there.",
             _kernel.CHATTER: f"a thermostat switches without end {when}. Widen its hysteresis.",
