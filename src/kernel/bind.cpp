@@ -1,69 +1,11 @@
 // Python bindings: arrays in, arrays out. Shapes and indices are checked here; messages of failed runs are made in Python.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/tuple.h>
-
-#include <memory>
-#include <stdexcept>
-
+#include "bind.hpp"
 #include "integrator.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
 using namespace thermid;
+using namespace nb::literals;
 
 namespace {
-
-template <class T, int D>
-using In = nb::ndarray<const T, nb::ndim<D>, nb::c_contig, nb::device::cpu>;
-using Reals = In<double, 1>;
-using Ints = In<int32_t, 1>;
-using Csr = std::tuple<Ints, Ints, Reals, int>;
-
-void need(bool ok, const char* message) {
-    if (!ok) throw std::invalid_argument(message);
-}
-
-template <class T, class A>
-std::vector<T> copy(const A& a) {
-    return std::vector<T>(a.data(), a.data() + a.size());
-}
-
-template <class T>
-nb::object array(std::unique_ptr<T[]> data, std::initializer_list<size_t> shape) {
-    T* raw = data.release();
-    nb::capsule owner(raw, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-    return nb::cast(nb::ndarray<nb::numpy, T>(raw, shape, owner));
-}
-
-template <class T, class V>
-nb::object array(const std::vector<V>& v, std::initializer_list<size_t> shape) {
-    std::unique_ptr<T[]> data(new T[v.size() + 1]);
-    std::copy(v.begin(), v.end(), data.get());
-    return array(std::move(data), shape);
-}
-
-template <class V>
-nb::object reals(const std::vector<V>& v) { return array<double>(v, {v.size()}); }
-template <class V>
-nb::object ints(const std::vector<V>& v) { return array<int32_t>(v, {v.size()}); }
-
-CoefJacobian jacobian_of(const Problem& p, const std::optional<Csr>& csr) {
-    CoefJacobian d;
-    if (!csr) return d;
-    const auto& [indptr, indices, data, np] = *csr;
-    need(np >= 0 && indptr.size() == static_cast<size_t>(p.nc) + 1, "dcoef: indptr needs one entry more than there are coefficients");
-    need(indices.size() == data.size() && indptr(0) == 0 && indptr(p.nc) == static_cast<int>(data.size()), "dcoef: indptr, indices and data do not fit");
-    d.np = np;
-    d.indptr = copy<int>(indptr);
-    d.indices = copy<int>(indices);
-    d.data = copy<double>(data);
-    for (int j = 0; j < p.nc; ++j) need(d.indptr[j] <= d.indptr[j + 1], "dcoef: indptr must not decrease");
-    for (int i : d.indices) need(i >= 0 && i < np, "dcoef: no such parameter");
-    return d;
-}
 
 struct PyResult {
     int status, node;
@@ -169,9 +111,7 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
         need(on->size() == static_cast<size_t>(p.load.size()), "on: one entry for each load");
         o.on = copy<int>(*on);
     }
-    o.poll = [] {
-        if (PyErr_CheckSignals() != 0) throw nb::python_error();
-    };
+    o.poll = poll_interrupt;
     const size_t nt = times.size(), no = nodes.size(), np = d.np;
     std::unique_ptr<double[]> traces(new double[nt * no + 1]), sens(new double[np ? nt * no * np + 1 : 1]);
     Result r;

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from thermid.simulation.engine import Options as Options
     from thermid.simulation.scenario import Scenario as Scenario
     from thermid.simulation.scenario import load_scenario as load_scenario
+    from thermid.simulation.simulator import Simulator as Simulator
+    from thermid.simulation.simulator import prepare as prepare
     from thermid.simulation.solution import Solution as Solution
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.transient import simulate as simulate
@@ -55,6 +57,8 @@ _PUBLIC = {
     "load_scenario": "simulation.scenario",
     "Options": "simulation.engine",
     "simulate": "simulation.transient",
+    "prepare": "simulation.simulator",
+    "Simulator": "simulation.simulator",
     "steady": "simulation.steady",
     "Solution": "simulation.solution",
     "Channel": "measure",

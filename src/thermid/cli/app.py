@@ -142,7 +142,7 @@ def simulate(
     from thermid.model.signal import literal
     from thermid.simulation import simulate as run
     from thermid.simulation import steady as settle
-    from thermid.simulation.transient import output_times
+    from thermid.simulation.simulator import output_times
 
     model = load_model(deck)
     if values is not None:

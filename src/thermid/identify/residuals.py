@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.dual import gradient_of, value_of
 from thermid.errors import SolverError
 from thermid.identify.experiment import Experiment, Observation
 from thermid.identify.unknowns import Target, Unknown
 from thermid.simulation.engine import Engine, Options
-from thermid.simulation.wiring import Assembled, Wiring
+from thermid.simulation.traces import Traces, kept_for
+from thermid.simulation.wiring import Wiring
 
 __all__ = ["Bench", "Block", "Problem"]
 
@@ -39,47 +39,15 @@ class Bench:
 
     def temperatures(self, x: Array, gradients: bool, options: Options) -> tuple[Array, Array]:
         """Return observed temperatures (times, sensors) [K] and their derivatives (times, sensors, free), empty when not asked for."""
-        assembled = self.engine.started(self.wiring.assemble(x), gradients)
+        assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
         nodes = tuple(o.node for o in self.experiment.observations)
-        kept = _kept_for(assembled, nodes)
+        kept = kept_for(assembled, nodes)
         duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
         answer = self.engine.integrate(assembled, self.experiment.times, kept, duration, options, gradients and bool(self.free))
-        values = {n: answer.temperatures[:, k] for k, n in enumerate(kept)}
-        slopes = {n: answer.sensitivities[:, k, :] for k, n in enumerate(kept)} if gradients else {}
-        self._recover(assembled, values, slopes, gradients)
-        columns = np.column_stack([values[n] for n in nodes])
-        derivatives = np.stack([slopes[n] for n in nodes], axis=1) if gradients else np.zeros((0, 0, 0))
+        traces = Traces(self.wiring, assembled, self.experiment.times, kept, answer.temperatures, answer.sensitivities)
+        columns = np.column_stack([traces.temperature(n) for n in nodes])
+        derivatives = np.stack([traces.slope(n) for n in nodes], axis=1) if gradients else np.zeros((0, 0, 0))
         return columns, derivatives
-
-    def _recover(self, assembled: Assembled, values: dict[str, Array], slopes: dict[str, Array], gradients: bool) -> None:
-        """Add eliminated massless nodes, from their neighbours."""
-        if not assembled.reduced.recover:
-            return
-        times, size = self.experiment.times, len(self.free)
-        for b in self.wiring.network.boundaries:
-            values[b] = self.wiring.boundary(b, times, assembled.offsets)
-            if gradients:
-                slopes[b] = np.broadcast_to(gradient_of(assembled.offsets[b], size), (times.size, size))
-        for node, weights in assembled.reduced.recover:
-            if not all(n in values for n in weights):
-                continue
-            values[node] = np.sum([value_of(w) * values[n] for n, w in weights.items()], axis=0)
-            if gradients:
-                parts = [value_of(w) * slopes[n] + np.outer(values[n], gradient_of(w, size)) for n, w in weights.items()]
-                slopes[node] = np.sum(parts, axis=0)
-
-
-def _kept_for(assembled: Assembled, nodes: Sequence[str]) -> tuple[str, ...]:
-    """Return the nodes that the kernel must store so that `nodes` can be had."""
-    recover = dict(assembled.reduced.recover)
-    wanted, out = list(nodes), {}  # type: tuple[list[str], dict[str, None]]
-    while wanted:
-        node = wanted.pop(0)
-        if node in recover:
-            wanted += recover[node]
-        elif node in assembled.reduced.nodes:
-            out[node] = None
-    return tuple(out)
 
 
 @dataclass(frozen=True, eq=False)

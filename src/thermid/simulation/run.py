@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,21 +12,12 @@ from thermid.dual import value_of
 from thermid.network.network import Network
 from thermid.simulation.engine import Answer, Engine
 from thermid.simulation.solution import HeatBalance
+from thermid.simulation.traces import Traces
 from thermid.simulation.wiring import Assembled, Wiring
 
-__all__ = ["Run", "expand"]
+__all__ = ["Run"]
 
 Array = NDArray[np.float64]
-
-
-def expand(wiring: Wiring, assembled: Assembled, times: Array, kept: Mapping[str, Array]) -> dict[str, Array]:
-    """Return node -> temperature (times,) of boundaries and eliminated nodes too. [K]"""
-    out = {b: wiring.boundary(b, times, assembled.offsets) for b in wiring.network.boundaries}
-    out.update(kept)
-    for node, weights in assembled.reduced.recover:
-        if all(n in out for n in weights):
-            out[node] = np.sum([value_of(w) * out[n] for n, w in weights.items()], axis=0)
-    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +28,14 @@ class Run:
     engine: Engine
     assembled: Assembled
     answer: Answer
+    times: Array
+
+    @cached_property
+    def traces(self) -> Traces:
+        """Temperatures and derivatives by name."""
+        return Traces(
+            self.wiring, self.assembled, self.times, self.assembled.reduced.nodes, self.answer.temperatures, self.answer.sensitivities
+        )
 
     @property
     def network(self) -> Network:

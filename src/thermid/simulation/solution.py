@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -104,7 +105,7 @@ class Solution:
     scenario : str                  The scenario's title.
     times : array (times,)          [s]
     nodes : tuple of str            Every node and boundary, in the order of the columns.
-    temperatures : array (times, nodes)   [K]
+    free : tuple of str             Names that the sensitivities belong to; empty where none were asked for.
     status : str                    ``ok``, or what ended the run early.
     statistics : dict               Steps, rejected steps and the like.
     warnings : tuple of str         What a reader must know.
@@ -114,7 +115,7 @@ class Solution:
     scenario: str
     times: Array
     nodes: tuple[str, ...]
-    temperatures: Array
+    free: tuple[str, ...]
     status: str
     statistics: Mapping[str, Any]
     warnings: tuple[str, ...]
@@ -123,7 +124,25 @@ class Solution:
     def __getitem__(self, name: str) -> Trace:
         """Return the trace of a node; aliases are accepted."""
         path = self._run.network.find(name)
-        return Trace(path, self.times, self.temperatures[:, self.nodes.index(path)])
+        return Trace(path, self.times, self._run.traces.temperature(path))
+
+    @cached_property
+    def temperatures(self) -> Array:
+        """Temperatures (times, nodes) of every node and boundary, in the order of `nodes`. [K]"""
+        return np.column_stack([self._run.traces.temperature(n) for n in self.nodes])
+
+    def sensitivity(self, node: str, name: str) -> Array:
+        """Return the derivative (times,) of a node's temperature with respect to a free name. [K per SI unit]
+
+        Raises
+        ------
+        NameNotFoundError   When the node does not exist, or the run was not asked for derivatives with respect to that name.
+        """
+        path, wanted = self._run.network.find(node), self._run.network.flat.names.model.canonical(name)
+        if wanted not in self.free:
+            known = f"it has those of {', '.join(self.free)}" if self.free else "it has none; ask for them with run(sensitivities=True)"
+            raise NameNotFoundError(f"the solution holds no sensitivity to '{name}': {known}.", self.title)
+        return self._run.traces.slope(path)[:, self.free.index(wanted)]
 
     @property
     def time_constants(self) -> Array:

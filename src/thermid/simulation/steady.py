@@ -100,13 +100,13 @@ def steady(model: Model, scenario: Scenario, time: float = 0.0) -> dict[str, flo
     SolverError   When there is no steady state; the message names the part and its rate.
     """
     from thermid.simulation.engine import Engine
-    from thermid.simulation.run import expand
-    from thermid.simulation.transient import network_for
+    from thermid.simulation.simulator import network_for
+    from thermid.simulation.traces import Traces
     from thermid.simulation.wiring import Wiring
 
     wiring = Wiring(network_for(model, scenario), scenario.with_(start=scenario.start or ICE_POINT))
     engine = Engine(wiring)
     a = wiring.assemble()
     found, _ = settle(engine, a, time)
-    kept = {n: found[k : k + 1] for k, n in enumerate(engine.nodes)}
-    return {n: float(v[0]) for n, v in expand(wiring, a, np.array([float(time)]), kept).items()}
+    traces = Traces(wiring, a, np.array([float(time)]), engine.nodes, found[None, :], np.zeros((1, found.size, 0)))
+    return {n: float(traces.temperature(n)[0]) for n in (*wiring.network.boundaries, *wiring.network.nodes)}

@@ -149,16 +149,18 @@ class Wiring:
                 raise ScenarioError(f"'{value}' is no temperature and no boundary.{nearest(value, known)}", f"{self.scenario.title}, {key}")
         return literal(value, TEMPERATURE, f"{self.scenario.title}, {key}") if isinstance(value, str) else float(value)
 
-    def assemble(self, x: Array | None = None) -> Assembled:
-        """Return the numbers at values of the free names, in their order. [SI]"""
+    def assemble(self, x: Array | None = None, gradients: bool = True) -> Assembled:
+        """Return the numbers at values of the free names, in their order [SI], with their derivatives unless these are not wanted."""
         values = np.zeros(0) if x is None else np.asarray(x, dtype=float)
-        eye = np.eye(values.size)
-        given = {name: Dual(float(values[k]), eye[k]) for k, name in enumerate(self.free)} if values.size else {}
+        given: dict[str, Number] = dict(zip(self.free, values.tolist(), strict=True)) if values.size else {}
+        if gradients and values.size:
+            eye = np.eye(values.size)
+            given = {name: Dual(value_of(v), eye[k]) for k, (name, v) in enumerate(given.items())}
         numbers = self._numbers({p: given[p] for p in self.parameters if p in given})
         reduced = reduce_network(self.network, self._marked(numbers), self.gone)
-        return self._build(numbers, reduced, given, values.size)
+        return self._build(numbers, reduced, given, values.size if gradients else 0)
 
-    def _build(self, numbers: Numbers, reduced: Reduced, given: Mapping[str, Dual], free: int) -> Assembled:
+    def _build(self, numbers: Numbers, reduced: Reduced, given: Mapping[str, Number], free: int) -> Assembled:
         first = not self._structure
         if first:
             self.used = {name: k for k, name in enumerate(self.signals)}
@@ -220,7 +222,7 @@ class Wiring:
             out[row.name] = out.get(row.name, 0.0) + flow
         return out
 
-    def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], given: Mapping[str, Dual]) -> list[Any]:
+    def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], given: Mapping[str, Number]) -> list[Any]:
         out = []
         for row, position in _numbered(numbers.loads):
             if row.node in self.network.boundaries:
@@ -229,7 +231,7 @@ class Wiring:
             out.append((row.form, index[row.node], index[row.sensor], places, row.curve, row.name))
         return out
 
-    def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, given: Mapping[str, Dual]) -> list[tuple[Number, str]]:
+    def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, given: Mapping[str, Number]) -> list[tuple[Number, str]]:
         """Return the coefficients of a load row, each with the input that it is multiplied by."""
         out = []
         for c, own in enumerate(row.coefficients):
@@ -242,7 +244,7 @@ class Wiring:
             out.append((number, follow or signal))
         return out
 
-    def _power(self, load: str, own: Number, numbers: Numbers, given: Mapping[str, Dual]) -> Number:
+    def _power(self, load: str, own: Number, numbers: Numbers, given: Mapping[str, Number]) -> Number:
         """Return what multiplies a load's input: the deck's power, a gain in its place, or 1 where the input is in watts."""
         if load in self.scenario.gains:
             gain: Number = numbers.values[self.scenario.gains[load]]
@@ -251,7 +253,7 @@ class Wiring:
             return given.get(f"scale.{load}", 1.0)
         return own * given[f"scale.{load}"] if f"scale.{load}" in given else own
 
-    def _initial_of(self, node: str, offsets: Mapping[str, Number], given: Mapping[str, Dual]) -> Number:
+    def _initial_of(self, node: str, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> Number:
         """Return the initial temperature of a node; NaN stands for one that is still to be solved for. [K]"""
         if f"initial.{node}" in given:
             return given[f"initial.{node}"]
@@ -265,6 +267,17 @@ class Wiring:
     def _signal_start(self, boundary: str) -> float:
         signal = self.signals[f"boundary {boundary}"]
         return 0.0 if isinstance(signal, Constant) else float(signal.at(np.zeros(1))[0])
+
+    def nominal(self, name: str, start: bool) -> float:
+        """Return the constant part of a boundary's temperature, or the initial temperature of a node, without free names. [K]"""
+        if start:
+            offsets = {b: self._constant(b) for b in self.network.boundaries}
+            return value_of(self._initial_of(name, offsets, {}))
+        return self._constant(name)
+
+    def _constant(self, boundary: str) -> float:
+        signal = self.signals[f"boundary {boundary}"]
+        return signal.value if isinstance(signal, Constant) else 0.0
 
     def structure(self) -> dict[str, Any]:
         """Return the index arrays of the network, fixed for all values."""

@@ -1,0 +1,192 @@
+"""`Simulator`: a model and a scenario made ready for many runs at other values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.dual import value_of
+from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.model.model import Model
+from thermid.model.signal import literal
+from thermid.network.network import Network, compile_network
+from thermid.network.reach import unreached
+from thermid.simulation.engine import Engine, Options
+from thermid.simulation.run import Run
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.solution import Solution
+from thermid.simulation.wiring import Wiring
+
+__all__ = ["Simulator", "network_for", "output_times", "prepare"]
+
+Array = NDArray[np.float64]
+DEFAULT_SAMPLES = 301
+
+
+def network_for(model: Model, scenario: Scenario) -> Network:
+    """Return the model compiled for a scenario: its gases, and the nodes it drives."""
+    return compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
+
+
+def output_times(scenario: Scenario, every: str | float | None, times: Any) -> Array:
+    """Return the times at which a solution is stored. [s]
+
+    Raises
+    ------
+    ScenarioError   When the scenario has no duration, or times lie outside it or do not increase.
+    """
+    if scenario.seconds <= 0:
+        raise ScenarioError('a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".', f"{scenario.title}, duration")
+    if times is not None:
+        wanted = np.asarray(times, dtype=float)
+        if (
+            wanted.ndim != 1
+            or wanted.size == 0
+            or (np.diff(wanted) <= 0).any()
+            or wanted[0] < 0
+            or wanted[-1] > scenario.seconds * (1 + 1e-12)
+        ):
+            raise ScenarioError("output times must increase and lie within the duration.", scenario.title)
+        return wanted
+    if every is None:
+        return np.linspace(0.0, scenario.seconds, DEFAULT_SAMPLES)
+    step = literal(every, "s", f"{scenario.title}, every") if isinstance(every, str) else float(every)
+    if step <= 0:
+        raise ScenarioError("the interval of output must be above zero.", scenario.title)
+    grid = np.arange(0.0, scenario.seconds * (1 + 1e-12), step)
+    return grid if np.isclose(grid[-1], scenario.seconds) else np.append(grid, scenario.seconds)
+
+
+def prepare(
+    model: Model,
+    scenario: Scenario,
+    free: Sequence[str] = (),
+    *,
+    every: str | float | None = None,
+    times: Any = None,
+    options: Options | None = None,
+) -> Simulator:
+    """Return a model and a scenario made ready for many runs at other values.
+
+    Parameters
+    ----------
+    model, scenario, every, times, options    As in `simulate`.
+    free : sequence of str      What may change from run to run: parameters, boundaries (a constant added to their signal),
+                                ``initial.<node>``, and ``scale.<load>`` (a factor on its power).
+
+    Raises
+    ------
+    ScenarioError       As in `simulate`.
+    NameNotFoundError   When a free name does not exist.
+    DeckError           When a free parameter is derived from others.
+    """
+    wanted = output_times(scenario, every, times)
+    network = network_for(model, scenario)
+    names = tuple(_free_name(network, n) for n in free)
+    wiring = Wiring(network, scenario, names)
+    return Simulator(model.title, wiring, Engine(wiring), wanted, options or Options())
+
+
+def _free_name(network: Network, raw: str) -> str:
+    """Return the canonical form of a name that may change."""
+    head, _, rest = raw.partition(".")
+    canonical = network.flat.names.model.canonical
+    if head in ("initial", "scale") and rest:
+        return f"{head}.{canonical(rest)}"
+    if canonical(raw) in network.boundaries:
+        return canonical(raw)
+    return network.flat.parameters.freeable(raw, canonical)
+
+
+@dataclass(frozen=True, eq=False)
+class Simulator:
+    """A model and a scenario made ready for many runs.
+
+    Parameters
+    ----------
+    title : str             The model's.
+    times : array (times,)  Times at which solutions are stored. [s]
+    options : Options       Tolerances and limits of the integrator.
+    """
+
+    title: str
+    _wiring: Wiring = field(repr=False)
+    _engine: Engine = field(repr=False)
+    times: Array = field(repr=False)
+    options: Options
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """What may change from run to run."""
+        return self._wiring.free
+
+    @cached_property
+    def nominal(self) -> Mapping[str, float]:
+        """Free name -> the value it has where none is given. [SI]"""
+        base = self._wiring.network.numbers().values
+        out = {}
+        for name in self.free:
+            head, _, node = name.partition(".")
+            if name in base:
+                out[name] = value_of(base[name])
+            elif head == "scale":
+                out[name] = 1.0
+            else:
+                out[name] = self._wiring.nominal(node if head == "initial" else name, start=head == "initial")
+        return out
+
+    @cached_property
+    def _remarks(self) -> tuple[str, ...]:
+        return _warnings(self._wiring, self._wiring.scenario)
+
+    def run(self, values: Mapping[str, float] | None = None, *, sensitivities: bool = False) -> Solution:
+        """Return the solution at some values of the free names.
+
+        Parameters
+        ----------
+        values : dict           Free name -> value; `nominal` where none is given. [SI]
+        sensitivities : bool    Whether to store derivatives with respect to the free names too; see `Solution.sensitivity`.
+
+        Raises
+        ------
+        NameNotFoundError   When a value is given for a name that is not free.
+        SolverError         As in `simulate`.
+        """
+        x = self.vector(values or {}) if self.free else None
+        assembled = self._engine.started(self._wiring.assemble(x, sensitivities), sensitivities)
+        nodes = assembled.reduced.nodes
+        wanted = sensitivities and bool(self.free)
+        answer = self._engine.integrate(assembled, self.times, nodes, self._wiring.scenario.seconds, self.options, wanted)
+        run = Run(self._wiring, self._engine, assembled, answer, self.times)
+        free = self.free if wanted else ()
+        return Solution(
+            self.title, self._wiring.scenario.title, self.times, run.all_nodes(), free, "ok", answer.statistics, self._remarks, run
+        )
+
+    def vector(self, values: Mapping[str, float]) -> Array:
+        """Return the values (free,) in the order of `free`. [SI]"""
+        given = {_free_name(self._wiring.network, name): value for name, value in values.items()}
+        for name in given:
+            if name not in self.free:
+                raise NameNotFoundError(f"'{name}' was not freed when the simulator was prepared.{nearest(name, self.free)}", self.title)
+        return np.array([given.get(name, self.nominal[name]) for name in self.free])
+
+
+def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
+    """Return what a reader of a solution must know: parts that warm without limit, bounds that are no predictions."""
+    numbers = wiring.assemble().numbers
+    powers = {}
+    for load in wiring.network.flat.loads:
+        signal = wiring.signals[f"load {load.path}"]
+        first = next(r for r in numbers.loads if r.name == load.path)
+        mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
+        powers[load.path] = mean * (1.0 if f"watts {load.path}" in wiring.signals else value_of(first.coefficients[0]))
+    out = [part.message() for part in unreached(wiring.network, numbers, powers)]
+    if scenario.as_printed:
+        out.append("vacuum as printed: every coefficient is zero, radiation in it included; the temperatures are an upper bound")
+    return tuple(out)
