@@ -69,12 +69,12 @@ def test_a_solution_without_sensitivities_says_how_to_get_them(simulator: td.Sim
 def test_only_free_names_take_values(simulator: td.Simulator) -> None:
     with pytest.raises(NameNotFoundError, match=r"'right\.conductance' was not freed when the simulator was prepared"):
         simulator.run({"right.conductance": 1.0})
-    with pytest.raises(NameNotFoundError, match="Did you mean 'skin.htc'"):
+    with pytest.raises(NameNotFoundError, match=r"Did you mean 'skin\.htc'"):
         simulator.run({"skin.hct": 1.0})
 
 
 def test_names_are_checked_when_it_is_prepared() -> None:
-    with pytest.raises(NameNotFoundError, match="no parameter 'skin.hct'"):
+    with pytest.raises(NameNotFoundError, match=r"no parameter 'skin\.hct'"):
         td.prepare(td.model_from_dict(DECK), ROOM, ["skin.hct"])
     derived = {**DECK, "parameters": {"side": "0.2 [m]", "face": "side**2"}}
     with pytest.raises(DeckError, match="'face' is derived"):
