@@ -1,5 +1,7 @@
 #include "linear.hpp"
 
+#include "four.hpp"
+
 #include <utility>
 
 namespace thermid {
@@ -13,20 +15,6 @@ THERMID_CLONES void combine(double* THERMID_RESTRICT out, const double* const* r
         for (int i = 0; i < m; ++i) out[i] += a * x[i];
     }
 }
-
-#if defined(__GNUC__)
-typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
-#else
-struct Four {
-    double v[4] = {0.0, 0.0, 0.0, 0.0};
-    void operator+=(const Four& o) { for (int j = 0; j < 4; ++j) v[j] += o.v[j]; }
-};
-inline Four operator*(double a, const Four& x) {
-    Four r;
-    for (int j = 0; j < 4; ++j) r.v[j] = a * x.v[j];
-    return r;
-}
-#endif
 
 THERMID_CLONES void blend(double* THERMID_RESTRICT out, const double* THERMID_RESTRICT w, int rows, const double* THERMID_RESTRICT x, int k, int m) {
     const int stride = padded(m);

@@ -1,0 +1,204 @@
+// The modes carried from knot to knot of the inputs and from output to output.
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+
+#include "four.hpp"
+#include "modal.hpp"
+
+namespace thermid {
+
+namespace {
+
+// Stretches of one length, one after the other: z = e z + c + sum_k (a_k u_k + b_k s_k), where `step` holds e, c, a_1, b_1, ... in lanes.
+// Rows that are asked for are written; sum is that of the states at the starts.
+THERMID_CLONES void carry(const double* step, int lanes, const double* drive, int width, int count, const int* row, double* rows, int terms,
+                          double* z, double* sum) {
+    const double* from = z;
+    for (int p = 0; p < count; ++p, drive += width) {
+        double* to = row[p] < 0 ? z : rows + static_cast<size_t>(row[p]) * terms;
+        for (int j = 0; j < lanes; j += 4) {
+            const double* s = step + j;
+            const Four at = *reinterpret_cast<const Four*>(from + j), e = *reinterpret_cast<const Four*>(s);
+            Four f = *reinterpret_cast<const Four*>(s + lanes);
+            s += 2 * lanes;
+            for (int k = 0; k < width; ++k, s += lanes) f += drive[k] * *reinterpret_cast<const Four*>(s);
+            Four total = *reinterpret_cast<const Four*>(sum + j);
+            total += at;
+            std::memcpy(sum + j, &total, sizeof total);
+#if defined(__GNUC__)
+            f += e * at;
+#else
+            for (int l = 0; l < 4; ++l) f.v[l] += e.v[l] * at.v[l];
+#endif
+            std::memcpy(to + j, &f, sizeof f);
+        }
+        from = to;
+    }
+    if (from != z) std::memcpy(z, from, sizeof(double) * lanes);
+}
+
+// Whether every temperature is a number between 0 and 1e5 K.
+THERMID_CLONES bool plausible(const double* t, size_t n) {
+    int64_t bad = 0;
+    for (size_t i = 0; i < n; ++i) bad += !(t[i] > 0.0) | !(t[i] < 1e5);
+    return bad == 0;
+}
+
+}  // namespace
+
+// Which combination of a row (modes, one, sampled inputs, waves) every observed temperature is.
+void Modal::outputs(const int* obs, int nobs) {
+    const int ns = modes_, nin = static_cast<int>(sampled_.size()), nw = static_cast<int>(sines_.size()), wide = padded(nobs);
+    terms_ = lanes_ + 1 + nin + 2 * nw;
+    mix_.assign(static_cast<size_t>(terms_) * wide + 4, 0.0);
+    for (int o = 0; o < nobs; ++o) {
+        const int i = obs[o];
+        double* to = mix_.data() + o;
+        for (int j = 0; j < ns; ++j) to[static_cast<size_t>(j) * wide] = shape_[i * ns + j];
+        to += static_cast<size_t>(lanes_) * wide;
+        *to = ref_ + direct_[i * cols_];
+        to += wide;
+        for (int k : sampled_) {
+            *to = direct_[i * cols_ + 1 + k];
+            to += wide;
+        }
+        for (int k = 0; k < nw; ++k, to += 2 * wide) {
+            to[0] = direct_[i * cols_ + 1 + sines_[k]] * p_.inputs[sines_[k]].amplitude;
+            for (int j = 0; j < ns; ++j) {
+                to[0] += shape_[i * ns + j] * wave_s_[j * nw + k];
+                to[wide] += shape_[i * ns + j] * wave_c_[j * nw + k];
+            }
+        }
+    }
+    stretches_.assign(256, Stretch());
+    rows_.assign(static_cast<size_t>(BLOCK) * terms_, 0.0);
+    drive_.assign(static_cast<size_t>(BLOCK) * 2 * nin, 0.0);
+    sum_.assign(lanes_, 0.0);
+}
+
+// The factors of a stretch of length h that ends at a time: those of a stretch met before where lengths differ by no more than the
+// rounding of times.
+const Modal::Stretch& Modal::stretch(double h, double until, int nobs, double* traces) {
+    uint64_t bits;
+    std::memcpy(&bits, &h, sizeof bits);
+    bits = (bits + (uint64_t(1) << 20)) >> 21;
+    Stretch& x = stretches_[(bits * 0x9E3779B97F4A7C15u) >> 56];
+    if (x.h >= 0.0 && std::fabs(x.h - h) <= 4.0 * std::numeric_limits<double>::epsilon() * std::fabs(until)) return x;
+    flush(nobs, traces);
+    const int nin = static_cast<int>(sampled_.size());
+    x.h = h;
+    x.step.assign(static_cast<size_t>(lanes_) * (2 + 2 * nin), 0.0);
+    x.whole.assign(static_cast<size_t>(lanes_) * 3, 0.0);
+    for (int j = 0; j < modes_; ++j) {
+        const Phi f = phi(rate_[j] * h);
+        x.step[j] = f.e;
+        x.step[lanes_ + j] = h * f.p1 * force_[j * cols_];
+        for (int k = 0; k < nin; ++k) {
+            x.step[(2 + 2 * k) * lanes_ + j] = h * f.p1 * force_[j * cols_ + 1 + sampled_[k]];
+            x.step[(3 + 2 * k) * lanes_ + j] = h * h * f.p2 * force_[j * cols_ + 1 + sampled_[k]];
+        }
+        x.whole[j] = h * f.p1;
+        x.whole[lanes_ + j] = h * h * f.p2;
+        x.whole[2 * lanes_ + j] = h * h * h * f.p3;
+    }
+    return x;
+}
+
+// Carries out the stretches that wait, adds up their integrals and writes their outputs.
+void Modal::flush(int nobs, double* traces) {
+    const int nin = static_cast<int>(sampled_.size());
+    if (count_ == 0) return;
+    std::vector<double> sums(2 * nin + 1);
+    for (int p = 0, q = 0; p < count_; p = q) {
+        const Stretch& x = *use_[p];
+        while (q < count_ && use_[q] == &x) ++q;
+        const double* drive = drive_.data() + static_cast<size_t>(p) * 2 * nin;
+        std::fill(sum_.begin(), sum_.end(), 0.0);
+        carry(x.step.data(), lanes_, drive, 2 * nin, q - p, row_ + p, rows_.data(), terms_, z_.data(), sum_.data());
+        std::fill(sums.begin(), sums.end(), 0.0);
+        for (int i = p; i < q; ++i)
+            for (int k = 0; k < 2 * nin; ++k) sums[k] += drive[(i - p) * 2 * nin + k];
+        for (int k = 0; k < nin; ++k) area_[1 + sampled_[k]] += x.h * (sums[2 * k] + 0.5 * x.h * sums[2 * k + 1]);
+        const double *w = x.whole.data(), *w2 = w + lanes_, *w3 = w2 + lanes_;
+        for (int j = 0; j < modes_; ++j) {
+            double level = (q - p) * force_[j * cols_], slope = 0.0;
+            for (int k = 0; k < nin; ++k) {
+                level += force_[j * cols_ + 1 + sampled_[k]] * sums[2 * k];
+                slope += force_[j * cols_ + 1 + sampled_[k]] * sums[2 * k + 1];
+            }
+            total_[j] += w[j] * sum_[j] + w2[j] * level + w3[j] * slope;
+        }
+    }
+    if (filled_ > 0) {
+        double* to = traces + static_cast<size_t>(done_) * nobs;
+        blend(to, rows_.data(), filled_, mix_.data(), terms_, nobs);
+        sane_ = sane_ && plausible(to, static_cast<size_t>(filled_) * nobs);
+    }
+    done_ += filled_;
+    count_ = filled_ = 0;
+}
+
+void Modal::march(const double* out_t, long nout, const int* obs, int nobs, double t0, double t_end, const std::function<void()>& poll, Result& r) {
+    const int nin = static_cast<int>(sampled_.size()), nw = static_cast<int>(sines_.size());
+    constexpr double INF = std::numeric_limits<double>::infinity();
+    std::vector<int> at(nin);
+    std::vector<double> knot(nin), level(nin), slope(nin), from(nin);
+    auto enter = [&](int k, int segment) {  // input k from a segment on; -1 stands before the first
+        const auto& seg = p_.inputs[sampled_[k]].seg;
+        at[k] = segment;
+        from[k] = segment < 0 ? t0 : seg[segment].t;
+        level[k] = segment < 0 ? seg[0].u : seg[segment].u;
+        slope[k] = segment < 0 ? 0.0 : seg[segment].s;
+        knot[k] = segment + 1 < static_cast<int>(seg.size()) ? seg[segment + 1].t : INF;
+    };
+    for (int k = 0; k < nin; ++k) enter(k, p_.inputs[sampled_[k]].segment(t0, -1));
+    double t = t0;
+    for (long next = 0, steps = 0; next < nout || t < t_end; ++steps) {
+        double until = next < nout ? std::min(out_t[next], t_end) : t_end;
+        for (int k = 0; k < nin; ++k) until = std::min(until, knot[k]);
+        until = std::max(until, t);
+        if (count_ == BLOCK) {
+            flush(nobs, r.traces);
+            if (steps / BLOCK % 64 == 0 && poll) poll();
+        }
+        const Stretch& x = stretch(until - t, until, nobs, r.traces);
+        double* drive = drive_.data() + static_cast<size_t>(count_) * 2 * nin;
+        for (int k = 0; k < nin; ++k) {
+            drive[2 * k] = level[k] + slope[k] * (t - from[k]);
+            drive[2 * k + 1] = slope[k];
+        }
+        t = until;
+        // Times that differ by rounding only are one time.
+        const double same = t + 4.0 * std::numeric_limits<double>::epsilon() * std::fabs(t);
+        for (int k = 0; k < nin; ++k)
+            while (knot[k] <= same) enter(k, at[k] + 1);
+        use_[count_] = &x;
+        row_[count_] = -1;
+        if (next < nout && out_t[next] <= same) {
+            row_[count_] = filled_;
+            double* to = rows_.data() + static_cast<size_t>(filled_++) * terms_ + lanes_;
+            *to++ = 1.0;
+            for (int k = 0; k < nin; ++k) *to++ = level[k] + slope[k] * (t - from[k]);
+            for (int k = 0; k < nw; ++k) {
+                *to++ = wave(k, t, true);
+                *to++ = wave(k, t, false);
+            }
+            ++next;
+        }
+        ++count_;
+        r.steps = steps + 1;
+    }
+    flush(nobs, r.traces);
+    r.filled = nout;
+    for (size_t i = 0, n = sane_ ? 0 : static_cast<size_t>(nout) * nobs; i < n; ++i) {
+        if (r.traces[i] > 0.0 && r.traces[i] < 1e5) continue;
+        r.time = out_t[i / nobs];
+        throw Failure{std::isfinite(r.traces[i]) ? RUN_AWAY : NON_FINITE, obs[i % nobs]};
+    }
+    r.time = t_end;
+}
+
+}  // namespace thermid
