@@ -1,6 +1,12 @@
 // Four numbers side by side: what the compiler turns into the vector instructions of the machine.
 #pragma once
 
+#if defined(_MSC_VER)
+#define THERMID_INLINE __forceinline
+#else
+#define THERMID_INLINE inline __attribute__((always_inline))
+#endif
+
 namespace thermid {
 
 #if defined(__GNUC__)

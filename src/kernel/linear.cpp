@@ -16,31 +16,36 @@ THERMID_CLONES void combine(double* THERMID_RESTRICT out, const double* const* r
     }
 }
 
-THERMID_CLONES void blend(double* THERMID_RESTRICT out, const double* THERMID_RESTRICT w, int rows, const double* THERMID_RESTRICT x, int k, int m) {
-    const int stride = padded(m);
-    for (int r = 0; r < rows; ++r, out += m, w += k) {
-        int j = 0;
-        for (; j + 12 <= m; j += 12) {
-            const double* from = x + j;
-            Four a = {}, b = {}, c = {};
-            for (int i = 0; i < k; ++i, from += stride) {
-                const Four* v = reinterpret_cast<const Four*>(from);
-                a += w[i] * v[0];
-                b += w[i] * v[1];
-                c += w[i] * v[2];
-            }
-            std::memcpy(out + j, &a, sizeof a);
-            std::memcpy(out + j + 4, &b, sizeof b);
-            std::memcpy(out + j + 8, &c, sizeof c);
-        }
-        for (; j < m; j += 4) {
-            const double* from = x + j;
-            Four acc = {};
-            for (int i = 0; i < k; ++i, from += stride) acc += w[i] * *reinterpret_cast<const Four*>(from);
-            if (j + 4 <= m) std::memcpy(out + j, &acc, sizeof acc);
-            else std::memcpy(out + j, &acc, sizeof(double) * (m - j));
-        }
+namespace {
+
+// R rows of a product at once, up to V vectors wide: every vector of x that is loaded serves R rows.
+template <int R, int V>
+THERMID_INLINE void tile(double* THERMID_RESTRICT out, const double* THERMID_RESTRICT w, const double* THERMID_RESTRICT x, int k, int stride, int m, int left) {
+    Four acc[R][V] = {};
+    for (int i = 0; i < k; ++i, x += stride) {
+        const Four* v = reinterpret_cast<const Four*>(x);
+        for (int r = 0; r < R; ++r)
+            for (int j = 0; j < V; ++j) acc[r][j] += w[r * k + i] * v[j];
     }
+    for (int r = 0; r < R; ++r) {
+        for (int j = 0; j + 1 < V; ++j) std::memcpy(out + r * m + 4 * j, &acc[r][j], sizeof(Four));
+        std::memcpy(out + r * m + 4 * (V - 1), &acc[r][V - 1], sizeof(double) * (left < 4 ? left : 4));
+    }
+}
+
+template <int R>
+THERMID_INLINE void strip(double* out, const double* w, const double* x, int k, int stride, int m) {
+    int j = 0;
+    for (; j + 12 <= m; j += 12) tile<R, 3>(out + j, w, x + j, k, stride, m, 4);
+    for (; j < m; j += 4) tile<R, 1>(out + j, w, x + j, k, stride, m, m - j);
+}
+
+}  // namespace
+
+THERMID_CLONES void blend(double* out, const double* w, int rows, const double* x, int k, int m) {
+    int r = 0;
+    for (; r + 4 <= rows; r += 4, out += 4 * m, w += 4 * k) strip<4>(out, w, x, k, padded(m), m);
+    for (; r < rows; ++r, out += m, w += k) strip<1>(out, w, x, k, padded(m), m);
 }
 
 THERMID_CLONES static int lu_factor(double* a, int* piv, double* inv, int n) {

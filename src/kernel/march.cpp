@@ -74,6 +74,7 @@ void Modal::outputs(const int* obs, int nobs) {
         }
     }
     stretches_.assign(256, Stretch());
+    last_ = stretches_.data();
     rows_.assign(static_cast<size_t>(BLOCK) * terms_, 0.0);
     drive_.assign(static_cast<size_t>(BLOCK) * 2 * nin, 0.0);
     sum_.assign(lanes_, 0.0);
@@ -82,11 +83,15 @@ void Modal::outputs(const int* obs, int nobs) {
 // The factors of a stretch of length h that ends at a time: those of a stretch met before where lengths differ by no more than the
 // rounding of times.
 const Modal::Stretch& Modal::stretch(double h, double until, int nobs, double* traces) {
+    const double rounding = 4.0 * std::numeric_limits<double>::epsilon() * std::fabs(until);
+    auto fits = [&](const Stretch& x) { return x.h >= 0.0 && std::fabs(x.h - h) <= rounding; };
+    if (fits(*last_)) return *last_;
     uint64_t bits;
     std::memcpy(&bits, &h, sizeof bits);
     bits = (bits + (uint64_t(1) << 20)) >> 21;
     Stretch& x = stretches_[(bits * 0x9E3779B97F4A7C15u) >> 56];
-    if (x.h >= 0.0 && std::fabs(x.h - h) <= 4.0 * std::numeric_limits<double>::epsilon() * std::fabs(until)) return x;
+    last_ = &x;
+    if (fits(x)) return x;
     flush(nobs, traces);
     const int nin = static_cast<int>(sampled_.size());
     x.h = h;
@@ -144,21 +149,25 @@ void Modal::flush(int nobs, double* traces) {
 void Modal::march(const double* out_t, long nout, const int* obs, int nobs, double t0, double t_end, const std::function<void()>& poll, Result& r) {
     const int nin = static_cast<int>(sampled_.size()), nw = static_cast<int>(sines_.size());
     constexpr double INF = std::numeric_limits<double>::infinity();
-    std::vector<int> at(nin);
-    std::vector<double> knot(nin), level(nin), slope(nin), from(nin);
-    auto enter = [&](int k, int segment) {  // input k from a segment on; -1 stands before the first
-        const auto& seg = p_.inputs[sampled_[k]].seg;
-        at[k] = segment;
-        from[k] = segment < 0 ? t0 : seg[segment].t;
-        level[k] = segment < 0 ? seg[0].u : seg[segment].u;
-        slope[k] = segment < 0 ? 0.0 : seg[segment].s;
-        knot[k] = segment + 1 < static_cast<int>(seg.size()) ? seg[segment + 1].t : INF;
+    struct Follower { const Input::Segment *next, *end; double knot, from, u, slope, now; };  // an input from its last knot on
+    std::vector<Follower> follow(nin);
+    auto enter = [](Follower& f) {
+        f.from = f.next->t;
+        f.u = f.next->u;
+        f.slope = f.next->s;
+        f.knot = ++f.next == f.end ? INF : f.next->t;
     };
-    for (int k = 0; k < nin; ++k) enter(k, p_.inputs[sampled_[k]].segment(t0, -1));
+    for (int k = 0; k < nin; ++k) {
+        const auto& seg = p_.inputs[sampled_[k]].seg;
+        Follower& f = follow[k];
+        f = {seg.data(), seg.data() + seg.size(), seg[0].t, t0, seg[0].u, 0.0, seg[0].u};  // level before the first knot
+        while (f.knot <= t0) enter(f);
+        f.now = f.u + f.slope * (t0 - f.from);
+    }
     double t = t0;
-    for (long next = 0, steps = 0; next < nout || t < t_end; ++steps) {
+    for (long next = 0, steps = 0; next < nout || t < t_end; r.steps = ++steps) {
         double until = next < nout ? std::min(out_t[next], t_end) : t_end;
-        for (int k = 0; k < nin; ++k) until = std::min(until, knot[k]);
+        for (const Follower& f : follow) until = std::min(until, f.knot);
         until = std::max(until, t);
         if (count_ == BLOCK) {
             flush(nobs, r.traces);
@@ -166,22 +175,22 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
         }
         const Stretch& x = stretch(until - t, until, nobs, r.traces);
         double* drive = drive_.data() + static_cast<size_t>(count_) * 2 * nin;
-        for (int k = 0; k < nin; ++k) {
-            drive[2 * k] = level[k] + slope[k] * (t - from[k]);
-            drive[2 * k + 1] = slope[k];
+        // Times that differ by rounding only are one time.
+        const double same = until + 4.0 * std::numeric_limits<double>::epsilon() * std::fabs(until);
+        for (Follower& f : follow) {
+            *drive++ = f.now;
+            *drive++ = f.slope;
+            while (f.knot <= same) enter(f);
+            f.now = f.u + f.slope * (until - f.from);
         }
         t = until;
-        // Times that differ by rounding only are one time.
-        const double same = t + 4.0 * std::numeric_limits<double>::epsilon() * std::fabs(t);
-        for (int k = 0; k < nin; ++k)
-            while (knot[k] <= same) enter(k, at[k] + 1);
         use_[count_] = &x;
         row_[count_] = -1;
         if (next < nout && out_t[next] <= same) {
             row_[count_] = filled_;
             double* to = rows_.data() + static_cast<size_t>(filled_++) * terms_ + lanes_;
             *to++ = 1.0;
-            for (int k = 0; k < nin; ++k) *to++ = level[k] + slope[k] * (t - from[k]);
+            for (const Follower& f : follow) *to++ = f.now;
             for (int k = 0; k < nw; ++k) {
                 *to++ = wave(k, t, true);
                 *to++ = wave(k, t, false);
@@ -189,7 +198,6 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
             ++next;
         }
         ++count_;
-        r.steps = steps + 1;
     }
     flush(nobs, r.traces);
     r.filled = nout;

@@ -39,6 +39,7 @@ class Modal {
     // A stretch of one length: factors of z, of the constant and of value and slope of every sampled input; those of the integral.
     struct Stretch { double h = -1.0; std::vector<double> step, whole; };
     std::vector<Stretch> stretches_;
+    const Stretch* last_ = nullptr;
 
     // Stretches that are carried out together.
     static constexpr int BLOCK = 128;
