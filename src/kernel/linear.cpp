@@ -16,36 +16,48 @@ THERMID_CLONES void combine(double* THERMID_RESTRICT out, const double* const* r
     }
 }
 
-namespace {
-
-// R rows of a product at once, up to V vectors wide: every vector of x that is loaded serves R rows.
-template <int R, int V>
-THERMID_INLINE void tile(double* THERMID_RESTRICT out, const double* THERMID_RESTRICT w, const double* THERMID_RESTRICT x, int k, int stride, int m, int left) {
-    Four acc[R][V] = {};
-    for (int i = 0; i < k; ++i, x += stride) {
-        const Four* v = reinterpret_cast<const Four*>(x);
-        for (int r = 0; r < R; ++r)
-            for (int j = 0; j < V; ++j) acc[r][j] += w[r * k + i] * v[j];
+// Two rows of twelve at once: six sums in registers, and every vector of x that is loaded serves both.
+THERMID_CLONES void blend(double* THERMID_RESTRICT out, const double* THERMID_RESTRICT w, int rows, const double* THERMID_RESTRICT x, int k, int m) {
+    const int stride = padded(m);
+    for (int r = 0; r < rows; r += 2, out += 2 * m, w += 2 * k) {
+        const bool both = r + 1 < rows;
+        const double* THERMID_RESTRICT v = both ? w + k : w;
+        int j = 0;
+        for (; j + 12 <= m; j += 12) {
+            const double* from = x + j;
+            Four a = {}, b = {}, c = {}, d = {}, e = {}, f = {};
+            for (int i = 0; i < k; ++i, from += stride) {
+                const Four* y = reinterpret_cast<const Four*>(from);
+                const Four y0 = y[0], y1 = y[1], y2 = y[2];
+                a += w[i] * y0;
+                b += w[i] * y1;
+                c += w[i] * y2;
+                d += v[i] * y0;
+                e += v[i] * y1;
+                f += v[i] * y2;
+            }
+            if (both) {
+                std::memcpy(out + m + j, &d, sizeof d);
+                std::memcpy(out + m + j + 4, &e, sizeof e);
+                std::memcpy(out + m + j + 8, &f, sizeof f);
+            }
+            std::memcpy(out + j, &a, sizeof a);
+            std::memcpy(out + j + 4, &b, sizeof b);
+            std::memcpy(out + j + 8, &c, sizeof c);
+        }
+        for (; j < m; j += 4) {
+            const double* from = x + j;
+            Four a = {}, d = {};
+            for (int i = 0; i < k; ++i, from += stride) {
+                const Four y = *reinterpret_cast<const Four*>(from);
+                a += w[i] * y;
+                d += v[i] * y;
+            }
+            const size_t size = sizeof(double) * (m - j < 4 ? m - j : 4);
+            if (both) std::memcpy(out + m + j, &d, size);
+            std::memcpy(out + j, &a, size);
+        }
     }
-    for (int r = 0; r < R; ++r) {
-        for (int j = 0; j + 1 < V; ++j) std::memcpy(out + r * m + 4 * j, &acc[r][j], sizeof(Four));
-        std::memcpy(out + r * m + 4 * (V - 1), &acc[r][V - 1], sizeof(double) * (left < 4 ? left : 4));
-    }
-}
-
-template <int R>
-THERMID_INLINE void strip(double* out, const double* w, const double* x, int k, int stride, int m) {
-    int j = 0;
-    for (; j + 12 <= m; j += 12) tile<R, 3>(out + j, w, x + j, k, stride, m, 4);
-    for (; j < m; j += 4) tile<R, 1>(out + j, w, x + j, k, stride, m, m - j);
-}
-
-}  // namespace
-
-THERMID_CLONES void blend(double* out, const double* w, int rows, const double* x, int k, int m) {
-    int r = 0;
-    for (; r + 4 <= rows; r += 4, out += 4 * m, w += 4 * k) strip<4>(out, w, x, k, padded(m), m);
-    for (; r < rows; ++r, out += m, w += k) strip<1>(out, w, x, k, padded(m), m);
 }
 
 THERMID_CLONES static int lu_factor(double* a, int* piv, double* inv, int n) {

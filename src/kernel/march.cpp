@@ -12,32 +12,56 @@ namespace thermid {
 
 namespace {
 
+inline const Four& four(const double* x) { return *reinterpret_cast<const Four*>(x); }
+inline void put(double* to, const Four& x) { std::memcpy(to, &x, sizeof x); }
+
 // Stretches of one length, one after the other: z = e z + c + sum_k (a_k u_k + b_k s_k), where `step` holds e, c, a_1, b_1, ... in lanes.
 // Rows that are asked for are written; sum is that of the states at the starts.
 THERMID_CLONES void carry(const double* step, int lanes, const double* drive, int width, int count, const int* row, double* rows, int terms,
                           double* z, double* sum) {
-    const double* from = z;
-    for (int p = 0; p < count; ++p, drive += width) {
-        double* to = row[p] < 0 ? z : rows + static_cast<size_t>(row[p]) * terms;
-        for (int j = 0; j < lanes; j += 4) {
-            const double* s = step + j;
-            const Four at = *reinterpret_cast<const Four*>(from + j), e = *reinterpret_cast<const Four*>(s);
-            Four f = *reinterpret_cast<const Four*>(s + lanes);
-            s += 2 * lanes;
-            for (int k = 0; k < width; ++k, s += lanes) f += drive[k] * *reinterpret_cast<const Four*>(s);
-            Four total = *reinterpret_cast<const Four*>(sum + j);
-            total += at;
-            std::memcpy(sum + j, &total, sizeof total);
-#if defined(__GNUC__)
-            f += e * at;
-#else
-            for (int l = 0; l < 4; ++l) f.v[l] += e.v[l] * at.v[l];
-#endif
-            std::memcpy(to + j, &f, sizeof f);
+    int j = 0;
+    if (width == 2)  // one sampled input, as most have: twelve modes with everything in registers
+        for (; j + 12 <= lanes; j += 12) {
+            const double *s = step + j, *d = drive;
+            const Four e0 = four(s), e1 = four(s + 4), e2 = four(s + 8), c0 = four(s + lanes), c1 = four(s + lanes + 4), c2 = four(s + lanes + 8);
+            const Four a0 = four(s + 2 * lanes), a1 = four(s + 2 * lanes + 4), a2 = four(s + 2 * lanes + 8);
+            const Four b0 = four(s + 3 * lanes), b1 = four(s + 3 * lanes + 4), b2 = four(s + 3 * lanes + 8);
+            Four z0 = four(z + j), z1 = four(z + j + 4), z2 = four(z + j + 8), t0 = {}, t1 = {}, t2 = {};
+            for (int p = 0; p < count; ++p, d += 2) {
+                t0 += z0;
+                t1 += z1;
+                t2 += z2;
+                z0 = e0 * z0 + (d[0] * a0 + (d[1] * b0 + c0));
+                z1 = e1 * z1 + (d[0] * a1 + (d[1] * b1 + c1));
+                z2 = e2 * z2 + (d[0] * a2 + (d[1] * b2 + c2));
+                if (row[p] < 0) continue;
+                double* to = rows + static_cast<size_t>(row[p]) * terms + j;
+                put(to, z0);
+                put(to + 4, z1);
+                put(to + 8, z2);
+            }
+            put(z + j, z0);
+            put(z + j + 4, z1);
+            put(z + j + 8, z2);
+            put(sum + j, t0);
+            put(sum + j + 4, t1);
+            put(sum + j + 8, t2);
         }
-        from = to;
+    for (; j < lanes; j += 4) {
+        const double *s = step + j, *d = drive;
+        const Four e = four(s), c = four(s + lanes);
+        Four x = four(z + j), total = {};
+        for (int p = 0; p < count; ++p, d += width) {
+            Four f = c;
+            const double* a = s + 2 * lanes;
+            for (int k = 0; k < width; ++k, a += lanes) f += d[k] * four(a);
+            total += x;
+            x = e * x + f;
+            if (row[p] >= 0) put(rows + static_cast<size_t>(row[p]) * terms + j, x);
+        }
+        put(z + j, x);
+        put(sum + j, total);
     }
-    if (from != z) std::memcpy(z, from, sizeof(double) * lanes);
 }
 
 // Whether every temperature is a number between 0 and 1e5 K.
@@ -121,7 +145,6 @@ void Modal::flush(int nobs, double* traces) {
         const Stretch& x = *use_[p];
         while (q < count_ && use_[q] == &x) ++q;
         const double* drive = drive_.data() + static_cast<size_t>(p) * 2 * nin;
-        std::fill(sum_.begin(), sum_.end(), 0.0);
         carry(x.step.data(), lanes_, drive, 2 * nin, q - p, row_ + p, rows_.data(), terms_, z_.data(), sum_.data());
         std::fill(sums.begin(), sums.end(), 0.0);
         for (int i = p; i < q; ++i)

@@ -122,8 +122,8 @@ void Modal::decompose() {
             f[static_cast<size_t>(t) * m + row++] = -std::sqrt(g) / root_[t];
         }
     }
-    for (double x : f)
-        if (!std::isfinite(x)) throw Failure{NON_FINITE, -1};
+    for (size_t k = 0; k < f.size(); ++k)  // squares must not overflow
+        if (!(std::fabs(f[k]) < 1e150)) throw Failure{NON_FINITE, states_[k / m]};
     if (!jacobi(f, m, ns, rate_, vectors_)) throw Failure{NEWTON_FAILED, -1};
     shape_.assign(static_cast<size_t>(all_) * ns, 0.0);
     direct_.assign(static_cast<size_t>(all_) * cols_, 0.0);
