@@ -12,6 +12,8 @@ namespace thermid {
 
 namespace {
 
+constexpr double ROUNDING = 4.0 * std::numeric_limits<double>::epsilon();
+
 inline const Four& four(const double* x) { return *reinterpret_cast<const Four*>(x); }
 inline void put(double* to, const Four& x) { std::memcpy(to, &x, sizeof x); }
 
@@ -76,7 +78,10 @@ THERMID_CLONES bool plausible(const double* t, size_t n) {
 // Which combination of a row (modes, one, sampled inputs, waves) every observed temperature is.
 void Modal::outputs(const int* obs, int nobs) {
     const int ns = modes_, nin = static_cast<int>(sampled_.size()), nw = static_cast<int>(sines_.size()), wide = padded(nobs);
-    terms_ = lanes_ + 1 + nin + 2 * nw;
+    echo_ = false;
+    for (int o = 0; o < nobs; ++o)
+        for (int k : sampled_) echo_ = echo_ || direct_[obs[o] * cols_ + 1 + k] != 0.0;
+    terms_ = lanes_ + 1 + (echo_ ? nin : 0) + 2 * nw;
     mix_.assign(static_cast<size_t>(terms_) * wide + 4, 0.0);
     for (int o = 0; o < nobs; ++o) {
         const int i = obs[o];
@@ -85,8 +90,8 @@ void Modal::outputs(const int* obs, int nobs) {
         to += static_cast<size_t>(lanes_) * wide;
         *to = ref_ + direct_[i * cols_];
         to += wide;
-        for (int k : sampled_) {
-            *to = direct_[i * cols_ + 1 + k];
+        for (size_t k = 0; echo_ && k < sampled_.size(); ++k) {
+            *to = direct_[i * cols_ + 1 + sampled_[k]];
             to += wide;
         }
         for (int k = 0; k < nw; ++k, to += 2 * wide) {
@@ -98,24 +103,20 @@ void Modal::outputs(const int* obs, int nobs) {
         }
     }
     stretches_.assign(256, Stretch());
-    last_ = stretches_.data();
     rows_.assign(static_cast<size_t>(BLOCK) * terms_, 0.0);
+    for (int r = 0; r < BLOCK; ++r) rows_[static_cast<size_t>(r) * terms_ + lanes_] = 1.0;
     drive_.assign(static_cast<size_t>(BLOCK) * 2 * nin, 0.0);
     sum_.assign(lanes_, 0.0);
 }
 
 // The factors of a stretch of length h that ends at a time: those of a stretch met before where lengths differ by no more than the
-// rounding of times.
+// rounding of times. What waits is carried out before factors are replaced.
 const Modal::Stretch& Modal::stretch(double h, double until, int nobs, double* traces) {
-    const double rounding = 4.0 * std::numeric_limits<double>::epsilon() * std::fabs(until);
-    auto fits = [&](const Stretch& x) { return x.h >= 0.0 && std::fabs(x.h - h) <= rounding; };
-    if (fits(*last_)) return *last_;
     uint64_t bits;
     std::memcpy(&bits, &h, sizeof bits);
     bits = (bits + (uint64_t(1) << 20)) >> 21;
     Stretch& x = stretches_[(bits * 0x9E3779B97F4A7C15u) >> 56];
-    last_ = &x;
-    if (fits(x)) return x;
+    if (x.h >= 0.0 && std::fabs(x.h - h) <= ROUNDING * std::fabs(until)) return x;
     flush(nobs, traces);
     const int nin = static_cast<int>(sampled_.size());
     x.h = h;
@@ -187,19 +188,23 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
         while (f.knot <= t0) enter(f);
         f.now = f.u + f.slope * (t0 - f.from);
     }
-    double t = t0;
-    for (long next = 0, steps = 0; next < nout || t < t_end; r.steps = ++steps) {
-        double until = next < nout ? std::min(out_t[next], t_end) : t_end;
+    double t = t0, wanted = nout > 0 ? out_t[0] : INF;
+    const Stretch* last = stretches_.data();
+    long next = 0, steps = 0;
+    for (; next < nout || t < t_end; ++steps) {
+        double until = std::min(wanted, t_end);
         for (const Follower& f : follow) until = std::min(until, f.knot);
         until = std::max(until, t);
         if (count_ == BLOCK) {
             flush(nobs, r.traces);
             if (steps / BLOCK % 64 == 0 && poll) poll();
         }
-        const Stretch& x = stretch(until - t, until, nobs, r.traces);
-        double* drive = drive_.data() + static_cast<size_t>(count_) * 2 * nin;
+        const double h = until - t, slack = ROUNDING * std::fabs(until), same = until + slack;
+        if (!(last->h >= 0.0 && std::fabs(last->h - h) <= slack)) last = &stretch(h, until, nobs, r.traces);
+        const int at = count_++;
+        use_[at] = last;
+        double* drive = drive_.data() + static_cast<size_t>(at) * 2 * nin;
         // Times that differ by rounding only are one time.
-        const double same = until + 4.0 * std::numeric_limits<double>::epsilon() * std::fabs(until);
         for (Follower& f : follow) {
             *drive++ = f.now;
             *drive++ = f.slope;
@@ -207,21 +212,19 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
             f.now = f.u + f.slope * (until - f.from);
         }
         t = until;
-        use_[count_] = &x;
-        row_[count_] = -1;
-        if (next < nout && out_t[next] <= same) {
-            row_[count_] = filled_;
-            double* to = rows_.data() + static_cast<size_t>(filled_++) * terms_ + lanes_;
-            *to++ = 1.0;
+        row_[at] = -1;
+        if (!(wanted <= same)) continue;
+        row_[at] = filled_;
+        double* to = rows_.data() + static_cast<size_t>(filled_++) * terms_ + lanes_ + 1;
+        if (echo_)
             for (const Follower& f : follow) *to++ = f.now;
-            for (int k = 0; k < nw; ++k) {
-                *to++ = wave(k, t, true);
-                *to++ = wave(k, t, false);
-            }
-            ++next;
+        for (int k = 0; k < nw; ++k) {
+            *to++ = wave(k, t, true);
+            *to++ = wave(k, t, false);
         }
-        ++count_;
+        wanted = ++next < nout ? out_t[next] : INF;
     }
+    r.steps = steps;
     flush(nobs, r.traces);
     r.filled = nout;
     for (size_t i = 0, n = sane_ ? 0 : static_cast<size_t>(nout) * nobs; i < n; ++i) {

@@ -39,13 +39,12 @@ class Modal {
     // A stretch of one length: factors of z, of the constant and of value and slope of every sampled input; those of the integral.
     struct Stretch { double h = -1.0; std::vector<double> step, whole; };
     std::vector<Stretch> stretches_;
-    const Stretch* last_ = nullptr;
 
     // Stretches that are carried out together.
     static constexpr int BLOCK = 128;
     int count_ = 0, filled_ = 0;
     long done_ = 0;
-    bool sane_ = true;
+    bool sane_ = true, echo_ = false;  // temperatures are plausible so far; outputs take from sampled inputs directly
     const Stretch* use_[BLOCK];
     int row_[BLOCK];
     std::vector<double> drive_, rows_, mix_, sum_;

@@ -40,7 +40,10 @@ def test_modes_and_steps_agree(case: Case) -> None:
 def awkward(draw: st.DrawFn) -> Case:
     """Equal parts (equal rates), an island without a boundary (rate zero), one tiny capacitance, inputs of every kind."""
     parts = draw(st.integers(2, 5))
-    nodes = {"hub": {"capacitance": text(draw(spread(50, 500)), "J/K")}, "tiny": {"capacitance": text(draw(st.sampled_from([1e-9, 1e-4, 0.1])), "J/K")}}
+    nodes = {
+        "hub": {"capacitance": text(draw(spread(50, 500)), "J/K")},
+        "tiny": {"capacitance": text(draw(st.sampled_from([1e-9, 1e-4, 0.1])), "J/K")},
+    }
     nodes |= {f"p{k}": {"capacitance": "80.0 [J/K]"} for k in range(parts)}
     nodes |= {f"i{k}": {"capacitance": "30.0 [J/K]"} for k in range(2)}
     pairs = [("hub", "tiny", draw(spread(0.1, 10))), ("tiny", "p0", draw(spread(0.1, 10))), ("i0", "i1", 0.5)]
@@ -50,7 +53,13 @@ def awkward(draw: st.DrawFn) -> Case:
     commands = {"q0": {"times": ["0.0 [s]", "900.0 [s]", "1500.5 [s]"], "values": [1.0, 0.0, 0.5], "hold": draw(st.booleans())}}
     deck: Deck = {"title": "Awkward", "needs": ["e0"], "nodes": nodes, "conductors": links, "loads": loads}
     initial = {"p0": draw(temperature()), "i1": draw(temperature())}
-    scenario = {"boundaries": {"e0": draw(signals())}, "start": draw(temperature()), "duration": DURATION, "initial": initial, "commands": commands}
+    scenario = {
+        "boundaries": {"e0": draw(signals())},
+        "start": draw(temperature()),
+        "duration": DURATION,
+        "initial": initial,
+        "commands": commands,
+    }
     return Case(deck, scenario)
 
 

@@ -134,7 +134,7 @@ class Engine:
         ScenarioError   When the modal solution is asked for and there is none.
         """
         index = {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
-        why = self.modal.refusal(options.method, times, times.size * len(nodes), end, gradients)
+        why = self.modal.refusal(options.method, times, end, gradients)
         if not why:
             return self._by_modes(a, times, _ints([index[n] for n in nodes]), end, options)
         size = a.initial_gradient.shape[1]

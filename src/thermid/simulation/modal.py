@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.errors import ScenarioError
-from thermid.model.signal import Constant, Table
+from thermid.model.signal import Constant, Sine, Table
 from thermid.simulation.wiring import Assembled, Wiring
 
 __all__ = ["METHODS", "Exact", "Modal", "Work"]
@@ -43,31 +43,36 @@ class Work:
     stretches : int     From knot to knot of the sampled inputs and from output to output.
     lengths : int       Stretches of different length; every one needs its own exponentials.
     outputs : int       Output times.
-    written : int       Temperatures that are written: times by nodes.
-    waves : int         Sinusoidal inputs.
     sampled : int       Sampled inputs.
+    waves : int         Sinusoidal inputs.
+    stops : int         Knots at which the integrator ends a step.
     """
 
     nodes: int
     stretches: int
     lengths: int
     outputs: int
-    written: int
-    waves: int
     sampled: int
+    waves: int
+    stops: int
 
     @property
     def modal(self) -> float:
-        """Estimated time by modes. [s]"""
+        """Time by modes, as measured: docs/decisions/023-modal-solution.md. [s]"""
         n = self.nodes
-        march = self.stretches * (16.0 + 1.0 * n * (1 + self.sampled)) + self.lengths * n * 40.0
-        return 1e-9 * (10e3 + 25.0 * n**3 + march + self.written * (0.13 * n + 0.6) + self.outputs * self.waves * 30.0)
+        # beyond what the kernel remembers, lengths are worked out again
+        fresh = self.lengths + max(0.0, 1.0 - 128.0 / self.lengths) * self.stretches
+        march = self.stretches * (20.0 + 0.5 * n * (1 + self.sampled)) + fresh * (200.0 + 32.0 * n)
+        write = self.outputs * (n * (1.0 + 0.1 * n) + 30.0 * self.waves)
+        return 1e-9 * (10e3 + 15.0 * n**3 + march + write)
 
     @property
     def integrator(self) -> float:
-        """Estimated time of the integrator, at the fewest steps that were seen. [s]"""
+        """Time of the integrator where it needs few steps: an input without noise, nothing stiff. [s]"""
         n = self.nodes
-        return 1e-9 * (20e3 + 40 * (2e3 + 400.0 * n + 30.0 * n * n) + self.written * 2.5)
+        step = 1000.0 + 300.0 * n + 0.06 * n**3
+        write = self.outputs * (15.0 + 2.0 * n + (25.0 if self.sampled else 0.0))
+        return 1e-9 * (40e3 + (60 + self.stops) * step + write)
 
 
 class Modal:
@@ -85,7 +90,7 @@ class Modal:
         self.obstacle = _obstacle(wiring)
         self._grids: dict[tuple[float, ...], tuple[int, int]] = {}
 
-    def refusal(self, method: str, times: Array, written: int, end: float, gradients: bool) -> str:
+    def refusal(self, method: str, times: Array, end: float, gradients: bool) -> str:
         """Return why the integrator is to be used, in words; empty when the modes are.
 
         Raises
@@ -99,29 +104,37 @@ class Modal:
         why = self.obstacle or ("derivatives come from the integrator" if gradients else "")
         if method == "modal" and why:
             raise ScenarioError(
-                f"there is no modal solution: {why}. Leave 'method' at 'auto'.", f"{self.wiring.network.title}, {self.wiring.scenario.title}"
+                f"there is no modal solution: {why}. Leave 'method' at 'auto'.",
+                f"{self.wiring.network.title}, {self.wiring.scenario.title}",
             )
         if why or method == "modal":
             return why
-        work = self.work(times, written, end)
-        return "" if work.modal <= work.integrator else f"about {work.modal:.1g} s by modes, {work.integrator:.1g} s by steps"
+        work = self.work(times, end)
+        return (
+            ""
+            if work.modal <= work.integrator
+            else f"an estimated {1e3 * work.modal:.2g} ms by modes, {1e3 * work.integrator:.2g} ms by steps"
+        )
 
-    def work(self, times: Array, written: int, end: float) -> Work:
+    def work(self, times: Array, end: float) -> Work:
         """Return what a run to `end` [s] with outputs at times (times,) [s] has to do."""
         signals = [self.wiring.signals[name] for name in self.wiring.used]
-        tables = [s.times for s in signals if isinstance(s, Table)]
-        key = (times.size, float(times[0]), float(times[-1]), end) if times.size else (0.0, end)
+        tables = [s for s in signals if isinstance(s, Table)]
+        key = (times.size, float(times[:1].sum()), float(times[-1:].sum()), end)
         if key not in self._grids:
-            grid = np.unique(np.concatenate((times, [0.0, end], *tables)))
+            grid = np.unique(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
             gaps = np.diff(grid[(grid >= 0.0) & (grid <= end)])
             gaps = gaps[gaps > 1e-15 * end]
-            self._grids[key] = gaps.size, np.unique(np.float32(gaps)).size
-        waves = sum(not isinstance(s, Table | Constant) for s in signals)
-        return Work(self.problem.nodes, *self._grids[key], times.size, written, waves, len(tables))
+            self._grids[key] = gaps.size, max(1, np.unique(gaps.astype(np.float32)).size)
+        stops = sum(s.times.size for s in tables if s.times.size <= (5000 if s.hold else 500))
+        waves = sum(isinstance(s, Sine) for s in signals)
+        return Work(self.problem.nodes, *self._grids[key], times.size, len(tables), waves, stops)
 
     def run(self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float) -> Exact:
         """Return temperatures of some nodes at times, from zero to `end` [s]."""
-        return Exact(*_kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), np.ascontiguousarray(times, dtype=float), nodes))
+        return Exact(
+            *_kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), np.ascontiguousarray(times, dtype=float), nodes)
+        )
 
 
 def _obstacle(wiring: Wiring) -> str:
