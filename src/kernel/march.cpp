@@ -1,6 +1,7 @@
 // The modes carried from knot to knot of the inputs and from output to output.
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -71,6 +72,50 @@ THERMID_CLONES bool plausible(const double* t, size_t n) {
     int64_t bad = 0;
     for (size_t i = 0; i < n; ++i) bad += !(t[i] > 0.0) | !(t[i] < 1e5);
     return bad == 0;
+}
+
+}  // namespace
+
+namespace {
+
+// A sampled input from its last knot on.
+struct Follower {
+    const Input::Segment *next, *end;
+    double knot, from, u, slope, now;
+
+    void enter() {
+        from = next->t;
+        u = next->u;
+        slope = next->s;
+        knot = ++next == end ? std::numeric_limits<double>::infinity() : next->t;
+    }
+};
+
+// The short way along a log: how many knots in a row come h after one another, up to the first output that lies on none of them. Fills values,
+// slopes and the rows of outputs.
+int regular(Follower& f, const double* out_t, long nout, long& next, int most, double t, double h, double* drive, int* row, int& filled) {
+    const Input::Segment* s = f.next;
+    most = static_cast<int>(std::min<std::ptrdiff_t>(most, f.end - s));
+    double now = f.now, slope = f.slope;
+    int k = 0;
+    for (; k < most && next < nout; ++k, ++s) {
+        const double at = s->t, slack = ROUNDING * std::fabs(at);
+        const bool out = at == out_t[next];
+        if (!(out || at + slack < out_t[next]) || !(std::fabs(at - t - h) <= slack)) break;
+        *drive++ = now;
+        *drive++ = slope;
+        row[k] = out ? filled : -1;
+        filled += out;
+        next += out;
+        t = at;
+        now = s->u;
+        slope = s->s;
+    }
+    if (k == 0) return 0;
+    f.next = s - 1;
+    f.enter();
+    f.now = f.u;
+    return k;
 }
 
 }  // namespace
@@ -173,25 +218,29 @@ void Modal::flush(int nobs, double* traces) {
 void Modal::march(const double* out_t, long nout, const int* obs, int nobs, double t0, double t_end, const std::function<void()>& poll, Result& r) {
     const int nin = static_cast<int>(sampled_.size()), nw = static_cast<int>(sines_.size());
     constexpr double INF = std::numeric_limits<double>::infinity();
-    struct Follower { const Input::Segment *next, *end; double knot, from, u, slope, now; };  // an input from its last knot on
     std::vector<Follower> follow(nin);
-    auto enter = [](Follower& f) {
-        f.from = f.next->t;
-        f.u = f.next->u;
-        f.slope = f.next->s;
-        f.knot = ++f.next == f.end ? INF : f.next->t;
-    };
     for (int k = 0; k < nin; ++k) {
         const auto& seg = p_.inputs[sampled_[k]].seg;
         Follower& f = follow[k];
         f = {seg.data(), seg.data() + seg.size(), seg[0].t, t0, seg[0].u, 0.0, seg[0].u};  // level before the first knot
-        while (f.knot <= t0) enter(f);
+        while (f.knot <= t0) f.enter();
         f.now = f.u + f.slope * (t0 - f.from);
     }
     double t = t0, wanted = nout > 0 ? out_t[0] : INF;
     const Stretch* last = stretches_.data();
     long next = 0, steps = 0;
+    const bool plain = nin == 1 && nw == 0 && !echo_;
     for (; next < nout || t < t_end; ++steps) {
+        if (plain && last->h > 0.0) {
+            double* drive = drive_.data() + 2 * static_cast<size_t>(count_);
+            const int k = regular(follow[0], out_t, nout, next, BLOCK - count_, t, last->h, drive, row_ + count_, filled_);
+            if (k > 0) t = follow[0].from;
+            std::fill(use_ + count_, use_ + count_ + k, last);
+            count_ += k;
+            steps += k;
+            wanted = next < nout ? out_t[next] : INF;
+            if (next == nout && !(t < t_end)) break;
+        }
         double until = std::min(wanted, t_end);
         for (const Follower& f : follow) until = std::min(until, f.knot);
         until = std::max(until, t);
@@ -208,7 +257,7 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
         for (Follower& f : follow) {
             *drive++ = f.now;
             *drive++ = f.slope;
-            while (f.knot <= same) enter(f);
+            while (f.knot <= same) f.enter();
             f.now = f.u + f.slope * (until - f.from);
         }
         t = until;

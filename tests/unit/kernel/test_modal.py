@@ -180,6 +180,22 @@ def test_boundaries_repeated_times_and_no_time_at_all() -> None:
     assert not heat.any()
 
 
+@pytest.mark.parametrize("kind", [k.SAMPLED_LINEAR, k.SAMPLED_HOLD])
+def test_the_short_way_for_a_log_read_at_its_own_times(kind: int) -> None:
+    """Outputs that take from the input directly go the long way; both ways write the same, in gaps and beyond the log's end too."""
+    u = ambient(n=400)
+    net = bench(False, u, kind)
+    knots = np.concatenate((np.arange(150.0), np.arange(170.0, 420.0)))
+    net.inputs[0] = (kind, knots, u)
+    times = np.concatenate((knots, [419.5, 430.0, 431.0, 432.0]))
+    times = times[times != 77.0]
+    for wanted in (times, times[::7], times[3:4], [0.0, 10.5, 200.0, 432.0]):
+        short, final, heat, into = modal(net, wanted, list(range(12)))
+        long, final_too, heat_too, into_too = modal(net, wanted, [*range(12), -1])
+        np.testing.assert_allclose(short, long[:, :12], rtol=0, atol=1e-11)
+        np.testing.assert_allclose((*final, *heat, *into), (*final_too, *heat_too, *into_too), rtol=1e-13)
+
+
 def test_grids_that_differ_by_rounding_only() -> None:
     """Knots at 0.1 k and outputs by running sums: as if they were the same times."""
     knots = 0.1 * np.arange(3001)
