@@ -58,7 +58,7 @@ class Work:
 
     @property
     def modal(self) -> float:
-        """Time by modes, as measured: docs/decisions/023-modal-solution.md. [s]"""
+        """Time by modes, as measured: docs/decisions/022-modal-solution.md. [s]"""
         n = self.nodes
         # beyond what the kernel remembers, lengths are worked out again
         fresh = self.lengths + max(0.0, 1.0 - 128.0 / self.lengths) * self.stretches
