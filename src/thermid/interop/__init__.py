@@ -1,0 +1,1 @@
+"""Exchange with other tools: InitFcn scripts in; Octave, SPICE and equations as text out."""

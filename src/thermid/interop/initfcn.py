@@ -1,0 +1,230 @@
+"""InitFcn scripts of Simulink models: ``name = expression; % comment [unit]`` -> parameters of a deck.
+
+Read is arithmetic on single numbers: earlier names, ``pi``, ``Inf``, ``+ - * / ^`` and parentheses; continuation by three points, several
+statements on a line, comments, block comments. Everything else is refused with its line: nothing is run. As in MATLAB, the arithmetic is on
+plain numbers, and the comment says what unit the result is in.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from keyword import iskeyword
+from pathlib import Path
+from typing import Any
+
+from thermid.errors import ExpressionError, ThermidError, UnitError
+from thermid.expression import parse
+from thermid.interop.block import block
+from thermid.interop.mscript import Statement, statements
+from thermid.model.parameter import Parameter, parameter
+from thermid.units import DIMENSIONLESS, Dimension, describe, unit
+
+__all__ = ["InitFcn", "read_initfcn"]
+
+_CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
+_LONGEST = 1_000_000
+PI = "3.141592653589793"
+
+
+@dataclass(frozen=True)
+class InitFcn:
+    """The parameters of an InitFcn script.
+
+    Parameters
+    ----------
+    parameters : dict           Name -> `Parameter`, in the order of the script.
+    numbers : dict              Name -> the plain number that MATLAB would have.
+    remarks : tuple of str      What a reader must settle: values without a unit, units that do not agree.
+    file : str                  The script's file name, or ``script``.
+    """
+
+    parameters: Mapping[str, Parameter]
+    numbers: Mapping[str, float]
+    remarks: tuple[str, ...]
+    file: str = "script"
+
+    def table(self) -> dict[str, Any]:
+        """Return the table ``[parameters]`` of a deck: name -> value, or value with note and basis."""
+        out: dict[str, Any] = {}
+        for name, given in self.parameters.items():
+            more = {k: v for k in ("note", "basis") if (v := getattr(given, k))}
+            out[name] = {"value": given.text, **more} if more else given.text
+        return out
+
+    def deck(self, title: str) -> dict[str, Any]:
+        """Return the parameters as a deck without elements, which are still to be written."""
+        return {"title": title, "parameters": self.table()}
+
+    def block(self, title: str) -> dict[str, Any]:
+        """Return the deck of one mass that convects and is heated, each value found by its unit; for `model_from_dict`.
+
+        Raises
+        ------
+        DeckError   When none, or more than one, of the parameters has the unit of a role.
+        """
+        return block(self.parameters, self.table(), title, self.file)
+
+    def __str__(self) -> str:
+        """Every value with its comment, then the remarks."""
+        wide = max((len(n) for n in self.parameters), default=0)
+        values = max((len(p.text) for p in self.parameters.values()), default=0)
+        lines = [f"{n:{wide}}  {p.text:{values}}  {p.note}".rstrip() for n, p in self.parameters.items()]
+        return "\n".join([*lines, *(f"remark: {r}" for r in self.remarks)])
+
+
+@dataclass
+class _Reader:
+    """What is known after the lines read so far."""
+
+    file: str
+    parameters: dict[str, Parameter] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
+    si: dict[str, float] = field(default_factory=dict)
+    lines: dict[str, int] = field(default_factory=dict)
+    scales: set[str] = field(default_factory=set)
+    dimensions: dict[str, Dimension] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+
+    def take(self, s: Statement) -> None:
+        """Add one statement."""
+        where = f"{self.file}:{s.line}"
+        self._check_name(s, where)
+        try:
+            expression = parse(s.text)
+        except ThermidError as error:
+            raise ExpressionError(f"'{s.written}' cannot be read: {error.message}", where) from None
+        unknown = [n for n in expression.names if n not in self.numbers]
+        if unknown:
+            late = "its line comes later, and a script is read from its top" if unknown[0] in s.later else "no earlier line sets it"
+            raise ExpressionError(f"'{s.name}' needs '{unknown[0]}', and {late}. Only names, numbers, pi and Inf can stand there.", where)
+        try:
+            number = float(expression.evaluate(lambda name: self.numbers[name]))
+        except ArithmeticError as error:
+            raise ExpressionError(f"'{s.written}' has no finite value: {error}.", where) from None
+        of, note = self._unit(s)
+        text, basis = self._written(s, number, of)
+        made = parameter({"value": text, "note": note, "basis": basis}, where)
+        self.parameters[s.name], self.numbers[s.name], self.lines[s.name] = made, number, s.line
+        self.si[s.name] = float(made.expression.evaluate(lambda name: self.si[name]))
+        self.dimensions[s.name] = made.expression.dimension(lambda name: self.dimensions[name])
+        literal = made.expression.literal
+        if (literal is not None and literal.unit.absolute) or (literal is None and set(made.expression.names) & self.scales):
+            self.scales.add(s.name)
+
+    def _check_name(self, s: Statement, where: str) -> None:
+        if iskeyword(s.name) or s.name in ("inf", "Inf", "pi"):
+            raise ExpressionError(f"'{s.name}' is a word that the expressions of a deck cannot hold as a name. Rename it in the script.", where)
+        if s.name in self.numbers:
+            raise ExpressionError(
+                f"'{s.name}' is set again; line {self.lines[s.name]} sets it first, and a parameter has one value. Take one of them out.", where
+            )
+
+    def _unit(self, s: Statement) -> tuple[str | None, str]:
+        """Return the unit that the comment names, or None, and the comment with the brackets that are none."""
+        for k in reversed(range(len(s.brackets))):
+            text = _unit_text(s.brackets[k])
+            if text is not None:
+                others = " ".join(f"[{b}]" for b in (*s.brackets[:k], *s.brackets[k + 1 :]))
+                return text, f"{s.comment} {others}".strip()
+        shown = " ".join(f"[{b}]" for b in s.brackets)
+        if shown:
+            self.remarks.append(f"line {s.line}: '{shown}' behind '{s.name}' is no unit that is known here; taken as a plain number")
+        return None, f"{s.comment} {shown}".strip()
+
+    def _written(self, s: Statement, number: float, of: str | None) -> tuple[str, str]:
+        """Return the text of the value and, where the script's own expression could not be kept, what it was."""
+        names = parse(s.text).names
+        if not names:
+            if of is None and not s.brackets:
+                self.remarks.append(f"line {s.line}: '{s.name}' has no unit in its comment{s.doubt}; taken as a plain number")
+            return (s.text if of is None else f"{s.text} [{of}]"), ""
+        derived = self._derived(s.text)
+        plain = f"{number!r} [{of}]" if of is not None else repr(number)
+        if of is None:
+            if derived is not None:
+                return s.text, ""
+            self.remarks.append(
+                f"line {s.line}: '{s.name}' has no unit in its comment, and '{s.written}' gives none; its {number:.10g} is taken as a plain number"
+            )
+            return plain, f"{s.written} in the script"
+        wanted = unit(of)
+        si = number * float(wanted.factor) + float(wanted.offset)
+        if derived is not None and derived[0] == wanted.dimension and _close(derived[1], si):
+            return s.text, ""
+        if derived is not None and DIMENSIONLESS not in [self.dimensions[n] for n in names]:
+            other = describe(derived[0]) if derived[0] != wanted.dimension else f"{derived[1]:.6g} in SI units, not {si:.6g}"
+            self.remarks.append(f"line {s.line}: '{s.name}' is {plain} by its comment; the units of '{s.written}' make it {other}")
+        return plain, f"{s.written} in the script"
+
+    def _derived(self, text: str) -> tuple[Dimension, float] | None:
+        """Return dimension and SI value of an expression by the units of its names, or None where these do not go together."""
+        expression = parse(text)
+        bare = text.strip() in expression.names
+        if not bare and set(expression.names) & self.scales:
+            return None
+        try:
+            dimension = expression.dimension(lambda name: self.dimensions[name])
+            return dimension, float(expression.evaluate(lambda name: self.si[name]))
+        except (ThermidError, ArithmeticError):
+            return None
+
+
+def _unit_text(bracket: str) -> str | None:
+    """Return a bracket of a comment as a unit, or None where it is none."""
+    text = bracket.strip()
+    text = "degC" if _CELSIUS.match(text) else "1" if text in ("-", "") else text
+    try:
+        unit(text)
+    except UnitError:
+        return None
+    return text
+
+
+def _close(a: float, b: float) -> bool:
+    return a == b or abs(a - b) <= 1e-12 * max(abs(a), abs(b))
+
+
+def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
+    """Return the parameters that an InitFcn script sets.
+
+    Parameters
+    ----------
+    source : path or str    The file, or the text itself where it has a line break or an equals sign.
+
+    Raises
+    ------
+    ExpressionError   With the line, when a statement is not arithmetic over earlier names.
+    ThermidError      When the file cannot be read as text.
+
+    Examples
+    --------
+    >>> script = read_initfcn("Acc_m = 0.054; % Mass [kg].")
+    >>> script.parameters["Acc_m"].text, script.parameters["Acc_m"].note
+    ('0.054 [kg]', 'Mass')
+    """
+    text, file = _source(source)
+    if len(text) > _LONGEST:
+        raise ThermidError(f"the script has {len(text) / 1e6:.1f} MB; an InitFcn is a text of a few kilobytes.", file)
+    reader = _Reader(file)
+    for statement in statements(text, file, {"pi": PI, "Inf": "inf"}):
+        reader.take(statement)
+    if not reader.parameters:
+        raise ExpressionError("the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'", file)
+    return InitFcn(reader.parameters, reader.numbers, tuple(reader.remarks), file)
+
+
+def _source(source: str | os.PathLike[str]) -> tuple[str, str]:
+    """Return the text of a script and its name for messages."""
+    if isinstance(source, str) and ("\n" in source or "=" in source):
+        return source, "script"
+    path = Path(source)
+    if not path.is_file():
+        raise ThermidError(f"there is no file '{path.name}' in {path.parent.name or '.'}/.")
+    try:
+        return path.read_text(encoding="utf-8-sig"), path.name
+    except UnicodeDecodeError:
+        # scripts of older releases are in the code page of their machine, whose letters stand in comments only
+        return path.read_text(encoding="latin-1"), path.name

@@ -1,0 +1,325 @@
+"""Models as functions for Octave and MATLAB: one file that holds its parameters, its equations and a driver, in the style of Fig. 20."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from thermid.errors import DeckError
+from thermid.interop.formula import Formula, Text, number_text
+from thermid.interop.units_of import si_unit
+from thermid.interop.wired import Wired, identifiers, refuse_crooked, wired
+from thermid.model.kinds import SMOOTHING
+from thermid.model.model import Model
+from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.network.rows import ConductorRow
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.scenario import Scenario
+
+__all__ = ["to_octave"]
+
+OWN = ("parameters", "derived", "initial", "derivatives")
+"""Names of the functions in the file."""
+KEYWORDS = frozenset(
+    "break case catch classdef continue do else elseif end for function global if otherwise parfor persistent return spmd switch try "
+    "until unwind_protect while end_try_catch endfor endfunction endif endswitch endwhile".split()
+)
+SAMPLES = 301
+_WIDE = 8
+
+
+def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None, *, name: str = "") -> str:
+    """Return a model in a scenario as the text of one function file for Octave or MATLAB.
+
+    The file needs nothing else: parameters by name, inputs as functions of time, the derivatives, the start and a driver that calls
+    ode15s. Everything is written with conductances, so that an open path is a zero and not a NaN.
+
+    Parameters
+    ----------
+    model, scenario     As in `simulate`.
+    path : path         Where to write it too; the function is then called as the file.
+    name : str          Name of the function; by default that of the file, or the model's title.
+
+    Raises
+    ------
+    DeckError       When a law or a load cannot be written, or the name is none for a function.
+    ScenarioError   When the scenario does not fit the model or follows a schedule.
+    """
+    target = Path(path) if path is not None else None
+    called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title).strip("_"))
+    if not re.fullmatch(r"[A-Za-z]\w{0,62}", called) or called in KEYWORDS or called in OWN:
+        raise DeckError(
+            f"'{called}' is no name of a function: letters, digits and _, beginning with a letter, and no word of the language or "
+            f"of the file itself ({', '.join(OWN)}). "
+            "Give another file name.",
+            model.title,
+        )
+    w = wired(model, scenario, "Octave")
+    refuse_crooked(w, "Octave")
+    text = "\n".join(_Writer(w, called).lines()) + "\n"
+    if target is not None:
+        target.write_text(text, encoding="utf-8")
+    return text
+
+
+class _Writer:
+    """Writes one file."""
+
+    def __init__(self, w: Wired, called: str) -> None:
+        self.w, self.called = w, called
+        self.table = w.network.flat.parameters.table
+        self.used = self._used()
+        short = identifiers(self.used)
+        self.fields = {p: f"{n}_" if n in KEYWORDS else n for p, n in short.items()}
+        self.nodes = identifiers((*w.network.nodes, *w.network.boundaries))
+        self.rows = identifiers(label for label, _ in w.conductors)
+        self.text = Text(lambda path: f"p.{self.fields[path]}")
+
+    def _used(self) -> list[str]:
+        """Return the parameters that the rows need, each after what it is made of."""
+        parameters = self.w.network.flat.parameters
+        formulas: list[object] = [c for _, row in self.w.conductors for c in row.coefficients]
+        formulas += [*self.w.capacitances.values(), *(s.power for s in self.w.sources)]
+        wanted = {path for f in formulas if isinstance(f, Formula) for path in f.paths()}
+        for path in reversed(parameters.order):
+            if path in wanted:
+                entry = self.table[path]
+                wanted |= {entry.scope + n for n in entry.parameter.expression.names}
+        return [p for p in parameters.order if p in wanted]
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of the file."""
+        yield from self._head()
+        yield from self._driver()
+        yield from self._parameters()
+        yield from self._derived()
+        yield from self._initial()
+        yield from self._derivatives()
+        for name, signal, unit in self._signals():
+            yield from ("", f"function y = {name}(t)", f"  % {unit}")
+            yield from (f"  {line}" for line in _signal_lines(signal))
+            yield "end"
+
+    def _head(self) -> Iterator[str]:
+        from thermid import __version__
+
+        c, w = self.called, self.w
+        yield f"function [t, T, names] = {c}(t, p)"
+        yield f"% {c}: temperatures of the thermal model '{w.network.title}' in the scenario '{w.scenario.title}'."
+        yield "%"
+        yield f"%   [t, T, names] = {c}()    at {SAMPLES} instants from 0 to {number_text(w.scenario.seconds)} s"
+        yield f"%   [t, T] = {c}(t)          at the instants t [s], which increase and are not below 0"
+        yield f"%   p = {c}('parameters')    the values [SI], to be changed and given back:"
+        yield f"%   [t, T] = {c}([], p)"
+        yield "%"
+        yield "% Columns of T [degC]: " + ", ".join(w.massive) + "."
+        if w.massless:
+            yield "% Without mass, and eliminated: " + ", ".join(w.massless) + "."
+        yield f"% Written by thermid {__version__}; for Octave and MATLAB."
+
+    def _driver(self) -> Iterator[str]:
+        breaks = self.w.breaks()
+        yield f"  names = {{{', '.join(_quoted(n) for n in self.w.massive)}}};"
+        yield "  if nargin > 0 && ischar(t)"
+        yield "    t = parameters();"
+        yield "    return"
+        yield "  end"
+        yield f"  if nargin < 1 || isempty(t), t = linspace(0, {number_text(self.w.scenario.seconds)}, {SAMPLES}); end"
+        yield "  if nargin < 2, p = parameters(); end"
+        yield "  p = derived(p);"
+        yield "  options = odeset('RelTol', 1e-10, 'AbsTol', 1e-10);"
+        yield "  t = t(:);"
+        yield "  state = initial();"
+        yield "  T = repmat(state', numel(t), 1);"
+        yield "  % The run is cut where an input jumps or bends, so that no step reaches across."
+        yield from _listed("  breaks = ", breaks, column=True)
+        yield "  edges = unique([0; breaks(breaks < t(end)); t(end)]);"
+        yield "  for k = 1:numel(edges) - 1"
+        yield "    rows = find(t > edges(k) & t <= edges(k + 1));"
+        yield "    asked = unique([edges(k); (edges(k) + edges(k + 1))/2; t(rows); edges(k + 1)]);"
+        yield "    last = edges(k + 1) - 1e-9*(edges(k + 1) - edges(k));"
+        yield "    [~, found] = ode15s(@(s, x) derivatives(min(s, last), x, p), asked, state, options);"
+        yield "    [~, where] = ismember(t(rows), asked);"
+        yield "    T(rows, :) = found(where, :);"
+        yield "    state = found(end, :)';"
+        yield "  end"
+        yield f"  T = T - {ICE_POINT};"
+        yield "end"
+
+    def _parameters(self) -> Iterator[str]:
+        yield from ("", "function p = parameters()", "  % Values. [SI]")
+        values = self.w.network.numbers().values
+        for path in self.used:
+            given = self.table[path].parameter
+            if given.is_literal:
+                unit = si_unit(self.w.network.flat.parameters, path)
+                more = f" {given.note or given.basis}".rstrip() if given.note or given.basis else ""
+                note = f"  % [{unit}]{more}".replace("\n", " ")
+                yield f"  p.{self.fields[path]} = {number_text(float(values[path]))};{note}"
+        yield "end"
+
+    def _derived(self) -> Iterator[str]:
+        yield from ("", "function p = derived(p)", "  % Values that follow from others. [SI]")
+        values = self.w.network.numbers().values
+        for path in self.used:
+            entry = self.table[path]
+            if not entry.parameter.is_literal:
+                scope = entry.scope
+                formula = entry.parameter.expression.evaluate(lambda n, s=scope: Formula(float(values[s + n]), "name", (s + n,)))  # type: ignore[misc]
+                unit = si_unit(self.w.network.flat.parameters, path)
+                yield f"  p.{self.fields[path]} = {self.text.of(formula)};  % [{unit}]"
+        yield "end"
+
+    def _initial(self) -> Iterator[str]:
+        yield from ("", "function T = initial()", "  % Temperatures at the start. [K]")
+        yield from _listed("  T = ", [self.w.initial[n] for n in self.w.massive], column=True)
+        yield "end"
+
+    def _derivatives(self) -> Iterator[str]:
+        """Yield the function of the differential equations."""
+        w, name = self.w, self.nodes
+        yield from ("", "function dTdt = derivatives(t, T, p)", "  % Nodes. [K]")
+        for k, node in enumerate(w.massive, 1):
+            yield f"  T_{name[node]} = T({k});"
+        yield "  % Inputs. [K] and [W]"
+        for boundary in w.boundaries:
+            yield f"  T_{name[boundary]} = boundary_{name[boundary]}(t);"
+        heat: dict[str, list[str]] = {}
+        for k, source in enumerate(w.sources, 1):
+            power = self.text.of(source.power, 2)
+            if source.signal != Constant(1.0):
+                power = f"input_{k}(t)" if power == "1" else f"{power}*input_{k}(t)"
+            yield f"  Q_{k} = {power};  % {source.load}"
+            heat.setdefault(source.node, []).append(f"Q_{k}")
+        yield "  % Conductances. [W/K]"
+        for label, row in w.conductors:
+            if row.form in ("linear", "flow"):
+                yield f"  G_{self.rows[label]} = {self._conductance(row)};"
+        yield from self._massless(heat)
+        bent = [(label, row) for label, row in w.conductors if row.form not in ("linear", "flow")]
+        for label, row in bent:
+            yield f"  G_{self.rows[label]} = {self._conductance(row)};"
+        yield "  % Heat flows. [W]"
+        for label, row in w.conductors:
+            a, b = (name[end] for end in row.ends)
+            yield f"  q_{self.rows[label]} = G_{self.rows[label]}*(T_{a} - T_{b});"
+        yield "  % Differential equations. [K/s]"
+        for node in w.massive:
+            yield f"  dT_{name[node]} = ({self._balance(node, heat)})/({self.text.of(w.capacitances[node] or 0.0)});"
+        yield from _wrapped("  dTdt = [", [f"dT_{name[n]}" for n in w.massive], "; ", "];")
+        yield "end"
+
+    def _conductance(self, row: ConductorRow) -> str:
+        first, *rest = (self.text.of(c, 2) for c in row.coefficients)  # type: ignore[arg-type]
+        a, b = (f"T_{self.nodes[end]}" for end in row.ends)
+        if row.form == "power":
+            first += f"*(({a} - {b})^2 + {SMOOTHING}^2)^({rest[0]}/2)"
+        elif row.form == "radiation":
+            first += f"*({a}^2 + {b}^2)*({a} + {b})"
+        return f"{first}*{_gas(row.signal)}(t)" if row.signal else first
+
+    def _balance(self, node: str, heat: dict[str, list[str]]) -> str:
+        """Return the heat into a node."""
+        terms = [f" + {q}" for q in heat.get(node, [])]
+        for label, row in self.w.conductors:
+            if row.ends[1] == node:
+                terms.append(f" + q_{self.rows[label]}")
+            elif row.ends[0] == node and row.form != "flow":
+                terms.append(f" - q_{self.rows[label]}")
+        return "".join(terms).removeprefix(" + ").strip() or "0"
+
+    def _massless(self, heat: dict[str, list[str]]) -> Iterator[str]:
+        """Yield the temperatures of massless nodes: means weighted by conductance, together where they are joined to one another."""
+        if not self.w.massless:
+            return
+        yield "  % Nodes without mass: the heat in is the heat out. [K]"
+        for group in _groups(self.w):
+            terms = {node: self._mean(node, heat) for node in group}
+            if len(group) == 1:
+                (total, given, _) = terms[group[0]]
+                yield f"  T_{self.nodes[group[0]]} = ({given})/({total});"
+                continue
+            yield "  M = zeros(%d); r = zeros(%d, 1);" % (len(group), len(group))
+            for i, node in enumerate(group, 1):
+                total, given, others = terms[node]
+                yield f"  M({i}, {i}) = {total}; r({i}) = {given or '0'};"
+                for j, other in enumerate(group, 1):
+                    if other in others:
+                        yield f"  M({i}, {j}) = -({others[other]});"
+            yield "  m = M\\r;"
+            for i, node in enumerate(group, 1):
+                yield f"  T_{self.nodes[node]} = m({i});"
+
+    def _mean(self, node: str, heat: dict[str, list[str]]) -> tuple[str, str, dict[str, str]]:
+        """Return sum of conductances, given heat, and massless neighbour -> conductance."""
+        totals, given, others = [], list(heat.get(node, [])), {}  # type: list[str], list[str], dict[str, str]
+        for label, row in self.w.conductors:
+            if node not in row.ends or (row.form == "flow" and row.ends[0] == node):
+                continue
+            other = row.ends[1] if row.ends[0] == node else row.ends[0]
+            g = f"G_{self.rows[label]}"
+            totals.append(g)
+            if other in self.w.massless:
+                others[other] = f"{others[other]} + {g}" if other in others else g
+            else:
+                given.append(f"{g}*T_{self.nodes[other]}")
+        return " + ".join(totals), " + ".join(given), others
+
+    def _signals(self) -> Iterator[tuple[str, Signal, str]]:
+        for boundary, signal in self.w.boundaries.items():
+            yield f"boundary_{self.nodes[boundary]}", signal, f"Temperature of '{boundary}'. [K]"
+        for k, source in enumerate(self.w.sources, 1):
+            if source.signal != Constant(1.0):
+                yield f"input_{k}", source.signal, f"What drives '{source.load}'."
+        for row_signal in dict.fromkeys(row.signal for _, row in self.w.conductors if row.signal):
+            yield _gas(row_signal), self.w.gas[row_signal], f"Presence, '{row_signal}'. [-]"
+
+
+def _gas(signal: str) -> str:
+    return re.sub(r"\W", "_", signal.replace("*", "any"))
+
+
+def _groups(w: Wired) -> list[list[str]]:
+    """Return the massless nodes, those that are joined to one another together."""
+    groups: list[list[str]] = []
+    for node in w.massless:
+        joined = {e for _, row in w.conductors if node in row.ends for e in row.ends if e in w.massless} | {node}
+        touched = [g for g in groups if joined & set(g)]
+        merged = [*dict.fromkeys([n for g in touched for n in g] + [node])]
+        groups = [g for g in groups if g not in touched] + [merged]
+    return [[n for n in w.massless if n in g] for g in groups]
+
+
+def _signal_lines(signal: Signal) -> Iterator[str]:
+    """Yield the body of a function of time."""
+    if isinstance(signal, Sine):
+        angle = f"2*pi*t/{number_text(signal.period)} + {number_text(signal.phase)}"
+        yield f"y = {number_text(signal.mean)} + {number_text(signal.amplitude)}*sin({angle});"
+    elif isinstance(signal, Table) and signal.times.size > 1:
+        yield from _listed("x = ", signal.times.tolist())
+        yield from _listed("v = ", signal.values.tolist())
+        yield f"y = interp1(x, v, min(max(t, x(1)), x(end)), '{'previous' if signal.hold else 'linear'}');"
+    else:
+        yield f"y = {number_text(float(signal.values[0] if isinstance(signal, Table) else signal.value))};"
+
+
+def _listed(start: str, numbers: Sequence[float], column: bool = False) -> Iterator[str]:
+    if not numbers:
+        yield f"{start}zeros(0, 1);"
+        return
+    yield from _wrapped(f"{start}[", [number_text(float(n)) for n in numbers], "; " if column else " ", "];")
+
+
+def _wrapped(start: str, words: Sequence[str], between: str, end: str) -> Iterator[str]:
+    """Yield a list over as many lines as it needs."""
+    rows = [words[k : k + _WIDE] for k in range(0, len(words), _WIDE)]
+    for k, row in enumerate(rows):
+        last = k == len(rows) - 1
+        head = start if k == 0 else "    "
+        yield f"{head}{between.join(row)}{end if last else between.rstrip() + ' ...'}"
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"

@@ -1,0 +1,15 @@
+"""The SI unit of a parameter, as text."""
+
+from __future__ import annotations
+
+from thermid.model.resolve import ParameterSet
+from thermid.units import NAMES, describe, unit
+
+__all__ = ["si_unit"]
+
+
+def si_unit(parameters: ParameterSet, path: str) -> str:
+    """Return the SI unit of a parameter: ``W/(m^2 K)``, ``-`` for a plain number."""
+    dimension = parameters.dimension(path)
+    text = next((t for t in NAMES if unit(t).dimension == dimension), "")
+    return {"1": "-", "": describe(dimension).removeprefix("a quantity in ")}.get(text, text)

@@ -1,0 +1,185 @@
+"""A model in a scenario as exporters need it: rows with formulas, signals, the start; what cannot be exported is refused in words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from thermid.dual import value_of
+from thermid.errors import DeckError, ScenarioError
+from thermid.interop.formula import Formula, with_formulas
+from thermid.model.model import Model
+from thermid.model.signal import Constant, Signal, Table
+from thermid.network.network import Network
+from thermid.network.rows import ConductorRow
+from thermid.simulation.engine import Engine
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.simulator import network_for
+from thermid.simulation.wiring import Wiring
+
+__all__ = ["Source", "Wired", "identifiers", "named_rows", "refuse_crooked", "wired"]
+
+LINEAR = ("linear", "flow")
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Heat into a node: a formula times a signal.
+
+    Parameters
+    ----------
+    load, node : str    Path of the load; node that it heats.
+    power : Formula or float    What the signal is multiplied by. [W]
+    signal : Signal     [-], or in watts where `power` is one.
+    """
+
+    load: str
+    node: str
+    power: Formula | float
+    signal: Signal
+
+
+@dataclass(frozen=True, eq=False)
+class Wired:
+    """A model in a scenario.
+
+    Parameters
+    ----------
+    network : Network           The compiled model.
+    scenario : Scenario         With canonical names.
+    capacitances : dict         Node -> formula [J/K]; None for a massless node.
+    conductors : tuple          (label, row): rows with formulas as coefficients, labels unique.
+    sources : tuple of Source   Every heat load that is not zero.
+    boundaries : dict           Boundary -> its temperature. [K]
+    gas : dict                  Signal name -> presence of a gas in time, for rows that follow it.
+    initial : dict              Massive node -> its temperature at the start. [K]
+    """
+
+    network: Network
+    scenario: Scenario
+    capacitances: Mapping[str, Formula | float | None]
+    conductors: tuple[tuple[str, ConductorRow], ...]
+    sources: tuple[Source, ...]
+    boundaries: Mapping[str, Signal]
+    gas: Mapping[str, Signal]
+    initial: Mapping[str, float]
+
+    @property
+    def massive(self) -> tuple[str, ...]:
+        """Nodes with a capacitance, in the network's order."""
+        return tuple(n for n in self.network.nodes if self.capacitances[n] is not None)
+
+    @property
+    def massless(self) -> tuple[str, ...]:
+        """Nodes without."""
+        return tuple(n for n in self.network.nodes if self.capacitances[n] is None)
+
+    def breaks(self) -> list[float]:
+        """Return the times within the run at which a signal jumps or bends. [s]"""
+        signals = (*self.boundaries.values(), *self.gas.values(), *(s.signal for s in self.sources))
+        times = {float(t) for s in signals if isinstance(s, Table) for t in s.times}
+        return sorted(t for t in times if 0.0 < t < self.scenario.seconds)
+
+
+def wired(model: Model, scenario: Scenario, what: str) -> Wired:
+    """Return a model in a scenario, ready to be written for another tool.
+
+    Parameters
+    ----------
+    model, scenario     As in `simulate`; the scenario needs a duration.
+    what : str          The tool, for messages.
+
+    Raises
+    ------
+    ScenarioError   When something in it cannot be written: a schedule, a tabulated law, a load that depends on temperature.
+    """
+    if scenario.schedule:
+        raise ScenarioError(
+            f"'{next(iter(scenario.schedule))}' follows a schedule, which is not written to {what}. Export one run for each value.",
+            scenario.title,
+        )
+    if scenario.seconds <= 0:
+        raise ScenarioError('an export of a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".', scenario.title)
+    network = network_for(model, scenario)
+    wiring = Wiring(network, scenario)
+    numbers = with_formulas(network)
+    for row in numbers.conductors:
+        if row.form == "table":
+            raise DeckError(f"'{row.name}' is a table of points, which is not written to {what}.", network.title)
+    sources = []
+    for load in numbers.loads:
+        if load.form != "signal":
+            raise DeckError(f"the load '{load.name}' depends on temperature ({load.form}), which is not written to {what}.", network.title)
+        signal = wiring.signals[load.signal]
+        power: Formula | float = load.coefficients[0]  # type: ignore[assignment]  # formulas stand where numbers do
+        if load.signal.startswith("load "):
+            gain = wiring.scenario.gains.get(load.name)
+            power = numbers.values[gain] if gain else 1.0 if f"watts {load.name}" in wiring.signals else power
+        if load.node in network.nodes and signal != Constant(0.0) and float(power) != 0.0:
+            sources.append(Source(load.name, load.node, power, signal))
+    rows = named_rows(row for row in numbers.conductors if row.ends[0] != row.ends[1])
+    engine = Engine(wiring)
+    start = dict(zip(engine.nodes, engine.started(wiring.assemble(gradients=False)).initial.tolist(), strict=True))
+    capacitances: dict[str, Formula | float | None] = dict(numbers.capacitances)  # type: ignore[arg-type]
+    massive = {n: start[n] for n, c in capacitances.items() if c is not None}
+    return Wired(
+        network,
+        wiring.scenario,
+        capacitances,
+        rows,
+        tuple(sources),
+        {b: wiring.signals[f"boundary {b}"] for b in network.boundaries},
+        network.media.signals(),
+        massive,
+    )
+
+
+def named_rows(rows: Iterable[ConductorRow]) -> tuple[tuple[str, ConductorRow], ...]:
+    """Return rows with unique labels: a conductor of several rows is numbered."""
+    seen: dict[str, int] = {}
+    out = []
+    for row in rows:
+        seen[row.name] = seen.get(row.name, 0) + 1
+        out.append((row.name if seen[row.name] == 1 else f"{row.name}.{seen[row.name]}", row))
+    return tuple(out)
+
+
+def refuse_crooked(w: Wired, what: str) -> None:
+    """Refuse laws that are not linear at massless nodes, whose temperatures have no formula then.
+
+    Raises
+    ------
+    DeckError   With the conductor and the node.
+    """
+    for label, row in w.conductors:
+        at = [end for end in row.ends if end in w.massless]
+        if at and row.form not in LINEAR:
+            raise DeckError(
+                f"'{label}' is not linear ({row.form}) and ends at the massless node '{at[0]}', whose temperature has no formula then. "
+                f"Give the node a capacitance to write the model to {what}.",
+                w.network.title,
+            )
+    _check_reached(w)
+
+
+def _check_reached(w: Wired) -> None:
+    """Refuse a massless node that nothing leads to."""
+    for node in w.massless:
+        if not any(value_of(row.coefficients[0]) > 0 for _, row in w.conductors if node in row.ends):
+            raise DeckError(f"the massless node '{node}' has no conductance to anything, so its temperature is undefined.", w.network.title)
+
+
+def identifiers(paths: Iterable[str], longest: int = 60, caseless: bool = False) -> dict[str, str]:
+    """Return path -> a word of letters, digits and ``_``, no two alike; `caseless` where the tool knows no capitals."""
+    out: dict[str, str] = {}
+    taken: set[str] = set()
+    for path in paths:
+        word = re.sub(r"\W", "_", path)[:longest]
+        name, k = word, 1
+        while (name.lower() if caseless else name) in taken:
+            k += 1
+            name = f"{word}_{k}"
+        taken.add(name.lower() if caseless else name)
+        out[path] = name
+    return out
