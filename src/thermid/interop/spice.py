@@ -1,0 +1,126 @@
+"""Models as SPICE netlists, the electrical analogue: degC are volts, W are amperes, K/W are ohms, J/K are farads."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from thermid.dual import value_of
+from thermid.errors import DeckError
+from thermid.interop.formula import number_text
+from thermid.interop.wired import Wired, identifiers, wired
+from thermid.model.kinds import SMOOTHING
+from thermid.model.model import Model
+from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.network.rows import ConductorRow
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.scenario import Scenario
+
+__all__ = ["to_spice"]
+
+STEPS = 5000
+"""The largest step is this part of the run."""
+JUMP = 1e-7
+"""A jump of a source takes this part of the run, since SPICE has no jumps."""
+_PAIRS = 4
+
+
+def to_spice(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
+    """Return a model in a scenario as a SPICE netlist (Fig. 4 of the source document).
+
+    Temperatures in degC are volts, heat in W is current. A boundary is a voltage source, a conductor a resistor of 1/G, a capacitance a
+    capacitor to ground with its start, a load a current source. Laws that are not linear are written as behavioural sources.
+
+    Parameters
+    ----------
+    model, scenario     As in `simulate`.
+    path : path         Where to write it too.
+
+    Raises
+    ------
+    DeckError       When a law or a load cannot be written.
+    ScenarioError   When the scenario does not fit the model or follows a schedule.
+    """
+    w = wired(model, scenario, "SPICE")
+    text = "\n".join(_Netlist(w).lines()) + "\n"
+    if path is not None:
+        Path(path).write_text(text, encoding="utf-8")
+    return text
+
+
+class _Netlist:
+    """Writes one netlist."""
+
+    def __init__(self, w: Wired) -> None:
+        self.w = w
+        # 0 is ground; SPICE knows no capitals
+        self.nodes = identifiers((*w.network.nodes, *w.network.boundaries), caseless=True)
+        self.rows = identifiers((label for label, _ in w.conductors), caseless=True)
+        self.end = w.scenario.seconds
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of the netlist."""
+        w = self.w
+        yield f"* {w.network.title}, {w.scenario.title}: volts are degC, amperes W, ohms K/W, farads J/K"
+        for boundary, signal in w.boundaries.items():
+            yield from self._source(f"V_{self.nodes[boundary]} {self.nodes[boundary]} 0", signal, 1.0, ICE_POINT)
+        for node in w.massive:
+            capacitance = number_text(value_of(w.capacitances[node] or 0.0))  # type: ignore[arg-type]
+            yield f"C_{self.nodes[node]} {self.nodes[node]} 0 {capacitance} IC={number_text(round(w.initial[node] - ICE_POINT, 12))}"
+        for label, row in w.conductors:
+            yield self._conductor(label, row)
+        for k, source in enumerate(w.sources, 1):
+            yield f"* load {source.load}"
+            yield from self._source(f"I_{k} 0 {self.nodes[source.node]}", source.signal, float(source.power), 0.0)
+        yield ".options reltol=1e-7 abstol=1e-12 vntol=1e-9"
+        largest = number_text(self.end / STEPS)
+        yield f".tran {largest} {number_text(self.end)} 0 {largest} UIC"
+        yield ".print tran " + " ".join(f"V({self.nodes[n]})" for n in w.network.nodes)
+        yield ".end"
+
+    def _conductor(self, label: str, row: ConductorRow) -> str:
+        a, b = (self.nodes[end] for end in row.ends)
+        name = self.rows[label]
+        g, *rest = (value_of(c) for c in row.coefficients)
+        if row.signal:
+            raise DeckError(f"'{label}' changes with the pressure of its gas in time, which is not written to SPICE.", self.w.network.title)
+        if g == 0.0:
+            return f"* {name}: no conductance, an open path"
+        text = number_text(g)
+        if row.form == "linear":
+            return f"R_{name} {a} {b} {number_text(1.0 / g)}"
+        if row.form == "flow":
+            return f"B_{name} 0 {b} I={text}*V({a},{b})"
+        if row.form == "power":
+            return f"B_{name} {a} {b} I={text}*V({a},{b})*(V({a},{b})*V({a},{b})+{SMOOTHING**2:g})^{number_text(rest[0] / 2)}"
+        if row.form == "radiation":
+            one, two = f"(V({a})+{ICE_POINT})", f"(V({b})+{ICE_POINT})"
+            return f"B_{name} {a} {b} I={text}*({one}^4-{two}^4)"
+        raise DeckError(f"'{label}' is of a form that is not written to SPICE: {row.form}.", self.w.network.title)
+
+    def _source(self, start: str, signal: Signal, factor: float, zero: float) -> Iterator[str]:
+        """Yield a source: a number, a sine or a line of points; `zero` is where its scale begins."""
+        if isinstance(signal, Constant) or (isinstance(signal, Table) and signal.times.size == 1):
+            value = signal.value if isinstance(signal, Constant) else float(signal.values[0])
+            yield f"{start} DC {number_text(round(factor * value - zero, 12))}"
+        elif isinstance(signal, Sine):
+            mean, phase = round(factor * signal.mean - zero, 12), math.degrees(signal.phase)
+            amplitude = factor * signal.amplitude
+            yield f"{start} SIN({' '.join(number_text(x) for x in (mean, amplitude, 1.0 / signal.period, 0.0, 0.0, phase))})"
+        else:
+            yield f"{start} PWL("
+            points = [f"{number_text(t)} {number_text(round(factor * v - zero, 12))}" for t, v in self._points(signal)]
+            for k in range(0, len(points), _PAIRS):
+                yield "+ " + "  ".join(points[k : k + _PAIRS])
+            yield "+ )"
+
+    def _points(self, table: Table) -> Iterator[tuple[float, float]]:
+        """Yield the corners of a table; a jump becomes a steep ramp that ends where the jump is."""
+        before: float | None = None
+        for time, value in zip(table.times.tolist(), table.values.tolist(), strict=True):
+            if table.hold and before is not None and value != before:
+                yield time - JUMP * self.end, before
+            yield time, value
+            before = value
