@@ -1,0 +1,322 @@
+"""The equations of a linear network as symbols: massless nodes eliminated, matrix form, steady state; as LaTeX and as code.
+
+Needs sympy (``pip install 'thermid[symbolic]'``), which is imported when equations are asked for.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from thermid.dual import value_of
+from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
+from thermid.interop.wired import identifiers
+from thermid.model.model import Model
+from thermid.network.network import Network, compile_network
+
+__all__ = ["Equations", "equations"]
+
+Expr = Any
+"""An expression of sympy, which is an optional package."""
+MOST_STATES = 6
+"""Steady states of more nodes are quotients of polynomials that nobody reads."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """The state equations of a linear network, ``C dT/dt = heat``.
+
+    Parameters
+    ----------
+    title : str             The model's.
+    states : tuple          Symbols of the temperatures with a capacitance, in the network's order.
+    capacitances : tuple    Symbols of their capacitances, in order.
+    inputs : tuple          Symbols of boundary temperatures and powers.
+    heat : tuple            Heat into each state by conductor, massless nodes eliminated: the right sides of Eq. 4. [W]
+    auxiliaries : dict      Symbol -> expression of what `heat` uses as an abbreviation, such as Delta.
+    massless : dict         Symbol of a massless temperature -> expression over states, inputs and abbreviations.
+    symbols : dict          Symbol's name -> what it stands for: a path of the model.
+    values : dict           Name of a capacitance or resistance -> its number in the model; infinite for an open path. [SI]
+
+    Notes
+    -----
+    In resistances, as the source document prints them: with an open path (an infinite resistance) the abbreviations are not numbers.
+    `to_octave` and `simulate` work with conductances, where it is a zero.
+    """
+
+    title: str
+    states: tuple[Expr, ...]
+    capacitances: tuple[Expr, ...]
+    inputs: tuple[Expr, ...]
+    heat: tuple[Expr, ...]
+    auxiliaries: Mapping[Expr, Expr]
+    massless: Mapping[Expr, Expr]
+    symbols: Mapping[str, str]
+    values: Mapping[str, float]
+
+    @cached_property
+    def rates(self) -> tuple[Expr, ...]:
+        """The right sides of dT/dt = A T + b, with abbreviations. [K/s]"""
+        return tuple(q / c for q, c in zip(self.heat, self.capacitances, strict=True))
+
+    @cached_property
+    def matrix(self) -> Expr:
+        """The matrix A of Eq. 5, a sympy Matrix (states, states). [1/s]"""
+        import sympy
+
+        # each rate is linear in every state, so its derivative is the coefficient
+        return sympy.Matrix([[rate.diff(t) for t in self.states] for rate in self.rates])
+
+    @cached_property
+    def vector(self) -> Expr:
+        """The vector b of Eq. 5, a sympy Matrix (states, 1). [K/s]"""
+        import sympy
+
+        zero = dict.fromkeys(self.states, 0)
+        return sympy.Matrix([rate.subs(zero) for rate in self.rates])
+
+    @cached_property
+    def steady(self) -> Mapping[Expr, Expr]:
+        """State -> steady temperature under constant inputs (Eq. 6). [K]
+
+        Raises
+        ------
+        ThermidError   When there are more than six states, or no steady state.
+        """
+        import sympy
+
+        if len(self.states) > MOST_STATES:
+            raise ThermidError(
+                f"{self.title} has {len(self.states)} states; a steady state in symbols is readable up to {MOST_STATES}. Use steady().",
+                self.title,
+            )
+        heat = [self.expanded(q) for q in self.heat]
+        found = sympy.solve(heat, self.states, dict=True)
+        if not found or set(found[0]) != set(self.states):
+            raise ThermidError("there is no steady state: a part has no path to a boundary.", self.title)
+        return {t: sympy.factor(found[0][t]) for t in self.states}
+
+    def expanded(self, expression: Expr) -> Expr:
+        """Return an expression without abbreviations."""
+        for symbol, meaning in reversed(list(self.auxiliaries.items())):
+            expression = expression.subs(symbol, meaning)
+        return expression
+
+    def latex(self) -> str:
+        """Return the state equations, their abbreviations and the massless temperatures as LaTeX, in an align environment."""
+        import sympy
+
+        def shown(expression: Expr) -> str:
+            return str(sympy.latex(expression, order="none"))
+
+        rows = [
+            rf"{shown(c)} \frac{{d{shown(t)}}}{{dt}} &= {shown(q)}"
+            for t, c, q in zip(self.states, self.capacitances, self.heat, strict=True)
+        ]
+        rows += [f"{shown(s)} &= {shown(e)}" for s, e in (*self.auxiliaries.items(), *self.massless.items())]
+        return "\\begin{align}\n  " + " \\\\\n  ".join(rows) + "\n\\end{align}\n"
+
+    def python(self, name: str = "derivatives") -> str:
+        """Return the state equations as a Python function of time, temperatures and a dictionary of values."""
+        from sympy import pycode
+
+        states = ", ".join(map(str, self.states))
+        lines = [f"def {name}(t, T, p):", f'    """Rates of the states {states}. [K/s]"""']
+        lines.append(f"    {states} = T" if len(self.states) > 1 else f"    ({states},) = T")
+        lines += [f'    {s} = p["{s}"]' for s in self.values]
+        lines += [f'    {s} = p["{s}"](t)' for s in self.inputs]
+        lines += [f"    {s} = {pycode(e)}" for s, e in self.auxiliaries.items()]
+        lines += ["    return [", *(f"        {pycode(r)}," for r in self.rates), "    ]"]
+        return "\n".join(lines) + "\n"
+
+    def octave(self, name: str = "derivatives") -> str:
+        """Return the state equations as an Octave or MATLAB function, in the form of Fig. 20: inputs are ``p.<name>_fun(t)``."""
+        from sympy import octave_code
+
+        def scalar(expression: Expr) -> str:
+            return re.sub(r"\.([*/^])", r"\1", str(octave_code(expression)))
+
+        lines = [f"function dTdt = {name}(t, T, p)"]
+        lines += [f"  {s} = T({k});" for k, s in enumerate(self.states, 1)]
+        lines += [f"  {s} = p.{s};" for s in self.values]
+        lines += [f"  {s} = p.{s}_fun(t);" for s in self.inputs]
+        lines += [f"  {s} = {scalar(e)};" for s, e in self.auxiliaries.items()]
+        lines += [f"  d{s}dt = {scalar(r)};" for s, r in zip(self.states, self.rates, strict=True)]
+        lines += [f"  dTdt = [{'; '.join(f'd{s}dt' for s in self.states)}];", "end"]
+        return "\n".join(lines) + "\n"
+
+    def __str__(self) -> str:
+        """The equations as plain text, with what each symbol stands for."""
+        lines = [f"{self.title}"]
+        lines += [f"  {c} d{t}/dt = {q}" for t, c, q in zip(self.states, self.capacitances, self.heat, strict=True)]
+        lines += [f"  {s} = {e}" for s, e in (*self.auxiliaries.items(), *self.massless.items())]
+        return "\n".join([*lines, *(f"  {n}: {what}" for n, what in self.symbols.items())])
+
+
+def equations(model: Model, names: Mapping[str, str] | None = None) -> Equations:
+    """Return the state equations of a linear model as symbols, derived from its network.
+
+    Every conductor is a resistance ``R_<path>``, every node a ``T_<path>`` with a ``C_<path>``, every load a ``Q_<path>``.
+
+    Parameters
+    ----------
+    model : Model   What the hardware is.
+    names : dict    Path of a conductor, node, boundary or load -> the symbol to use, without its ``C_``: ``{"stack.gap": "R_cn3"}``.
+                    The capacitance of a node that is called ``T_x`` is ``C_x``.
+
+    Raises
+    ------
+    ThermidError        When sympy is not installed.
+    DeckError           When a law is not linear.
+    NameNotFoundError   When a path of `names` does not exist.
+    """
+    try:
+        import sympy
+    except ImportError as error:
+        raise ThermidError(
+            "equations in symbols need sympy, which is not installed. Install it with: pip install 'thermid[symbolic]'"
+        ) from error
+    network = compile_network(model)
+    table = _Symbols(network, dict(names or {}), model)
+    return _Derivation(sympy, network, table).result()
+
+
+class _Symbols:
+    """Path -> the name of its symbol."""
+
+    def __init__(self, network: Network, names: dict[str, str], model: Model) -> None:
+        numbers = network.numbers()
+        rows = [row.name for row in numbers.conductors]
+        places = [*network.nodes, *network.boundaries]
+        loads = [row.name for row in numbers.loads]
+        given = {}
+        for raw, name in names.items():
+            path = model.canonical(raw)
+            if path not in (*rows, *places, *loads):
+                raise NameNotFoundError(f"no conductor, node or load '{raw}' to name.{nearest(path, (*rows, *places, *loads))}", model.title)
+            if not re.fullmatch(r"[A-Za-z]\w*", name):
+                raise ThermidError(f"'{name}' is no symbol: letters, digits and _, beginning with a letter.", model.title)
+            given[path] = name
+        short = identifiers(dict.fromkeys((*rows, *places, *loads)))
+        self.resistance = {r: given.get(r, f"R_{short[r]}") for r in rows}
+        self.temperature = {n: given.get(n, f"T_{short[n]}") for n in places}
+        self.power = {q: given.get(q, f"Q_{short[q]}") for q in loads}
+        self.capacitance = {n: f"C_{re.sub(r'^T_?', '', t)}" for n, t in self.temperature.items() if numbers.capacitances.get(n) is not None}
+        every = [*self.resistance.values(), *self.temperature.values(), *self.power.values(), *self.capacitance.values(), "Delta"]
+        twice = next((name for name in every if every.count(name) > 1), "")
+        if twice:
+            raise ThermidError(f"the symbol '{twice}' would stand for two things. Name one of them otherwise.", model.title)
+
+
+class _Derivation:
+    """From rows to equations: each massless node becomes a mesh between its neighbours, as a printed Delta."""
+
+    def __init__(self, sympy: Any, network: Network, names: _Symbols) -> None:
+        self.sympy, self.network, self.names = sympy, network, names
+        self.numbers = network.numbers()
+        crooked = [(r.name, r.form) for r in self.numbers.conductors if r.form != "linear" or r.signal]
+        crooked += [(r.name, r.form) for r in self.numbers.loads if r.form != "signal"]
+        if crooked:
+            raise DeckError(f"'{crooked[0][0]}' is not a linear, two-way law ({crooked[0][1]}); equations in symbols need one.", network.title)
+        make = self._symbol
+        self.symbols: dict[str, str] = {}
+        self.t = {n: make(names.temperature[n], f"temperature of {n} [K]", real=True) for n in (*network.nodes, *network.boundaries)}
+        self.c = {n: make(names.capacitance[n], f"capacitance of {n} [J/K]") for n in network.nodes if n in names.capacitance}
+        self.r: dict[str, Expr] = {}
+        self.arms: dict[frozenset[str], list[Expr]] = {}
+        for row in self.numbers.conductors:
+            self.r[row.name] = make(names.resistance[row.name], f"resistance of {row.name} [K/W]")
+            if row.ends[0] != row.ends[1]:
+                self.arms.setdefault(frozenset(row.ends), []).append(self.r[row.name])
+        self.q: dict[str, Expr] = dict.fromkeys(network.nodes, sympy.Integer(0))
+        self.powers: list[Expr] = []
+        for load in self.numbers.loads:
+            if load.node in self.q and load.signal.startswith("load "):
+                symbol = make(names.power[load.name], f"power of {load.name} [W]", real=True)
+                self.powers.append(symbol)
+                self.q[load.node] += symbol
+        self.auxiliaries: dict[Expr, Expr] = {}
+        self.recovered: list[tuple[str, Expr]] = []
+
+    def _symbol(self, name: str, what: str, real: bool = False) -> Expr:
+        self.symbols[name] = what
+        return self.sympy.Symbol(name, real=True) if real else self.sympy.Symbol(name, positive=True)
+
+    def result(self) -> Equations:
+        """Return the equations."""
+        massless = [n for n in self.network.nodes if n not in self.c]
+        for node in massless:
+            self._eliminate(node, len(massless) > 1)
+        states = [n for n in self.network.nodes if n in self.c]
+        heat = tuple(self._heat(n) for n in states)
+        known = {self.t[n]: e for n, e in reversed(self.recovered)}
+        return Equations(
+            self.network.title,
+            tuple(self.t[n] for n in states),
+            tuple(self.c[n] for n in states),
+            (*(self.t[b] for b in self.network.boundaries), *self.powers),
+            heat,
+            self.auxiliaries,
+            known,
+            self.symbols,
+            self._values(),
+        )
+
+    def _values(self) -> dict[str, float]:
+        """Return the numbers of capacitances and resistances."""
+        found = {str(self.c[n]): value_of(c) for n in self.c if (c := self.numbers.capacitances[n]) is not None}
+        for row in self.numbers.conductors:
+            g = value_of(row.coefficients[0])
+            found[str(self.r[row.name])] = 1.0 / g if g else math.inf
+        return found
+
+    def _eliminate(self, node: str, several: bool) -> None:
+        """Replace a massless node by a mesh between its neighbours; its own heat goes to them by the same weights."""
+        sympy = self.sympy
+        star = {next(iter(pair - {node})): _parallel(arms) for pair, arms in self.arms.items() if node in pair}
+        if not star:
+            raise DeckError(f"the massless node '{node}' has no conductance to anything, so its temperature is undefined.", self.network.title)
+        self.arms = {pair: arms for pair, arms in self.arms.items() if node not in pair}
+        ends = list(star)
+        product = {k: sympy.Mul(*(star[e] for e in ends if e not in k)) for k in _pairs(ends)}
+        single = {e: sympy.Mul(*(star[o] for o in ends if o != e)) for e in ends}
+        delta = self._delta(node, sympy.Add(*(single[e] for e in ends)), several) if len(ends) > 1 else sympy.Integer(1)
+        for pair, above in product.items():
+            # R between two neighbours: Delta over the product of the other arms
+            self.arms.setdefault(frozenset(pair), []).append(delta / above)
+        own = self.q.pop(node)
+        everything = sympy.Mul(*star.values())
+        for end in ends:
+            if end in self.q:
+                self.q[end] += own * single[end] / delta
+        mean = sympy.Add(*(single[e] * self.t[e] for e in ends))
+        self.recovered.append((node, (mean + own * everything) / delta))
+
+    def _delta(self, node: str, expression: Expr, several: bool) -> Expr:
+        word = re.sub(r"^T_?", "", self.names.temperature[node])
+        symbol = self._symbol(f"Delta_{word}" if several else "Delta", f"abbreviation from the elimination of {node}")
+        self.auxiliaries[symbol] = expression
+        return symbol
+
+    def _heat(self, node: str) -> Expr:
+        """Return the heat into a node: powers, then what each resistance carries away."""
+        total = self.q[node]
+        for pair, arms in self.arms.items():
+            if node in pair:
+                (other,) = pair - {node}
+                for arm in arms:
+                    total -= (self.t[node] - self.t[other]) / arm
+        return total
+
+
+def _parallel(arms: list[Expr]) -> Expr:
+    """Return the resistance of arms side by side."""
+    return arms[0] if len(arms) == 1 else 1 / sum(1 / a for a in arms)
+
+
+def _pairs(ends: list[str]) -> list[tuple[str, str]]:
+    return [(a, b) for i, a in enumerate(ends) for b in ends[i + 1 :]]
