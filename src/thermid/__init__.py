@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from thermid.identify.validate import Verdict as Verdict
     from thermid.identify.validate import validate as validate
     from thermid.identify.values import load_values as load_values
+    from thermid.interop.equations import Equations as Equations
+    from thermid.interop.equations import equations as equations
+    from thermid.interop.initfcn import InitFcn as InitFcn
+    from thermid.interop.initfcn import read_initfcn as read_initfcn
+    from thermid.interop.octave import to_octave as to_octave
+    from thermid.interop.spice import to_spice as to_spice
     from thermid.measure import Channel as Channel
     from thermid.measure import Record as Record
     from thermid.measure import read_record as read_record
@@ -33,6 +39,8 @@ if TYPE_CHECKING:
     from thermid.network.linear import state_space as state_space
     from thermid.network.medium import Environment as Environment
     from thermid.network.network import compile_network as compile_network
+    from thermid.physics.htc import HtcComparison as HtcComparison
+    from thermid.physics.htc import compare_htc as compare_htc
     from thermid.reporting.page import report as report
     from thermid.simulation.engine import Options as Options
     from thermid.simulation.scenario import Scenario as Scenario
@@ -76,6 +84,14 @@ _PUBLIC = {
     "validate": "identify.validate",
     "Verdict": "identify.validate",
     "report": "reporting.page",
+    "compare_htc": "physics.htc",
+    "HtcComparison": "physics.htc",
+    "read_initfcn": "interop.initfcn",
+    "InitFcn": "interop.initfcn",
+    "to_octave": "interop.octave",
+    "to_spice": "interop.spice",
+    "equations": "interop.equations",
+    "Equations": "interop.equations",
     "ThermidError": "errors",
     "ThermidWarning": "errors",
 }

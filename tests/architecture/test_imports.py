@@ -41,7 +41,7 @@ ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}
 # A scenario may take a signal from a column of a log, and that is all that `simulation` may know of measurements.
 ONLY_NAMES = {("simulation", "measure"): {"read_record"}}
 
-HEAVY = ("pandas", "scipy", "matplotlib", "xarray", "pydantic", "pint", "plotly", "jinja2", "h5netcdf", "h5py")
+HEAVY = ("pandas", "scipy", "matplotlib", "xarray", "pydantic", "pint", "plotly", "jinja2", "h5netcdf", "h5py", "sympy")
 
 
 def forbidden_imports(modules: Iterable[Module], known: set[str]) -> list[str]:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from thermid.cli import exchange
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -289,6 +291,9 @@ def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck
     if kind not in makers:
         raise DeckError(f"there is no schema '{kind}'.{nearest(kind, makers)} There are deck and campaign.")
     typer.echo(json.dumps(makers[kind](), indent=2))
+
+
+exchange.register(app)
 
 
 if __name__ == "__main__":

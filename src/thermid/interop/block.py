@@ -1,4 +1,4 @@
-"""The block of the source document's Fig. 3 - a mass that convects and is heated - from the parameters of a script, each found by its unit."""
+"""The block of Fig. 3, a mass that convects and is heated, from the parameters of a script, each found by its unit."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def _one(role: str, text: str, parameters: Mapping[str, Parameter], dimensions: 
         )
     if len(left) > 1:
         raise DeckError(
-            f"{' and '.join(repr(n) for n in left)} are both in [{text}], so the block's {role} is open. Import without the block and write "
-            "the elements into the deck.",
+            f"{' and '.join(repr(n) for n in left)} are both in [{text}], so the block's {role} is open. Import without the block and "
+            "write the elements into the deck.",
             where,
         )
     return left[0]

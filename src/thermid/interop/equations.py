@@ -197,7 +197,9 @@ class _Symbols:
         for raw, name in names.items():
             path = model.canonical(raw)
             if path not in (*rows, *places, *loads):
-                raise NameNotFoundError(f"no conductor, node or load '{raw}' to name.{nearest(path, (*rows, *places, *loads))}", model.title)
+                raise NameNotFoundError(
+                    f"no conductor, node or load '{raw}' to name.{nearest(path, (*rows, *places, *loads))}", model.title
+                )
             if not re.fullmatch(r"[A-Za-z]\w*", name):
                 raise ThermidError(f"'{name}' is no symbol: letters, digits and _, beginning with a letter.", model.title)
             given[path] = name
@@ -205,7 +207,9 @@ class _Symbols:
         self.resistance = {r: given.get(r, f"R_{short[r]}") for r in rows}
         self.temperature = {n: given.get(n, f"T_{short[n]}") for n in places}
         self.power = {q: given.get(q, f"Q_{short[q]}") for q in loads}
-        self.capacitance = {n: f"C_{re.sub(r'^T_?', '', t)}" for n, t in self.temperature.items() if numbers.capacitances.get(n) is not None}
+        self.capacitance = {
+            n: f"C_{re.sub(r'^T_?', '', t)}" for n, t in self.temperature.items() if numbers.capacitances.get(n) is not None
+        }
         every = [*self.resistance.values(), *self.temperature.values(), *self.power.values(), *self.capacitance.values(), "Delta"]
         twice = next((name for name in every if every.count(name) > 1), "")
         if twice:
@@ -221,7 +225,9 @@ class _Derivation:
         crooked = [(r.name, r.form) for r in self.numbers.conductors if r.form != "linear" or r.signal]
         crooked += [(r.name, r.form) for r in self.numbers.loads if r.form != "signal"]
         if crooked:
-            raise DeckError(f"'{crooked[0][0]}' is not a linear, two-way law ({crooked[0][1]}); equations in symbols need one.", network.title)
+            raise DeckError(
+                f"'{crooked[0][0]}' is not a linear, two-way law ({crooked[0][1]}); equations in symbols need one.", network.title
+            )
         make = self._symbol
         self.symbols: dict[str, str] = {}
         self.t = {n: make(names.temperature[n], f"temperature of {n} [K]", real=True) for n in (*network.nodes, *network.boundaries)}
@@ -279,7 +285,9 @@ class _Derivation:
         sympy = self.sympy
         star = {next(iter(pair - {node})): _parallel(arms) for pair, arms in self.arms.items() if node in pair}
         if not star:
-            raise DeckError(f"the massless node '{node}' has no conductance to anything, so its temperature is undefined.", self.network.title)
+            raise DeckError(
+                f"the massless node '{node}' has no conductance to anything, so its temperature is undefined.", self.network.title
+            )
         self.arms = {pair: arms for pair, arms in self.arms.items() if node not in pair}
         ends = list(star)
         product = {k: sympy.Mul(*(star[e] for e in ends if e not in k)) for k in _pairs(ends)}

@@ -116,10 +116,13 @@ class _Reader:
 
     def _check_name(self, s: Statement, where: str) -> None:
         if iskeyword(s.name) or s.name in ("inf", "Inf", "pi"):
-            raise ExpressionError(f"'{s.name}' is a word that the expressions of a deck cannot hold as a name. Rename it in the script.", where)
+            raise ExpressionError(
+                f"'{s.name}' is a word that the expressions of a deck cannot hold as a name. Rename it in the script.", where
+            )
         if s.name in self.numbers:
             raise ExpressionError(
-                f"'{s.name}' is set again; line {self.lines[s.name]} sets it first, and a parameter has one value. Take one of them out.", where
+                f"'{s.name}' is set again; line {self.lines[s.name]} sets it first, and a parameter has one value. Take one of them out.",
+                where,
             )
 
     def _unit(self, s: Statement) -> tuple[str | None, str]:
@@ -147,7 +150,8 @@ class _Reader:
             if derived is not None:
                 return s.text, ""
             self.remarks.append(
-                f"line {s.line}: '{s.name}' has no unit in its comment, and '{s.written}' gives none; its {number:.10g} is taken as a plain number"
+                f"line {s.line}: '{s.name}' has no unit in its comment, and '{s.written}' gives none; "
+                f"its {number:.10g} is taken as a plain number"
             )
             return plain, f"{s.written} in the script"
         wanted = unit(of)

@@ -127,12 +127,14 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
         if word is None:
             rest = written[place:].strip()
             raise ExpressionError(
-                f"'{_short(written)}': '{_short(rest, 20)}' is not understood. Read are single numbers, earlier names, pi, Inf, + - * / ^ and "
-                "parentheses; texts, vectors, calls and structures are not.",
+                f"'{_short(written)}': '{_short(rest, 20)}' is not understood. Read are single numbers, earlier names, pi, Inf, "
+                "+ - * / ^ and parentheses; texts, vectors, calls and structures are not.",
                 where,
             )
         if word["sign"] == "(" and words and (words[-1].isidentifier()):
-            raise ExpressionError(f"'{_short(written)}': '{words[-1]}(' calls a function or takes an element; write the number instead.", where)
+            raise ExpressionError(
+                f"'{_short(written)}': '{words[-1]}(' calls a function or takes an element; write the number instead.", where
+            )
         words.append(word["number"] or word["name"] or word["sign"].lstrip("."))
         place = word.end()
     if not words:

@@ -241,7 +241,7 @@ class _Writer:
                 (total, given, _) = terms[group[0]]
                 yield f"  T_{self.nodes[group[0]]} = ({given})/({total});"
                 continue
-            yield "  M = zeros(%d); r = zeros(%d, 1);" % (len(group), len(group))
+            yield f"  M = zeros({len(group)}); r = zeros({len(group)}, 1);"
             for i, node in enumerate(group, 1):
                 total, given, others = terms[node]
                 yield f"  M({i}, {i}) = {total}; r({i}) = {given or '0'};"

@@ -1,0 +1,323 @@
+"""The coefficient that a test shows beside the one that correlations give, and what their difference can and cannot mean."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from thermid.errors import ThermidError, ThermidWarning
+from thermid.expression import parse
+from thermid.physics.air import Gas, dry_air
+from thermid.physics.biot import biot_warning
+from thermid.physics.convection import effective_htc, effective_htc_error
+from thermid.physics.plates import (
+    horizontal_plate_down_htc,
+    horizontal_plate_up_htc,
+    rayleigh_number,
+    vertical_plate_htc,
+    vertical_plate_htc_all,
+)
+from thermid.physics.radiation import linearised_htc
+from thermid.units import TEMPERATURE, require
+
+__all__ = ["Correlation", "HtcComparison", "Settling", "compare_htc"]
+
+LAMINAR_LIMIT = 1e9
+CORRELATION_ERROR = 0.15
+"""What a correlation of natural convection can promise, relative, one sigma: Incropera, 6th ed., Section 9.6, speaks of 10 to 20 %. [-]"""
+SETTLED = (0.98, 0.99, 0.999)
+"""Parts of the rise that people call settled. [-]"""
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """The coefficient of one correlation.
+
+    Parameters
+    ----------
+    name : str          What it is for.
+    htc : float         Coefficient. [W/(m^2 K)]
+    rayleigh : float    Rayleigh number; NaN for a mean over faces. [-]
+    """
+
+    name: str
+    htc: float
+    rayleigh: float = math.nan
+
+
+@dataclass(frozen=True)
+class Settling:
+    """The time constant that mass and coefficient make beside the one that a settling time means.
+
+    Parameters
+    ----------
+    from_mass : float               m c / (h A). [s]
+    from_data : tuple of 3          Time constant if the time given is that of 98, 99 and 99.9 % of the rise. [s]
+    differs : bool                  Whether the first lies outside the others.
+    """
+
+    from_mass: float
+    from_data: tuple[float, float, float]
+
+    @property
+    def differs(self) -> bool:
+        """Whether no usual meaning of settled makes them agree."""
+        return not min(self.from_data) <= self.from_mass <= max(self.from_data)
+
+    @property
+    def ratio(self) -> float:
+        """Capacitance that the data need, by 99 % of the rise, over m c. [-]"""
+        return self.from_data[1] / self.from_mass
+
+
+@dataclass(frozen=True)
+class HtcComparison:
+    """The effective and the theoretical coefficient of a part, side by side.
+
+    Parameters
+    ----------
+    effective : float                   Q / (A dT). [W/(m^2 K)]
+    error : float                       Its standard error from sensors, power and area. [W/(m^2 K)]
+    error_drift : float                 What a room that drifted adds, as a bound. [W/(m^2 K)]
+    correlations : tuple                Coefficients by correlation.
+    rise : float                        Surface less ambient. [K]
+    remarks : tuple of str              What the difference can and cannot mean, and what lies outside the ranges.
+    radiation : float or None           Coefficient of radiation at the emissivity given. [W/(m^2 K)]
+    biot : dict                         Part -> Biot number at the effective and at the theoretical coefficient. [-]
+    settling : Settling or None         Time constants, where mass and a settling time are given.
+    """
+
+    effective: float
+    error: float
+    error_drift: float
+    correlations: tuple[Correlation, ...]
+    rise: float
+    remarks: tuple[str, ...]
+    radiation: float | None = None
+    biot: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    settling: Settling | None = None
+
+    @property
+    def theoretical(self) -> float:
+        """The coefficient of the whole box where its shape is known, of the vertical plate otherwise. [W/(m^2 K)]"""
+        return self.correlations[-1].htc
+
+    def __str__(self) -> str:
+        """A line for each number, then the remarks."""
+        drift = f", and +- {self.error_drift:.2f} from the drift of the room" if self.error_drift else ""
+        lines = [f"effective    {self.effective:8.3f} W/(m^2 K)   +- {self.error:.2f} from sensors, power and area{drift}"]
+        for c in self.correlations:
+            ra = "" if math.isnan(c.rayleigh) else f"   Ra {c.rayleigh:.4g}"
+            lines.append(f"theoretical  {c.htc:8.3f} W/(m^2 K)   {c.name}{ra}")
+        if self.radiation is not None:
+            lines.append(f"radiation    {self.radiation:8.3f} W/(m^2 K)   at the emissivity given")
+        for part, (one, other) in self.biot.items():
+            lines.append(f"Biot number  {one:8.2g} at the effective, {other:.2g} at the theoretical coefficient   {part}")
+        if self.settling is not None:
+            low, middle, high = (f"{s:.4g}" for s in sorted(self.settling.from_data))
+            lines.append(
+                f"time constant{self.settling.from_mass:8.1f} s   m c/(h A); "
+                f"the settling time means {middle} s ({low} to {high} s for 99.9 to 98 %)"
+            )
+        return "\n".join([*lines, *(f"remark: {r}" for r in self.remarks)])
+
+
+def compare_htc(
+    power: str | float,
+    area: str | float,
+    surface: str | float,
+    ambient: str | float,
+    height: str | float,
+    *,
+    box: tuple[str | float, str | float] | None = None,
+    air: Gas | tuple[float, float, float] | None = None,
+    sensor: str | float = 0.5,
+    power_error: str | float = 0.0,
+    area_error: str | float = 0.0,
+    drift: str | float = 0.0,
+    emissivity: float | None = None,
+    parts: Mapping[str, tuple[str | float, str | float]] | None = None,
+    capacitance: str | float | None = None,
+    settled_after: str | float | None = None,
+) -> HtcComparison:
+    """Return the effective coefficient of a settled test beside the theoretical one, with what their difference can and cannot mean.
+
+    Numbers may be texts with units, ``"2.168 [W]"``, ``"35.938 [degC]"``; bare ones are SI.
+
+    Parameters
+    ----------
+    power, area : str or float          Heat through the surface [W] and its area [m^2].
+    surface, ambient : str or float     Settled temperatures. [K]
+    height : str or float               Height of the vertical faces. [m]
+    box : tuple of 2                    Length and width of a box of that height; adds horizontal faces and the mean over all. [m]
+    air : Gas or tuple of 3             Conductivity [W/(m K)], kinematic viscosity [m^2/s] and Prandtl number [-]; dry air at the mean of
+                                        both temperatures if not given.
+    sensor : str or float               Standard error of each of the two temperatures, independent. [K]
+    power_error, area_error             Standard errors. [W], [m^2]
+    drift : str or float                Variation of the room during the test; reported apart. [K]
+    emissivity : float                  Of the surface, large surroundings at ambient temperature. [-]
+    parts : dict                        Name -> (length of the heat's path inside [m], conductivity [W/(m K)]), for Biot numbers.
+    capacitance : str or float          Mass times specific heat. [J/K]
+    settled_after : str or float        Time after which the test looked settled; with `capacitance`. [s]
+
+    Warns
+    -----
+    ThermidWarning   Above Ra = 1e9, where the laminar law ends.
+
+    Raises
+    ------
+    ThermidError    When area, height or temperature difference make no coefficient.
+
+    References
+    ----------
+    Churchill and Chu, DOI 10.1016/0017-9310(75)90243-4; McAdams, in Incropera, 6th ed., Section 9.6.2; source document, Eq. 7 and section
+    on theoretical and effective HTC.
+
+    Examples
+    --------
+    The EleGFO box of the source document, air as printed there:
+
+    >>> found = compare_htc(2.168, 0.082241, 309.088, 297.15, 0.02492, air=(0.026, 1.6e-5, 0.71))
+    >>> round(found.effective, 3), round(found.error, 2), round(found.theoretical, 3)
+    (2.208, 0.13, 6.798)
+    """
+    q, a, hot, cold, tall = _settled(power, area, surface, ambient, height)
+    rise = hot - cold
+    errors = [
+        _number(v, s, n) for v, s, n in ((sensor, "K", "sensor"), (power_error, "W", "power_error"), (area_error, "m^2", "area_error"))
+    ]
+    effective = effective_htc(q, a, rise)
+    error = effective_htc_error(q, a, rise, power_error=errors[1], area_error=errors[2], rise_error=errors[0] * math.sqrt(2.0))
+    faces = tuple(_number(x, "m", "box") for x in box) if box is not None else None
+    gas = Gas(*air) if isinstance(air, tuple) else air or dry_air((hot + cold) / 2)
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always", ThermidWarning)
+        correlations = _correlations(hot, cold, tall, faces, gas)
+    remarks = [str(warning.message) for warning in heard]
+    for text in remarks:
+        warnings.warn(text, ThermidWarning, stacklevel=2)
+    theoretical = correlations[-1].htc
+    radiation = None if emissivity is None else float(linearised_htc(emissivity, hot, cold))
+    remarks += _box_remark(a, tall, *faces) if faces is not None else []
+    remarks += _meaning(effective, error, theoretical, radiation, q, a, rise)
+    biot = {}
+    for name, (length, conductivity) in (parts or {}).items():
+        path = _number(length, "m", name) / _number(conductivity, "W/(m K)", name)
+        biot[name] = effective * path, theoretical * path
+        remarks += [text for text in (biot_warning(max(biot[name]), f"'{name}'"),) if text]
+    settling = _settling(capacitance, settled_after, effective * a, remarks)
+    shift = effective * _number(drift, "K", "drift") / abs(rise)
+    return HtcComparison(effective, error, shift, correlations, rise, tuple(remarks), radiation, biot, settling)
+
+
+def _settled(
+    power: str | float, area: str | float, surface: str | float, ambient: str | float, height: str | float
+) -> tuple[float, float, float, float, float]:
+    """Return what was measured in SI, if it makes a coefficient."""
+    q, a, tall = _number(power, "W", "power"), _number(area, "m^2", "area"), _number(height, "m", "height")
+    hot, cold = _number(surface, TEMPERATURE, "surface"), _number(ambient, TEMPERATURE, "ambient")
+    if not (a > 0 and tall > 0):
+        raise ThermidError("an area and a height above zero are needed for a coefficient.", "compare_htc")
+    if not q * (hot - cold) > 0:
+        raise ThermidError(
+            f"{q:g} W and a surface {hot - cold:+.4g} K from its ambient make no coefficient: heat flows to the colder side. "
+            "Check which temperature is which, and the sign of the power.",
+            "compare_htc",
+        )
+    return q, a, hot, cold, tall
+
+
+def _number(value: str | float, slot: str, name: str) -> float:
+    """Return a value in SI."""
+    if not isinstance(value, str):
+        return float(value)
+    try:
+        literal = parse(value).literal
+        if literal is None:
+            raise ThermidError(f"'{value}' must be a number with a unit.")
+        require(literal.unit.dimension, slot, literal.unit.text, literal.unit.absolute)
+    except ThermidError as error:
+        raise error.located(name) from None
+    return literal.value
+
+
+def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[Correlation, ...]:
+    """Return the coefficients of the faces, the one to compare with last."""
+    mean = (hot + cold) / 2
+    rayleigh = rayleigh_number(hot - cold, height, mean, air)
+    side = Correlation("vertical plate, laminar (Churchill and Chu; Eq. 7)", vertical_plate_htc(hot, cold, height, air), rayleigh)
+    if rayleigh > LAMINAR_LIMIT:
+        turbulent = vertical_plate_htc_all(hot, cold, height, air)
+        side_all = Correlation("vertical plate, laminar and turbulent (Churchill and Chu)", turbulent, rayleigh)
+        out = [side, side_all]
+    else:
+        out = [side]
+    if box is None:
+        return tuple(out)
+    length, width = box
+    across = length * width / (2 * (length + width))
+    flat = rayleigh_number(hot - cold, across, mean, air)
+    # the upper face of a hot box faces up; of a cold one, it is its lower face that behaves so
+    one = Correlation("horizontal plate, free side (McAdams)", horizontal_plate_up_htc(hot, cold, across, air), flat)
+    other = Correlation("horizontal plate, capped side (McAdams)", horizontal_plate_down_htc(hot, cold, across, air), flat)
+    walls, lid = 2 * (length + width) * height, length * width
+    whole = (walls * out[-1].htc + lid * (one.htc + other.htc)) / (walls + 2 * lid)
+    return (*out, one, other, Correlation("whole box, mean over its six faces", whole))
+
+
+def _box_remark(area: float, height: float, length: float, width: float) -> list[str]:
+    """Say so where the area given is not that of the box given."""
+    own = 2 * (length * width + height * (length + width))
+    if abs(own - area) <= 0.02 * area:
+        return []
+    return [f"the box has {own:.6g} m^2 outside and the area given is {area:.6g} m^2; one of them counts other faces than the other"]
+
+
+def _meaning(effective: float, error: float, theoretical: float, radiation: float | None, q: float, a: float, rise: float) -> list[str]:
+    """Return what the difference can and cannot mean."""
+    doubt = math.hypot(error, CORRELATION_ERROR * theoretical)
+    expected = theoretical + (radiation or 0.0)
+    what = "convection and radiation" if radiation is not None else "convection alone"
+    if abs(effective - expected) <= 2 * doubt:
+        return [
+            f"effective and theoretical coefficient ({what}) differ by {effective - expected:+.2f} W/(m^2 K), within two standard errors "
+            f"of {doubt:.2f}: the test does not tell them apart"
+        ]
+    if effective > expected:
+        return [
+            f"the effective coefficient lies {effective - expected:.2f} W/(m^2 K) above {what}. It can mean "
+            + ("" if radiation is not None else "radiation (0.6 to 5.3 W/(m^2 K) at room temperature for emissivities of 0.1 to 0.85), ")
+            + "heat through mounts and leads, moving air, an area taken too small, a power too large, or a sensor in a cool place"
+        ]
+    return [
+        f"the effective coefficient lies {expected - effective:.2f} W/(m^2 K) below {what}. Radiation and heat through mounts would "
+        "raise it, and resistance between the source and the surface cannot lower it: what passes an outer surface is h A dT whatever lies inside",
+        f"to agree with the correlation, the area would have to be {100 * effective / expected:.0f} % of {a:.6g} m^2 (faces counted twice, "
+        f"or inside ones?), or the power {abs(expected * a * rise):.3g} W in place of {abs(q):.4g} W, or the mean surface "
+        f"about {abs(rise) * (1 - effective / expected):.1f} K nearer to the ambient than the sensor (a hot spot)",
+    ]
+
+
+def _settling(capacitance: str | float | None, after: str | float | None, conductance: float, remarks: list[str]) -> Settling | None:
+    """Return the two time constants, and remark when they differ."""
+    if capacitance is None or after is None:
+        return None
+    heat, time = _number(capacitance, "J/K", "capacitance"), _number(after, "s", "settled_after")
+    if not (heat > 0 and time > 0):
+        raise ThermidError("a capacitance and a settling time above zero are needed for a time constant.", "compare_htc")
+    first, middle, last = (time / -math.log(1.0 - part) for part in SETTLED)
+    found = Settling(heat / conductance, (first, middle, last))
+    if found.differs:
+        word = "slower" if found.ratio > 1 else "faster"
+        remarks.append(
+            f"the test settled {found.ratio:.2g} times as slowly as m c/(h A) says: {time / 3600:.3g} h against "
+            f"{found.from_mass * -math.log(1.0 - SETTLED[1]) / 3600:.3g} h to 99 %. A {word} test means "
+            + (
+                "more mass than the part's own, a room that drifts, or a last approach that no sensor resolves"
+                if found.ratio > 1
+                else "less mass than given, or an approach that was not waited for"
+            )
+        )
+    return found
