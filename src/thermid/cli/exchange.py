@@ -46,6 +46,7 @@ def import_script(
     as_json: Json = False,
 ) -> None:
     """Read the parameters of an InitFcn script and write them as a deck."""
+    from thermid.cli.output import clean
     from thermid.errors import DeckError
     from thermid.interop.initfcn import read_initfcn
     from thermid.model.modelfile import model_from_dict, save_model
@@ -60,7 +61,7 @@ def import_script(
     if as_json:
         shown = {"file": to.name} if to is not None else {}
         parameters = {n: {"text": p.text, "number": found.numbers[n], "note": p.note} for n, p in found.parameters.items()}
-        typer.echo(json.dumps({"schema": 1, "status": "ok", **shown, "parameters": parameters, "remarks": list(found.remarks)}))
+        typer.echo(json.dumps(clean({"schema": 1, "status": "ok", **shown, "parameters": parameters, "remarks": list(found.remarks)})))
         return
     typer.echo(str(found))
     if to is not None:

@@ -38,7 +38,7 @@ class Equations:
     inputs : tuple          Symbols of boundary temperatures and powers.
     heat : tuple            Heat into each state by conductor, massless nodes eliminated: the right sides of Eq. 4. [W]
     auxiliaries : dict      Symbol -> expression of what `heat` uses as an abbreviation, such as Delta.
-    massless : dict         Symbol of a massless temperature -> expression over states, inputs and abbreviations.
+    massless : dict         Symbol of a massless temperature -> expression over states, inputs, abbreviations and those before it.
     symbols : dict          Symbol's name -> what it stands for: a path of the model.
     values : dict           Name of a capacitance or resistance -> its number in the model; infinite for an open path. [SI]
 
@@ -151,9 +151,11 @@ class Equations:
 
     def __str__(self) -> str:
         """The equations as plain text, with what each symbol stands for."""
+        from sympy import sstr
+
         lines = [f"{self.title}"]
-        lines += [f"  {c} d{t}/dt = {q}" for t, c, q in zip(self.states, self.capacitances, self.heat, strict=True)]
-        lines += [f"  {s} = {e}" for s, e in (*self.auxiliaries.items(), *self.massless.items())]
+        lines += [f"  {c} d{t}/dt = {sstr(q, order='none')}" for t, c, q in zip(self.states, self.capacitances, self.heat, strict=True)]
+        lines += [f"  {s} = {sstr(e, order='none')}" for s, e in (*self.auxiliaries.items(), *self.massless.items())]
         return "\n".join([*lines, *(f"  {n}: {what}" for n, what in self.symbols.items())])
 
 
@@ -230,7 +232,7 @@ class _Derivation:
             )
         make = self._symbol
         self.symbols: dict[str, str] = {}
-        self.t = {n: make(names.temperature[n], f"temperature of {n} [K]", real=True) for n in (*network.nodes, *network.boundaries)}
+        self.t = {n: make(names.temperature[n], f"temperature of {n} [K]") for n in (*network.nodes, *network.boundaries)}
         self.c = {n: make(names.capacitance[n], f"capacitance of {n} [J/K]") for n in network.nodes if n in names.capacitance}
         self.r: dict[str, Expr] = {}
         self.arms: dict[frozenset[str], list[Expr]] = {}
@@ -242,15 +244,15 @@ class _Derivation:
         self.powers: list[Expr] = []
         for load in self.numbers.loads:
             if load.node in self.q and load.signal.startswith("load "):
-                symbol = make(names.power[load.name], f"power of {load.name} [W]", real=True)
+                symbol = make(names.power[load.name], f"power of {load.name} [W]")
                 self.powers.append(symbol)
                 self.q[load.node] += symbol
         self.auxiliaries: dict[Expr, Expr] = {}
         self.recovered: list[tuple[str, Expr]] = []
 
-    def _symbol(self, name: str, what: str, real: bool = False) -> Expr:
+    def _symbol(self, name: str, what: str) -> Expr:
         self.symbols[name] = what
-        return self.sympy.Symbol(name, real=True) if real else self.sympy.Symbol(name, positive=True)
+        return self.sympy.Symbol(name)
 
     def result(self) -> Equations:
         """Return the equations."""

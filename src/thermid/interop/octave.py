@@ -103,7 +103,7 @@ class _Writer:
             yield "end"
 
     def _head(self) -> Iterator[str]:
-        from thermid import __version__
+        from importlib.metadata import version
 
         c, w = self.called, self.w
         yield f"function [t, T, names] = {c}(t, p)"
@@ -117,7 +117,7 @@ class _Writer:
         yield "% Columns of T [degC]: " + ", ".join(w.massive) + "."
         if w.massless:
             yield "% Without mass, and eliminated: " + ", ".join(w.massless) + "."
-        yield f"% Written by thermid {__version__}; for Octave and MATLAB."
+        yield f"% Written by thermid {version('thermid')}; for Octave and MATLAB."
 
     def _driver(self) -> Iterator[str]:
         breaks = self.w.breaks()
@@ -140,6 +140,7 @@ class _Writer:
         yield "    rows = find(t > edges(k) & t <= edges(k + 1));"
         yield "    asked = unique([edges(k); (edges(k) + edges(k + 1))/2; t(rows); edges(k + 1)]);"
         yield "    last = edges(k + 1) - 1e-9*(edges(k + 1) - edges(k));"
+        yield "    options = odeset(options, 'InitialSlope', derivatives(edges(k), state, p));"
         yield "    [~, found] = ode15s(@(s, x) derivatives(min(s, last), x, p), asked, state, options);"
         yield "    [~, where] = ismember(t(rows), asked);"
         yield "    T(rows, :) = found(where, :);"

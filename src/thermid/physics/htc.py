@@ -198,18 +198,25 @@ def compare_htc(
     remarks = [str(warning.message) for warning in heard]
     for text in remarks:
         warnings.warn(text, ThermidWarning, stacklevel=2)
-    theoretical = correlations[-1].htc
     radiation = None if emissivity is None else float(linearised_htc(emissivity, hot, cold))
     remarks += _box_remark(a, tall, *faces) if faces is not None else []
-    remarks += _meaning(effective, error, theoretical, radiation, q, a, rise)
-    biot = {}
-    for name, (length, conductivity) in (parts or {}).items():
-        path = _number(length, "m", name) / _number(conductivity, "W/(m K)", name)
-        biot[name] = effective * path, theoretical * path
-        remarks += [text for text in (biot_warning(max(biot[name]), f"'{name}'"),) if text]
+    remarks += _meaning(effective, error, correlations[-1].htc, radiation, q, a, rise)
+    biot = _biot(parts or {}, effective, correlations[-1].htc, remarks)
     settling = _settling(capacitance, settled_after, effective * a, remarks)
     shift = effective * _number(drift, "K", "drift") / abs(rise)
     return HtcComparison(effective, error, shift, correlations, rise, tuple(remarks), radiation, biot, settling)
+
+
+def _biot(
+    parts: Mapping[str, tuple[str | float, str | float]], effective: float, theoretical: float, remarks: list[str]
+) -> dict[str, tuple[float, float]]:
+    """Return part -> Biot number at both coefficients, and remark where one node is not enough."""
+    out = {}
+    for name, (length, conductivity) in parts.items():
+        path = _number(length, "m", name) / _number(conductivity, "W/(m K)", name)
+        out[name] = effective * path, theoretical * path
+        remarks += [text for text in (biot_warning(max(out[name]), f"'{name}'"),) if text]
+    return out
 
 
 def _settled(
@@ -293,7 +300,8 @@ def _meaning(effective: float, error: float, theoretical: float, radiation: floa
         ]
     return [
         f"the effective coefficient lies {expected - effective:.2f} W/(m^2 K) below {what}. Radiation and heat through mounts would "
-        "raise it, and resistance between the source and the surface cannot lower it: what passes an outer surface is h A dT whatever lies inside",
+        "raise it, and resistance between the source and the surface cannot lower it: what passes an outer surface is h A dT, "
+        "whatever lies inside",
         f"to agree with the correlation, the area would have to be {100 * effective / expected:.0f} % of {a:.6g} m^2 (faces counted twice, "
         f"or inside ones?), or the power {abs(expected * a * rise):.3g} W in place of {abs(q):.4g} W, or the mean surface "
         f"about {abs(rise) * (1 - effective / expected):.1f} K nearer to the ambient than the sensor (a hot spot)",

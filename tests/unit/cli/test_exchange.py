@@ -1,0 +1,139 @@
+"""``thermid import, export, equations, htc``: from a script to a run and to other tools, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from unit.cli.conftest import Call
+from unit.interop.programs import octave
+
+SCRIPT = """TempC = 24; % Ambient temperature [Celsius].
+SpH = 480; % Spec. heat [J/(kg*K)].
+Acc_SpH = SpH;
+R = Inf; % Open [K/W].
+P = 15*0.015; h = 6; % Power [W], coefficient [W/(m^2 K)].
+m = 0.054; % Mass [kg].
+A = ... % Area [m^2]
+    0.001406 + 1.08*0.002592;
+"""
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> Path:
+    file = tmp_path / "Acc.m"
+    file.write_text(SCRIPT, encoding="utf-8")
+    return file
+
+
+def test_a_script_becomes_a_deck_that_runs(call: Call, script: Path) -> None:
+    deck = script.with_name("Acc.toml")
+    said = call("import", script, "--block", "--to", deck)
+    assert (said.code, said.err) == (0, "")
+    assert said.out.splitlines()[0] == "TempC    24 [degC]                       Ambient temperature"
+    assert said.out.splitlines()[-1].startswith("written: ")
+    run = call("simulate", deck, "--boundary", "air=24", "--for", "5 [h]", "--json").object
+    assert run["nodes"]["case"]["steady_C"] == pytest.approx(32.917191, abs=1e-6)
+    assert call("check", deck).code == 0
+
+
+def test_without_a_block_the_values_are_written_alone(call: Call, script: Path) -> None:
+    deck = script.with_name("values.toml")
+    said = call("import", script, "--to", deck)
+    assert said.out.splitlines()[-1].endswith("its nodes, surfaces and loads are still to be written")
+    assert td.load_model(deck).parameters["Acc_SpH"].text == "SpH"
+
+
+def test_the_object_of_an_import(call: Call, script: Path) -> None:
+    found = call("import", script, "--json").object
+    assert found["parameters"]["P"] == {"text": "15*0.015 [W]", "number": 0.225, "note": "Power , coefficient"}
+    assert found["parameters"]["R"]["number"] is None  # infinite
+    assert (found["status"], found["remarks"]) == ("ok", [])
+
+
+def test_an_import_does_not_write_over_a_deck(call: Call, script: Path) -> None:
+    deck = script.with_name("Acc.toml")
+    deck.write_text("title = 'mine'\n", encoding="utf-8")
+    said = call("import", script, "--to", deck)
+    assert said.code == 2
+    assert said.err == "error: --to: 'Acc.toml' is there already, and an import does not write over a deck. Give another name.\n"
+    assert deck.read_text(encoding="utf-8") == "title = 'mine'\n"
+
+
+def test_a_line_that_is_not_understood_is_named(call: Call, script: Path) -> None:
+    script.write_text(SCRIPT + "x = sqrt(2);\n", encoding="utf-8")
+    said = call("import", script)
+    assert said.code == 2
+    assert said.err.startswith("error: Acc.m:9: 'sqrt(2)': 'sqrt(' calls a function")
+
+
+def test_a_model_goes_to_octave(call: Call, accelerometer: Path, tmp_path: Path) -> None:
+    said = call("export", accelerometer, "--boundary", "air=24", "--for", "5 [h]", "--load", "electronics=0.45", "--to", tmp_path / "acc.m")
+    assert (said.code, said.err) == (0, "")
+    found = octave(tmp_path / "acc.m", np.array([18000.0]))
+    assert found[0, 0] - 24.0 == pytest.approx(2 * 8.917191, abs=2e-6)
+
+
+def test_a_model_goes_to_spice(call: Call, accelerometer: Path) -> None:
+    said = call("export", accelerometer, "--as", "spice", "--boundary", "air=24", "--for", "5 [h]", "--param", "area=0.005 [m^2]")
+    assert "R_skin case air 33.3333333333" in said.out
+    assert (
+        call("export", accelerometer, "--as", "spice", "--boundary", "air=24", "--for", "5 [h]", "--json").object["text"].endswith(".end\n")
+    )
+
+
+def test_equations_are_written(call: Call, stack: Path, tmp_path: Path) -> None:
+    pytest.importorskip("sympy", reason="sympy is not installed (thermid[symbolic])")
+    said = call("equations", stack, "--name", "stack.gap=R_cn3", "--name", "cv=T_amb")
+    assert "R_cn3*(T_proc_case - T_ele_case)/Delta" in said.out
+    assert call("equations", stack, "--as", "latex", "--to", tmp_path / "eq.tex").code == 0
+    assert (tmp_path / "eq.tex").read_text(encoding="utf-8").startswith("\\begin{align}")
+    assert call("equations", stack, "--json").object["symbols"]["R_stack_gap"] == "resistance of stack.gap [K/W]"
+    for form in ("python", "octave"):
+        assert "derivatives(t, T, p)" in call("equations", stack, "--as", form).out
+
+
+def test_coefficients_are_compared(call: Call) -> None:
+    printed = ("--power", "2.168", "--area", "0.082241", "--surface", "35.938", "--ambient", "24", "--height", "24.92 [mm]")
+    said = call("htc", *printed, "--air", "0.026", "1.6e-5", "0.71", "--part", "coil=20 [mm], 0.25", "--drift", "0.7")
+    assert said.err == ""
+    lines = said.out.splitlines()
+    assert lines[0].startswith("effective       2.208 W/(m^2 K)   +- 0.13")
+    assert lines[1].startswith("theoretical     6.798 W/(m^2 K)   vertical plate")
+    assert lines[2] == "Biot number      0.18 at the effective, 0.54 at the theoretical coefficient   coil"
+    found = call(
+        "htc", *printed, "--box", "0.18", "0.18", "--capacitance", "707.5", "--settled-after", "5 [h]", "--emissivity", "0.3", "--json"
+    ).object
+    assert found["correlations"][-1] == {"name": "whole box, mean over its six faces", "htc": found["theoretical"], "rayleigh": None}
+    assert found["settling"]["differs"] is False
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ("export", "DECK", "--as", "spyce"),
+            "error: --as: a model is not written as 'spyce'. Did you mean 'spice'? There are octave and spice.",
+        ),
+        (
+            ("export", "DECK", "--boundary", "air=24"),
+            'error: command line: an export of a run needs a duration above zero: duration = "5 [h]"',
+        ),
+        (("equations", "DECK", "--as", "tex"), "error: --as: equations are not written as 'tex'. Did you mean 'text'?"),
+        (
+            ("htc", "--power", "2", "--area", "0.1", "--surface", "20", "--ambient", "24", "--height", "0.1"),
+            "error: compare_htc: 2 W and a surface -4 K from its ambient make no coefficient",
+        ),
+        (
+            ("htc", "--power", "2", "--area", "0.1", "--surface", "30", "--ambient", "24", "--height", "0.1", "--part", "coil=20"),
+            "error: --part coil: '20' must be LENGTH,CONDUCTIVITY",
+        ),
+    ],
+)
+def test_refusals(call: Call, accelerometer: Path, arguments: tuple[str, ...], message: str) -> None:
+    said = call(*(accelerometer if a == "DECK" else a for a in arguments))
+    assert (said.code, said.out) == (2, "")
+    assert said.err.startswith(message)

@@ -1,0 +1,45 @@
+"""Octave and ngspice, where they are installed: a written model goes in, the temperatures that they find come out."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def octave(file: Path, times: Array, p: str = "") -> Array:
+    """Temperatures (times, nodes) [degC] that a written function returns; `p` are statements that change its values."""
+    program = shutil.which("octave-cli") or shutil.which("octave")
+    if program is None:
+        pytest.skip("Octave is not installed (Debian package octave)")
+    np.savetxt(file.parent / "times.txt", times, fmt="%.17g")
+    name = file.stem
+    code = f"p = {name}('parameters'); {p} [t, T] = {name}(load('times.txt'), p); save('-ascii', '-double', 'found.txt', 'T');"
+    done = subprocess.run(
+        [program, "--quiet", "--no-init-file", "--eval", code], cwd=file.parent, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
+    return np.loadtxt(file.parent / "found.txt", ndmin=2)
+
+
+def ngspice(file: Path) -> tuple[Array, dict[str, Array]]:
+    """Times [s] and node -> temperatures [degC] at the program's own steps."""
+    program = shutil.which("ngspice")
+    if program is None:
+        pytest.skip("ngspice is not installed (Debian package ngspice)")
+    raw = file.with_suffix(".raw")
+    done = subprocess.run([program, "-b", "-r", raw.name, file.name], cwd=file.parent, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    head, _, body = raw.read_bytes().partition(b"Binary:\n")
+    text = head.decode()
+    names = [line.split()[1] for line in text.partition("Variables:\n")[2].splitlines() if line.strip()]
+    table = np.frombuffer(body, dtype=np.float64).reshape(-1, len(names))
+    fresh = np.append(True, np.diff(table[:, 0]) > 0)
+    columns = {name[2:-1]: table[fresh, k] for k, name in enumerate(names) if name.startswith("v(")}
+    return table[fresh, 0], columns

@@ -1,0 +1,160 @@
+"""InitFcn scripts: what is read, with which unit, and what is refused at which line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import thermid as td
+
+
+def texts(script: str) -> dict[str, str]:
+    return {n: p.text for n, p in td.read_initfcn(script).parameters.items()}
+
+
+@pytest.mark.parametrize(
+    ("script", "text", "number"),
+    [
+        ("a = 1e-3; % [m]", "1e-3 [m]", 1e-3),
+        ("a = .5 % share [-]", ".5 [1]", 0.5),
+        ("a = 3.^2*2; % [W]", "3.**2*2 [W]", 18.0),
+        ("a = 6./4; % [W]", "6./4 [W]", 1.5),
+        ("a = -2^2; % [K]", "-2**2 [K]", -4.0),
+        ("a = 2^-1; % [K]", "2**-1 [K]", 0.5),
+        ("a = 2*pi; % [-]", "2*3.141592653589793 [1]", 6.283185307179586),
+        ("a = Inf; % [K/W]", "inf [K/W]", float("inf")),
+        ("a = 24; % [Celsius]", "24 [degC]", 24.0),
+        ("a = 24; % [deg C]", "24 [degC]", 24.0),
+        ("a = 7; % see [3], power [W]", "7 [W]", 7.0),
+        ("a = ... % half\n  1 + ...\n  2; % [W]", "1 + 2 [W]", 3.0),
+        ("a = 5 # Octave's sign [W]", "5 [W]", 5.0),
+    ],
+)
+def test_a_value_is_read(script: str, text: str, number: float) -> None:
+    found = td.read_initfcn(script)
+    assert found.parameters["a"].text == text
+    assert found.numbers["a"] == pytest.approx(number, rel=1e-15)
+    assert found.remarks == ()
+
+
+def test_names_stay_where_their_units_say_the_same() -> None:
+    found = td.read_initfcn("L = 25; % [mm]\nA = L^2; % [mm^2]\nB = L*L;\nC = A; V = A*L; % [mm^2] [mm^3]\n")
+    assert texts("L = 25; % [mm]\nA = L^2; % [mm^2]\nB = L*L;\nC = A;") == {"L": "25 [mm]", "A": "L**2", "B": "L*L", "C": "A"}
+    assert found.parameters["V"].text == "A*L"
+    assert found.numbers["V"] == 15625.0
+    assert found.remarks == ()
+
+
+def test_units_that_do_not_agree_are_remarked_and_the_comment_wins() -> None:
+    found = td.read_initfcn("L = 25; % [mm]\nA = L*L; % [m^2]\nB = L; % [kg]")
+    assert found.parameters["A"].text == "625.0 [m^2]"
+    assert found.parameters["A"].basis == "L*L in the script"
+    assert found.remarks == (
+        "line 2: 'A' is 625.0 [m^2] by its comment; the units of 'L*L' make it 0.000625 in SI units, not 625",
+        "line 3: 'B' is 25.0 [kg] by its comment; the units of 'L' make it a length",
+    )
+
+
+def test_a_plain_factor_takes_no_part_in_the_units() -> None:
+    """1.08 has no unit in its comment and scales what has one."""
+    found = td.read_initfcn("f = 1.08; a = 2; % area [m^2]\nb = f*a; % [m^2]")
+    assert found.parameters["b"].text == "2.16 [m^2]"  # two values, one bracket: neither has a unit
+    assert [r.partition(";")[0] for r in found.remarks] == [
+        "line 1: 'f' has no unit in its comment: 1 in brackets for 2 values of the line",
+        "line 1: 'a' has no unit in its comment: 1 in brackets for 2 values of the line",
+    ]
+
+
+def test_several_values_take_the_brackets_of_their_line_in_order() -> None:
+    assert texts("a = 1; b = 2, c = 3 % three [m] [kg] [s]") == {"a": "1 [m]", "b": "2 [kg]", "c": "3 [s]"}
+
+
+def test_temperatures_are_not_added_to_by_their_units() -> None:
+    found = td.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15;\nT0 = T;")
+    assert {n: p.text for n, p in found.parameters.items()} == {"T": "24 [degC]", "TK": "297.15", "T0": "T"}
+    assert found.remarks == ("line 2: 'TK' has no unit in its comment, and 'T + 273.15' gives none; its 297.15 is taken as a plain number",)
+    kelvin = td.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15; % [K]")
+    assert kelvin.parameters["TK"].text == "297.15 [K]"
+    assert kelvin.remarks == ()
+
+
+def test_blocks_of_comments_and_printed_line_numbers_are_taken_off() -> None:
+    assert texts("%{\nx = sqrt(2)\n%}\na = 1; % [m]") == {"a": "1 [m]"}
+    assert texts("1 % Head\n2\n3 a = 4; % [m]") == {"a": "4 [m]"}
+
+
+def test_a_script_is_shown_with_its_remarks() -> None:
+    assert str(td.read_initfcn("mass = 2; % Mass [kg].\nn = 3;")) == (
+        "mass  2 [kg]  Mass\nn     3\nremark: line 2: 'n' has no unit in its comment; taken as a plain number"
+    )
+
+
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [
+        ("a = 1;\nb = sqrt(a);", "script:2: 'sqrt(a)': 'sqrt(' calls a function or takes an element; write the number instead."),
+        ("a = [1 2];", "script:1: '[1 2]': '[1 2]' is not understood. Read are single numbers"),
+        ("a = 'steel';", "is not understood"),
+        ("a = 3';", "is not understood"),
+        ("a = 2\\3;", "is not understood"),
+        ("a = 1j;", "is not understood"),
+        ("a = 1;\n\nclear all", "script:3: 'clear all' is not of the form 'name = expression'. An InitFcn is read as values only"),
+        ("p.x = 3;", "script:1: 'p.x = 3' is not of the form"),
+        ("a == 2", "is not of the form"),
+        ("if 1, a = 2; end", "'if 1' is not of the form"),
+        ("a = 2^3^2;", "two powers in a row, which MATLAB takes from the left and a deck from the right"),
+        ("a = 2^-(3)^2;", "two powers in a row"),
+        ("b = a;\na = 1;", "script:1: 'b' needs 'a', and its line comes later, and a script is read from its top."),
+        ("b = c;", "'b' needs 'c', and no earlier line sets it. Only names, numbers, pi and Inf can stand there."),
+        ("a = 1;\na = 2;", "script:2: 'a' is set again; line 1 sets it first, and a parameter has one value."),
+        ("lambda = 3;", "'lambda' is a word that the expressions of a deck cannot hold as a name. Rename it in the script."),
+        ("pi = 3;", "'pi' is a word that"),
+        ("a = ;", "nothing stands behind the equals sign."),
+        ("a = 1/0;", "script:1: '1/0' cannot be read: '1/0' has no finite value."),
+        ("a = 0; b = 1/a;", "'1/a' has no finite value"),
+        ("a = (1 + 2;", "cannot be read as arithmetic"),
+        ("a = 1 + ...", "script:1: the script ends in the middle of a statement: nothing follows its last '...'."),
+        ("%{\na = 1;", "a block comment '%{' is not closed by '%}'."),
+        ("% nothing\n\n", "script: the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'"),
+    ],
+)
+def test_what_is_not_understood_is_refused_with_its_line(script: str, message: str) -> None:
+    with pytest.raises(td.ThermidError) as caught:
+        td.read_initfcn(script)
+    assert message in str(caught.value)
+
+
+def test_files_are_read_and_missing_ones_named(tmp_path: Path) -> None:
+    file = tmp_path / "Acc.m"
+    file.write_bytes("m = 0.054; % Massa do aceler\u00f4metro [kg].".encode("latin-1"))
+    found = td.read_initfcn(file)
+    assert (found.file, found.parameters["m"].note) == ("Acc.m", "Massa do aceler\u00f4metro")
+    file.write_text("x = y;", encoding="utf-8")
+    with pytest.raises(td.ThermidError, match=r"^Acc\.m:1: 'x' needs 'y'"):
+        td.read_initfcn(str(file))
+    with pytest.raises(td.ThermidError, match=r"there is no file 'Gyro\.m'"):
+        td.read_initfcn(tmp_path / "Gyro.m")
+
+
+BLOCK = "m = 2; % [kg]\nc = 500; % [J/(kg K)]\nA = 0.1; % [m^2]\nh = 5; % [W/(m^2 K)]\nP = 3; % [W]\n"
+
+
+def test_a_block_is_made_of_the_values_by_their_units() -> None:
+    model = td.model_from_dict(td.read_initfcn(BLOCK).block("box"))
+    run = td.simulate(model, td.Scenario(boundaries={"air": "20 [degC]"}, duration="1 [h]"))
+    assert run.time_constants == pytest.approx([2000.0])
+    assert td.steady(model, td.Scenario(boundaries={"air": "20 [degC]"}))["case"] == pytest.approx(293.15 + 6.0)
+
+
+def test_a_block_that_is_open_is_refused() -> None:
+    with pytest.raises(td.ThermidError, match=r"'m' and 'n' are both in \[kg\], so the block's mass is open"):
+        td.read_initfcn(BLOCK + "n = 1; % [kg]").block("box")
+    with pytest.raises(td.ThermidError, match=r"nothing in the script is in \[W\], so the block has no power"):
+        td.read_initfcn(BLOCK.replace("[W]", "")).block("box")
+
+
+def test_the_parameters_go_through_a_deck(tmp_path: Path) -> None:
+    td.save_model(td.model_from_dict(td.read_initfcn(BLOCK).block("box")), tmp_path / "box.toml")
+    back = td.load_model(tmp_path / "box.toml")
+    assert {n: p.text for n, p in back.parameters.items()} == texts(BLOCK)

@@ -1,0 +1,133 @@
+"""Octave functions: the numbers of `simulate` where Octave is installed, the text of the file, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.interop.wired import identifiers
+from unit.interop.networks import HOT, SIGNALS, TIGHT, hot_box
+from unit.interop.programs import octave
+
+
+def test_every_law_and_every_signal_agree(tmp_path: Path) -> None:
+    model, times = hot_box(), np.linspace(0.0, 3.0 * 3600.0, 25)
+    td.to_octave(model, SIGNALS, tmp_path / "hot_box.m")
+    found = octave(tmp_path / "hot_box.m", times)
+    ours = td.simulate(model, SIGNALS, times=times, options=TIGHT)
+    assert np.abs(found - np.column_stack([ours["box"].celsius, ours["lid"].celsius])).max() < 2e-6
+
+
+def test_values_can_be_changed_in_octave(tmp_path: Path) -> None:
+    model, times = hot_box(), np.linspace(0.0, 3600.0, 5)
+    td.to_octave(model, SIGNALS, tmp_path / "hot_box.m")
+    found = octave(tmp_path / "hot_box.m", times, "p.share = 0.5; p.leak_conductance = 0.2;")
+    ours = td.simulate(model.with_values({"share": "0.5", "leak.conductance": "0.2 [W/K]"}), SIGNALS, times=times, options=TIGHT)
+    assert np.abs(found - np.column_stack([ours["box"].celsius, ours["lid"].celsius])).max() < 2e-6
+
+
+def test_a_gas_that_leaves_agrees(tmp_path: Path) -> None:
+    """A surface with an emissivity in air, then in vacuum: two laws, each with the presence of its gas."""
+    model = td.model_from_dict(
+        {
+            "title": "plate",
+            "needs": ["air"],
+            "nodes": {"plate": {"capacitance": "200 [J/K]"}},
+            "surfaces": {"skin": {"of": "plate", "to": "air", "area": "0.05 [m^2]", "effective_htc": "8 [W/(m^2 K)]", "emissivity": 0.6}},
+            "loads": {"heater": {"into": "plate", "power": "6 [W]"}},
+        }
+    )
+    from thermid.model.signal import Table
+
+    pump = Table(np.array([0.0, 1800.0]), np.array([101325.0, 0.0]), hold=True)
+    scenario = td.Scenario("pump", boundaries={"air": "20 [degC]"}, environment={"air": td.Environment(pump)}, duration="1 [h]")
+    times = np.linspace(0.0, 3600.0, 13)
+    td.to_octave(model, scenario, tmp_path / "plate.m")
+    ours = td.simulate(model, scenario, times=times, options=TIGHT)["plate"].celsius
+    assert ours[-1] > ours[6] + 5.0
+    assert np.abs(octave(tmp_path / "plate.m", times)[:, 0] - ours).max() < 2e-6
+
+
+def test_a_steady_start_and_an_open_path(tmp_path: Path) -> None:
+    """An infinite resistance is a conductance of zero, not a NaN (E4 of the acceptance sheet)."""
+    model = td.model_from_dict(
+        {
+            "title": "pair",
+            "needs": ["air"],
+            "nodes": {"a": {"capacitance": "100 [J/K]"}, "b": {"capacitance": "50 [J/K]"}, "mid": {}},
+            "conductors": {
+                "one": {"kind": "conduction", "between": ["a", "mid"], "resistance": "2 [K/W]"},
+                "two": {"kind": "conduction", "between": ["b", "mid"], "resistance": "1 [K/W]"},
+                "gap": {"kind": "conduction", "between": ["mid", "air"], "resistance": "inf [K/W]"},
+                "skin": {"kind": "conduction", "between": ["a", "air"], "resistance": "4 [K/W]"},
+            },
+            "loads": {"heater": {"into": "b", "power": "3 [W]"}},
+        }
+    )
+    held = td.Scenario(boundaries={"air": "20 [degC]"}, start="steady", duration="1 [h]")
+    text = td.to_octave(model, held, tmp_path / "pair.m")
+    assert "p.gap_resistance = Inf;" in text
+    found = octave(tmp_path / "pair.m", np.array([0.0, 1800.0, 3600.0]))
+    assert np.abs(found - [32.0, 41.0]).max() < 1e-6
+
+
+def test_the_file_says_what_it_is() -> None:
+    text = td.to_octave(hot_box(), SIGNALS)
+    assert text.startswith("function [t, T, names] = hot_box(t, p)\n% hot_box: temperatures of the thermal model 'hot box' in the scenario")
+    assert "  p.area = 0.1;  % [m^2]\n" in text
+    assert "  p.glow_area = p.share*p.area;  % [m^2]\n" in text
+    assert "G_free = p.free_htc_coefficient*p.free_area*((T_box - T_air)^2 + 0.01^2)^(p.free_htc_exponent/2);" in text
+    assert "% Columns of T [degC]: box, lid.\n% Without mass, and eliminated: seam, glue.\n" in text
+
+
+def test_words_are_made_unlike() -> None:
+    assert identifiers(["a.b", "a_b", "A.b", "x"]) == {"a.b": "a_b", "a_b": "a_b_2", "A.b": "A_b", "x": "x"}
+    assert identifiers(["a.b", "A_b"], caseless=True) == {"a.b": "a_b", "A_b": "A_b_2"}
+    assert len(identifiers(["x" * 80, "x" * 90])["x" * 90]) <= 63
+
+
+POINTS = {"over": "difference", "points": [["0 [K]", "1 [W/K]"], ["9 [K]", "2 [W/K]"]]}
+
+
+@pytest.mark.parametrize(
+    ("change", "scenario", "message"),
+    [
+        (
+            {},
+            {"schedule": {"area": "0.1 [m^2]"}},
+            "'area' follows a schedule, which is not written to Octave. Export one run for each value.",
+        ),
+        ({}, {"duration": 0.0}, "an export of a run needs a duration above zero"),
+        (
+            {"bent": {"kind": "radiation", "between": ["glue", "wall"], "emissivity": 0.5, "area": "1 [m^2]"}},
+            {},
+            "hot box: 'bent' is not linear (radiation) and ends at the massless node 'glue', whose temperature has no formula then.",
+        ),
+        (
+            {"bent": {"kind": "table", "between": ["box", "wall"], "table": POINTS}},
+            {},
+            "'bent' is a table of points, which is not written to Octave.",
+        ),
+    ],
+)
+def test_what_cannot_be_written_is_refused(change: dict[str, dict[str, object]], scenario: dict[str, object], message: str) -> None:
+    with pytest.raises(td.ThermidError) as caught:
+        td.to_octave(hot_box(**change), SIGNALS.with_(**scenario))
+    assert message in str(caught.value)
+
+
+def test_a_load_that_depends_on_temperature_is_refused() -> None:
+    loads = {"heater": {"into": "box", "power": "3 [W]", "temperature_coefficient": "0.01 [1/K]", "reference_temperature": "20 [degC]"}}
+    model = td.model_from_dict({**HOT, "loads": loads})
+    with pytest.raises(td.ThermidError, match=r"the load 'heater' depends on temperature \(polynomial\), which is not written to Octave"):
+        td.to_octave(model, SIGNALS.with_(commands={}))
+
+
+@pytest.mark.parametrize("name", ["2boxes", "end", "initial", "hot-box", "x" * 64])
+def test_a_file_that_is_no_function_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(td.ThermidError, match="is no name of a function"):
+        td.to_octave(hot_box(), SIGNALS, tmp_path / f"{name}.m")
+    assert list(tmp_path.iterdir()) == []

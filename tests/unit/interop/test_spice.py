@@ -1,0 +1,58 @@
+"""SPICE netlists: the numbers of `simulate` where ngspice is installed, the text, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from unit.interop.networks import SIGNALS, TIGHT, hot_box
+from unit.interop.programs import ngspice
+
+
+def test_every_law_and_every_signal_agree(tmp_path: Path) -> None:
+    """Behavioural sources, sines, ramps and jumps; massless nodes at curved laws too, since the simulator solves for them."""
+    bent = {"kind": "radiation", "between": ["glue", "wall"], "emissivity": 0.5, "area": "0.02 [m^2]"}
+    model = hot_box(bent=bent)
+    td.to_spice(model, SIGNALS, tmp_path / "hot.cir")
+    times, found = ngspice(tmp_path / "hot.cir")
+    times = np.minimum(times, SIGNALS.seconds)
+    ours = td.simulate(model, SIGNALS, times=times, options=TIGHT)
+    for node in ("box", "lid", "seam", "glue"):
+        assert np.abs(found[node] - ours[node].celsius)[1:].max() < 2e-4, node
+
+
+def test_the_netlist_of_one_mass() -> None:
+    model = td.model_from_dict(
+        {
+            "title": "block",
+            "needs": ["Air"],
+            "nodes": {"air": {"capacitance": "26 [J/K]"}},
+            "conductors": {"skin": {"kind": "conduction", "between": ["air", "Air"], "resistance": "40 [K/W]"}},
+            "loads": {"heater": {"into": "air", "power": "0.25 [W]"}},
+        }
+    )
+    assert td.to_spice(model, td.Scenario("test", boundaries={"Air": "24 [degC]"}, duration="5 [h]")) == (
+        "* block, test: volts are degC, amperes W, ohms K/W, farads J/K\n"
+        "V_Air_2 Air_2 0 DC 24\n"
+        "C_air air 0 26 IC=24\n"
+        "R_skin air Air_2 40\n"
+        "* load heater\n"
+        "I_1 0 air DC 0.25\n"
+        ".options reltol=1e-7 abstol=1e-12 vntol=1e-9\n"
+        ".tran 3.6 18000 0 3.6 UIC\n"
+        ".print tran V(air)\n"
+        ".end\n"
+    )
+
+
+def test_an_open_path_is_left_out() -> None:
+    text = td.to_spice(hot_box(leak={"kind": "conduction", "between": ["glue", "air"], "resistance": "inf [K/W]"}), SIGNALS)
+    assert "* leak: no conductance, an open path\n" in text
+
+
+def test_a_schedule_is_refused() -> None:
+    with pytest.raises(td.ThermidError, match="'area' follows a schedule, which is not written to SPICE"):
+        td.to_spice(hot_box(), SIGNALS.with_(schedule={"area": "0.1 [m^2]"}))

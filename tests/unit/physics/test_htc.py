@@ -1,0 +1,129 @@
+"""Coefficients side by side: numbers, errors, and what is said of their difference."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import ht
+import pytest
+
+import thermid as td
+from thermid.physics.htc import CORRELATION_ERROR
+
+PRINTED = (0.026, 1.6e-5, 0.71)
+SIDE = 0.17939  # of a square box 24.92 mm high with the printed area
+
+
+def elegfo(**more: object) -> td.HtcComparison:
+    return td.compare_htc("2.168 [W]", "0.082241 [m^2]", "35.938 [degC]", "24 [degC]", "24.92 [mm]", air=PRINTED, **more)
+
+
+def box() -> td.HtcComparison:
+    with pytest.warns(td.ThermidWarning, match="Horizontal plate, hot side down: Rayleigh number 9.67e"):
+        return elegfo(box=(SIDE, SIDE))
+
+
+def test_faces_agree_with_the_ht_library() -> None:
+    """Its Nu_horizontal_plate_McAdams is the same law from another hand."""
+    found = {c.name.partition(" (")[0]: c for c in box().correlations}
+    one, other = found["horizontal plate, free side"], found["horizontal plate, capped side"]
+    grashof, length = one.rayleigh / PRINTED[2], SIDE / 4
+    nusselt = [ht.Nu_horizontal_plate_McAdams(Pr=PRINTED[2], Gr=grashof, buoyancy=up) for up in (True, False)]
+    assert one.htc == pytest.approx(nusselt[0] * PRINTED[0] / length, rel=1e-12)
+    assert other.htc == pytest.approx(nusselt[1] * PRINTED[0] / length, rel=1e-12)
+
+
+def test_the_box_is_the_mean_over_its_faces() -> None:
+    assert box().theoretical == pytest.approx(4.72, abs=0.005)
+    assert box().correlations[-1].name == "whole box, mean over its six faces"
+
+
+def test_air_is_that_of_the_mean_temperature_where_none_is_given() -> None:
+    found = td.compare_htc(2.168, 0.082241, 309.088, 297.15, 0.02492)
+    assert found.theoretical == pytest.approx(6.917, rel=0.01)
+
+
+def test_errors_of_power_and_area_join_those_of_the_sensors() -> None:
+    found = elegfo(power_error="0.1 [W]", area_error="0.004 [m^2]", sensor="0.25 [K]")
+    relative = math.hypot(0.1 / 2.168, 0.004 / 0.082241, 0.25 * math.sqrt(2) / 11.938)
+    assert found.error == pytest.approx(found.effective * relative, rel=1e-12)
+
+
+def test_above_the_laminar_range_it_warns_and_goes_on() -> None:
+    with pytest.warns(td.ThermidWarning, match=r"Rayleigh number 1\.[0-9]+e\+09 lies outside 0 to 1e\+09"):
+        found = td.compare_htc(100.0, 1.0, 320.0, 290.0, 0.8)
+    assert [c.name for c in found.correlations] == [
+        "vertical plate, laminar (Churchill and Chu; Eq. 7)",
+        "vertical plate, laminar and turbulent (Churchill and Chu)",
+    ]
+    assert found.theoretical == found.correlations[1].htc
+    assert "lies outside 0 to 1e+09" in found.remarks[0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert elegfo().correlations[0].rayleigh == pytest.approx(16582.5, abs=0.1)
+
+
+def test_a_low_coefficient_is_not_explained_by_what_lies_inside() -> None:
+    first, second = elegfo().remarks
+    assert "below convection alone. Radiation and heat through mounts would raise it" in first
+    assert "resistance between the source and the surface cannot lower it" in first
+    assert "the area would have to be 32 % of 0.082241 m^2" in second
+    assert "or the power 6.67 W in place of 2.168 W" in second
+    whole = next(r for r in box().remarks if r.startswith("to agree"))
+    assert "the area would have to be 47 % of 0.082241 m^2" in whole
+
+
+def test_a_high_coefficient_can_be_radiation_or_mounts() -> None:
+    (remark,) = td.compare_htc(8.0, 0.082241, 309.088, 297.15, 0.2).remarks
+    assert "above convection alone. It can mean radiation (0.6 to 5.3 W/(m^2 K)" in remark
+    assert "heat through mounts and leads" in remark
+    (told,) = td.compare_htc(20.0, 0.082241, 309.088, 297.15, 0.2, emissivity=0.85).remarks
+    assert "above convection and radiation. It can mean heat through mounts and leads" in told
+
+
+def test_a_difference_within_the_errors_is_no_difference() -> None:
+    found = elegfo()
+    power = found.theoretical * (1 + CORRELATION_ERROR) * 0.082241 * 11.938
+    (remark,) = td.compare_htc(power, 0.082241, 309.088, 297.15, 0.02492, air=PRINTED).remarks
+    assert "within two standard errors" in remark
+
+
+def test_a_cold_part_has_a_coefficient_too() -> None:
+    """A part that takes up heat: everything with the other sign, but for the mean temperature of the air."""
+    found = td.compare_htc(-2.168, 0.082241, 285.212, 297.15, 0.02492, air=PRINTED)
+    assert found.effective == pytest.approx(elegfo().effective, rel=1e-12)
+    assert found.error == pytest.approx(elegfo().error, rel=1e-12)
+
+
+def test_a_box_of_another_area_is_remarked() -> None:
+    with pytest.warns(td.ThermidWarning):
+        found = elegfo(box=("0.1 [m]", "0.1 [m]"))
+    assert any(r.startswith("the box has 0.029968 m^2 outside and the area given is 0.082241 m^2") for r in found.remarks)
+
+
+def test_it_prints() -> None:
+    text = str(elegfo(drift="0.7 [K]", parts={"case": (0.02492, 130.0)}, capacitance="707.52 [J/K]", settled_after="5 [h]", emissivity=0.3))
+    assert text.splitlines()[:5] == [
+        "effective       2.208 W/(m^2 K)   +- 0.13 from sensors, power and area, and +- 0.13 from the drift of the room",
+        "theoretical     6.798 W/(m^2 K)   vertical plate, laminar (Churchill and Chu; Eq. 7)   Ra 1.658e+04",
+        "radiation       1.896 W/(m^2 K)   at the emissivity given",
+        "Biot number   0.00042 at the effective, 0.0013 at the theoretical coefficient   case",
+        "time constant  3895.9 s   m c/(h A); the settling time means 3909 s (2606 to 4601 s for 99.9 to 98 %)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((2.0, 0.1, 290.0, 300.0, 0.1), "2 W and a surface -10 K from its ambient make no coefficient: heat flows to the colder side."),
+        ((2.0, 0.1, 300.0, 300.0, 0.1), "make no coefficient"),
+        ((2.0, 0.0, 310.0, 300.0, 0.1), "an area and a height above zero are needed"),
+        (("2 [m]", 0.1, 310.0, 300.0, 0.1), "power: '[m]' is a length; a power [W] is needed here."),
+        (("x", 0.1, 310.0, 300.0, 0.1), "power: 'x' must be a number with a unit."),
+    ],
+)
+def test_what_makes_no_coefficient_is_refused(arguments: tuple[str | float, ...], message: str) -> None:
+    with pytest.raises(td.ThermidError) as caught:
+        td.compare_htc(*arguments)
+    assert message in str(caught.value)
