@@ -1,4 +1,4 @@
-"""B13: theoretical and effective coefficient of the printed example (Eq. 7). B14: Biot numbers of section 2.4. The accelerometer's times."""
+"""B13: theoretical and effective coefficient of the printed example (Eq. 7). B14: Biot numbers (section 2.4). The accelerometer's times."""
 
 from __future__ import annotations
 

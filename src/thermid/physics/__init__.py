@@ -2,6 +2,7 @@
 
 conduction, contact, convection, radiation   conductances [W/K] and the coefficients they are made of
 plates, biot                                 correlations of free convection; whether one node is enough
+htc                                          a measured coefficient beside its theory
 air, materials, constants                    properties, with the source of each value
 lumped, decay, two_nodes                     closed forms: the oracles of the tests, and the hand calculations of a report
 

@@ -192,10 +192,7 @@ def compare_htc(
     error = effective_htc_error(q, a, rise, power_error=errors[1], area_error=errors[2], rise_error=errors[0] * math.sqrt(2.0))
     faces = tuple(_number(x, "m", "box") for x in box) if box is not None else None
     gas = Gas(*air) if isinstance(air, tuple) else air or dry_air((hot + cold) / 2)
-    with warnings.catch_warnings(record=True) as heard:
-        warnings.simplefilter("always", ThermidWarning)
-        correlations = _correlations(hot, cold, tall, faces, gas)
-    remarks = [str(warning.message) for warning in heard]
+    correlations, remarks = _heard(hot, cold, tall, faces, gas)
     for text in remarks:
         warnings.warn(text, ThermidWarning, stacklevel=2)
     radiation = None if emissivity is None else float(linearised_htc(emissivity, hot, cold))
@@ -205,6 +202,14 @@ def compare_htc(
     settling = _settling(capacitance, settled_after, effective * a, remarks)
     shift = effective * _number(drift, "K", "drift") / abs(rise)
     return HtcComparison(effective, error, shift, correlations, rise, tuple(remarks), radiation, biot, settling)
+
+
+def _heard(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[tuple[Correlation, ...], list[str]]:
+    """Return the coefficients, and what their functions warned of."""
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always", ThermidWarning)
+        found = _correlations(hot, cold, height, box, air)
+    return found, [str(warning.message) for warning in heard]
 
 
 def _biot(

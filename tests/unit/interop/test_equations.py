@@ -71,7 +71,8 @@ def test_the_octave_code_runs(tmp_path: Path) -> None:
     held = " ".join(f"p.{n} = {v!r};" for n, v in found.values.items())
     held += " ".join(f"p.{s}_fun = @(t) {v};" for s, v in zip(found.inputs, (297.15, 4.11, 2.168), strict=True))
     driver = "function [t, T] = code(t, p)\n  if ischar(t), t = struct(); return, end\n"
-    driver += "  [~, T] = ode15s(@(t, T) derivatives(t, T, p), t, [297.15; 297.15], odeset('RelTol', 1e-9, 'AbsTol', 1e-9));\n  T = T - 273.15;\nend\n"
+    driver += "  options = odeset('RelTol', 1e-9, 'AbsTol', 1e-9);\n"
+    driver += "  [~, T] = ode15s(@(t, T) derivatives(t, T, p), t, [297.15; 297.15], options);\n  T = T - 273.15;\nend\n"
     (tmp_path / "code.m").write_text(driver + found.octave(), encoding="utf-8")
     ours = td.simulate(model, scenario, times=times)
     assert (
