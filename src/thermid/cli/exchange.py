@@ -78,6 +78,11 @@ def export(
     load: Annotated[Pairs, typer.Option("--load", help="LOAD=POWER, in place of the deck's.")] = [],  # noqa: B006
     start: Annotated[str | None, typer.Option("--start", help="A temperature, a boundary, or 'steady'.")] = None,
     duration: Annotated[str | None, typer.Option("--for", help="Duration, such as '5 [h]'.")] = None,
+    vacuum: Annotated[bool, typer.Option("--vacuum", help="No gas: convection goes, radiation stays.")] = False,
+    as_printed: Annotated[
+        bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")
+    ] = False,
+    values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
     as_json: Json = False,
 ) -> None:
     """Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist."""
@@ -91,9 +96,17 @@ def export(
     if form not in forms:
         raise DeckError(f"a model is not written as '{form}'.{nearest(form, forms)} There are {' and '.join(forms)}.", "--as")
     model = load_model(deck)
+    if values is not None:
+        from thermid.identify.values import load_values
+
+        model = model.with_values(load_values(values).assignments, values.name)
     if param:
         model = model.with_values(_pairs(param, "--param"), "command line")
     given = _scenario(model, scenario, boundary, load, start, duration)
+    if vacuum and as_printed:
+        raise DeckError("--vacuum keeps radiation and --as-printed drops it; give one of them.")
+    if vacuum or as_printed:
+        given = given.vacuum(as_printed=as_printed)
     text = to_octave(model, given, name=to.stem if to is not None else "") if form == "octave" else to_spice(model, given)
     _say(text, to, as_json)
 

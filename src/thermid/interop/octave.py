@@ -10,7 +10,7 @@ from pathlib import Path
 from thermid.errors import DeckError
 from thermid.interop.formula import Formula, Text, number_text
 from thermid.interop.units_of import si_unit
-from thermid.interop.wired import Wired, identifiers, refuse_crooked, wired
+from thermid.interop.wired import Wired, identifiers, one_line, refuse_crooked, wired
 from thermid.model.kinds import SMOOTHING
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Sine, Table
@@ -107,7 +107,7 @@ class _Writer:
 
         c, w = self.called, self.w
         yield f"function [t, T, names] = {c}(t, p)"
-        yield f"% {c}: temperatures of the thermal model '{w.network.title}' in the scenario '{w.scenario.title}'."
+        yield f"% {c}: temperatures of the thermal model '{one_line(w.network.title)}' in the scenario '{one_line(w.scenario.title)}'."
         yield "%"
         yield f"%   [t, T, names] = {c}()    at {SAMPLES} instants from 0 to {number_text(w.scenario.seconds)} s"
         yield f"%   [t, T] = {c}(t)          at the instants t [s], which increase and are not below 0"
@@ -156,9 +156,8 @@ class _Writer:
             given = self.table[path].parameter
             if given.is_literal:
                 unit = si_unit(self.w.network.flat.parameters, path)
-                more = f" {given.note or given.basis}".rstrip() if given.note or given.basis else ""
-                note = f"  % [{unit}]{more}".replace("\n", " ")
-                yield f"  p.{self.fields[path]} = {number_text(float(values[path]))};{note}"
+                note = one_line(f"[{unit}] {given.note or given.basis}")
+                yield f"  p.{self.fields[path]} = {number_text(float(values[path]))};  % {note}"
         yield "end"
 
     def _derived(self) -> Iterator[str]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from thermid.dual import value_of
 from thermid.errors import DeckError
 from thermid.interop.formula import number_text
-from thermid.interop.wired import Wired, identifiers, wired
+from thermid.interop.wired import Wired, identifiers, one_line, wired
 from thermid.model.kinds import SMOOTHING
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Sine, Table
@@ -63,7 +63,7 @@ class _Netlist:
     def lines(self) -> Iterator[str]:
         """Yield the lines of the netlist."""
         w = self.w
-        yield f"* {w.network.title}, {w.scenario.title}: volts are degC, amperes W, ohms K/W, farads J/K"
+        yield f"* {one_line(w.network.title)}, {one_line(w.scenario.title)}: volts are degC, amperes W, ohms K/W, farads J/K"
         for boundary, signal in w.boundaries.items():
             yield from self._source(f"V_{self.nodes[boundary]} {self.nodes[boundary]} 0", signal, 1.0, ICE_POINT)
         for node in w.massive:

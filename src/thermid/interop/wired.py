@@ -18,7 +18,7 @@ from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.wiring import Wiring
 
-__all__ = ["Source", "Wired", "identifiers", "named_rows", "refuse_crooked", "wired"]
+__all__ = ["Source", "Wired", "identifiers", "named_rows", "one_line", "refuse_crooked", "wired"]
 
 LINEAR = ("linear", "flow")
 
@@ -170,12 +170,18 @@ def _check_reached(w: Wired) -> None:
             raise DeckError(f"the massless node '{node}' has no conductance to anything, so its temperature is undefined.", w.network.title)
 
 
-def identifiers(paths: Iterable[str], longest: int = 60, caseless: bool = False) -> dict[str, str]:
-    """Return path -> a word of letters, digits and ``_``, no two alike; `caseless` where the tool knows no capitals."""
+def one_line(text: str) -> str:
+    """Return a title or note on one line, so that it cannot leave its comment."""
+    return " ".join(text.split())
+
+
+def identifiers(paths: Iterable[str], longest: int = 50, caseless: bool = False) -> dict[str, str]:
+    """Return path -> a word of letters, digits and ``_`` that begins with a letter, no two alike; `caseless` without capitals."""
     out: dict[str, str] = {}
     taken: set[str] = set()
     for path in paths:
         word = re.sub(r"\W", "_", path)[:longest]
+        word = word if word[0].isalpha() else f"x{word}"
         name, k = word, 1
         while (name.lower() if caseless else name) in taken:
             k += 1

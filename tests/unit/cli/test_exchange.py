@@ -85,6 +85,18 @@ def test_a_model_goes_to_spice(call: Call, accelerometer: Path) -> None:
     )
 
 
+def test_a_fitted_model_and_a_vacuum_go_out(call: Call, accelerometer: Path, tmp_path: Path) -> None:
+    from thermid.identify.values import FittedValue, FittedValues
+
+    value = FittedValue("area", 0.005, 1e-5, 1e-5, True, "m^2", 0.0042, (0.003, 0.006))
+    FittedValues("s", {"area": value}, np.array([[1e-6]])).save(tmp_path / "v.toml")
+    plain = ("export", accelerometer, "--as", "spice", "--boundary", "air=24", "--for", "5 [h]")
+    assert "R_skin case air 33.3333333333" in call(*plain, "--values", tmp_path / "v.toml").out
+    assert "* skin: no conductance, an open path\n" in call(*plain, "--as-printed").out
+    assert "the coefficient of 'skin' is effective" in call(*plain, "--vacuum").err
+    assert "give one of them" in call(*plain, "--vacuum", "--as-printed").err
+
+
 def test_equations_are_written(call: Call, stack: Path, tmp_path: Path) -> None:
     pytest.importorskip("sympy", reason="sympy is not installed (thermid[symbolic])")
     said = call("equations", stack, "--name", "stack.gap=R_cn3", "--name", "cv=T_amb")

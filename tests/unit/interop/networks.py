@@ -9,7 +9,7 @@ import thermid as td
 HOT: dict[str, Any] = {
     "title": "hot box",
     "needs": ["air", "wall"],
-    "parameters": {"area": "0.1 [m^2]", "paint": "0.8", "share": "0.25"},
+    "parameters": {"area": "0.1 [m^2]", "paint": "0.8", "share": "0.25", "_gain": "28 [W]"},
     "nodes": {"box": {"mass": "2 [kg]", "specific_heat": "900 [J/(kg K)]"}, "lid": {"capacitance": "300 [J/K]"}, "seam": {}, "glue": {}},
     "conductors": {
         "free": {
@@ -30,8 +30,13 @@ HOT: dict[str, Any] = {
 
 
 def hot_box(**conductors: dict[str, Any]) -> td.Model:
-    """A box with natural convection, radiation, a one-way flow and two massless nodes in a row, one of them heated."""
-    return td.model_from_dict({**HOT, "conductors": {**HOT["conductors"], **conductors}})
+    """A box with natural convection, radiation, a one-way flow and two massless nodes in a row, one of them heated; loads that change."""
+    loads = {
+        **HOT["loads"],
+        "breath": {"into": "lid", "power": "3 [W]", "sine": {"amplitude": "1 [W]", "period": "1 [h]"}},
+        "pulse": {"into": "box", "power": "4 [W]", "periodic": {"period": "1 [h]", "duty": 0.3}},
+    }
+    return td.model_from_dict({**HOT, "loads": loads, "conductors": {**HOT["conductors"], **conductors}})
 
 
 SIGNALS = td.Scenario(

@@ -29,6 +29,15 @@ def test_values_can_be_changed_in_octave(tmp_path: Path) -> None:
     assert np.abs(found - np.column_stack([ours["box"].celsius, ours["lid"].celsius])).max() < 2e-6
 
 
+def test_a_gain_stands_in_place_of_the_power(tmp_path: Path) -> None:
+    model, times = hot_box(), np.linspace(0.0, 3600.0, 5)
+    scenario = SIGNALS.with_(gains={"heater": "_gain"})
+    assert "p.x_gain = 28;" in td.to_octave(model, scenario, tmp_path / "hot_box.m")
+    found = octave(tmp_path / "hot_box.m", times)
+    ours = td.simulate(model, scenario, times=times, options=TIGHT)
+    assert np.abs(found - np.column_stack([ours["box"].celsius, ours["lid"].celsius])).max() < 2e-6
+
+
 def test_a_gas_that_leaves_agrees(tmp_path: Path) -> None:
     """A surface with an emissivity in air, then in vacuum: two laws, each with the presence of its gas."""
     model = td.model_from_dict(
@@ -83,10 +92,20 @@ def test_the_file_says_what_it_is() -> None:
     assert "% Columns of T [degC]: box, lid.\n% Without mass, and eliminated: seam, glue.\n" in text
 
 
+def test_words_of_the_author_stay_in_their_comments() -> None:
+    said = {"title": "box\nsystem('ls')", "parameters": {**HOT["parameters"], "area": {"value": "0.1 [m^2]", "note": "one\r\ntwo"}}}
+    scenario = SIGNALS.with_(title="a\nb")
+    model = td.model_from_dict({**HOT, **said})
+    assert "model 'box system('ls')' in the scenario 'a b'." in td.to_octave(model, scenario, name="box")
+    assert "% [m^2] one two\n" in td.to_octave(model, scenario, name="box")
+    assert td.to_spice(model, scenario).startswith("* box system('ls'), a b: volts are degC")
+
+
 def test_words_are_made_unlike() -> None:
     assert identifiers(["a.b", "a_b", "A.b", "x"]) == {"a.b": "a_b", "a_b": "a_b_2", "A.b": "A_b", "x": "x"}
     assert identifiers(["a.b", "A_b"], caseless=True) == {"a.b": "a_b", "A_b": "A_b_2"}
-    assert len(identifiers(["x" * 80, "x" * 90])["x" * 90]) <= 63
+    assert identifiers(["_a", "9"]) == {"_a": "x_a", "9": "x9"}
+    assert len("boundary_" + identifiers(["x" * 80, "x" * 90])["x" * 90]) <= 63
 
 
 POINTS = {"over": "difference", "points": [["0 [K]", "1 [W/K]"], ["9 [K]", "2 [W/K]"]]}

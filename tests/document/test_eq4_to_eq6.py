@@ -48,6 +48,14 @@ def test_eq4_the_massless_node(derived: td.Equations) -> None:
     assert same(derived.expanded(expression), (R1 * R2 * TA + R1 * N3 * T2 + R2 * N3 * T1) / DELTA)
 
 
+def test_eq4_without_the_gap(derived: td.Equations) -> None:
+    """B9: R_cn3 left out is its limit at infinity, both joints in a row; the printed text calls that negligible (E3)."""
+    for k, sign in ((0, 1), (1, -1)):
+        open_gap = sympy.limit(derived.expanded(derived.heat[k]), N3, sympy.oo)
+        alone = (Q1 - (T1 - TA) / N1, Q2 - (T2 - TA) / N2)[k]
+        assert same(open_gap, alone - sign * (T1 - T2) / (R1 + R2))
+
+
 def test_eq5_matrix_and_vector(derived: td.Equations) -> None:
     a = [
         [-((R2 + N3) / DELTA + 1 / N1) / C1, N3 / DELTA / C1],
