@@ -115,8 +115,8 @@ def _natural(public: td.Model, rest: dict[str, float], path: str, factor: float)
 
 
 def _scaled(parameter: dict[str, Any], factor: float) -> dict[str, Any]:
-    number, _, unit = parameter["value"].partition(" ")
-    return {"value": f"{float(number) * factor!r} {unit}"}
+    number, _, unit = parameter["value"].partition(" [")
+    return {"value": f"{factor!r}*({number}) [{unit}"}
 
 
 def _glue(deck: dict[str, Any], node: str) -> None:

@@ -37,7 +37,7 @@ def test_b2_ngspice_gives_the_same_numbers(deck: str, tmp_path: Path) -> None:
 
 
 def test_b2_ngspice_gives_the_row_of_drift_and_step(tmp_path: Path) -> None:
-    model = td.load_model(DECKS / "m_PrE.toml").with_values({"stack_conductivity": "0.005/0.00406 [W/(m K)]"})
+    model = td.load_model(DECKS / "m_PrE.toml")
     step = BENCH.with_(
         boundaries={"cv": {"times": ["0 [s]", "5 [h]"], "values": ["24 [degC]", "24.7 [degC]"]}},
         loads={"ele.electronics": {"times": ["0 [s]", "3 [h]"], "values": ["2.168 [W]", "0 [W]"], "hold": True}},
