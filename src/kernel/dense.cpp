@@ -32,7 +32,7 @@ double Integrator::input_error() {
         double big = 0.0;
         for (int i = 0; i < n_; ++i) big = std::max(big, std::fabs(bb_[i]));
         total += big * 0.25 * h_ * worst_[k];
-        if (const double bend = curvature(k); bend > 0.0) total += bend * in_[k].mean_square(p_.inputs[k], t_, end_, hint_[k]);
+        total += curvature(k) * in_[k].variance;
     }
     return total;
 }
@@ -47,7 +47,7 @@ double Integrator::curvature(int k) const {
         const double g = coef_[e.coef];
         const auto x = conductor<Dual>(kind, Dual(e_.t[a], e.what == 4 ? g : 0.0), Dual(e_.t[b], e.what == 5 ? g : 0.0), e_.ceff[p_.con.c0[r]],
                                        e_.ceff[p_.con.c1[r]], p_.con.table[r] >= 0 ? &p_.tables[p_.con.table[r]] : nullptr);
-        const double second = g * (e.what == 4 ? x.qa.e : x.qb.e), own = std::fabs(J0_[static_cast<size_t>(node) * n_ + node]);
+        const double second = g * (e.what == 4 ? x.qa.e : x.qb.e), own = std::fabs(J0_[p_.pattern.diag[node]]);
         if (own > 0.0) worst = std::max(worst, 0.5 * std::fabs(second) / own);
     }
     return worst;
@@ -75,9 +75,9 @@ void Integrator::dense_start() {
 
 // After an accepted step: derivatives at its end and the polynomials of every node.
 void Integrator::dense(bool inside) {
-    const size_t n = n_, np = np_, m = n * np;
+    const size_t n = n_, np = np_;
     if (!inside) return;
-    e_.jacobian(J1_.data());
+    e_.slopes(J1_.data());
     for (int i = 0; i < n_; ++i) d1_[i] = cap_[i] > 0.0 ? F_[(STAGES - 1) * n + i] / cap_[i] : 0.0;
     std::fill(g_.begin(), g_.end(), 0.0);
     if (nk_ > 0) {
@@ -192,44 +192,6 @@ void Integrator::write(double s, const int* obs, int nobs, long k) {
     double* out = r_->traces + static_cast<size_t>(k) * nobs;
     nodes_at(s, true);
     for (int j = 0; j < nobs; ++j) out[j] = eo_.t[obs[j]];
-}
-
-// Many rows of outputs of nodes with a delay: weights (rows, terms) times terms (terms, observed).
-void Integrator::write_block(const double* times, long first, long last, const int* obs, int nobs) {
-    int terms = STAGES;
-    const size_t stride = padded(nobs);
-    for (const Noise& z : noise_) terms += z.active ? 4 : 0;
-    auto fill = [&](int row, const double* v) {
-        for (int j = 0; j < nobs; ++j) block_[row * stride + j] = v[obs[j]];
-    };
-    block_.resize((STAGES + 4 * static_cast<size_t>(nk_)) * stride);
-    for (int m = 0; m < STAGES; ++m) fill(m, poly_.data() + m * static_cast<size_t>(n_));
-    int at = STAGES;
-    for (const Noise& z : noise_)
-        if (z.active)
-            for (const auto* v : {&z.b, &z.db, &z.c, &z.aab}) fill(at++, v->data());
-    constexpr long CHUNK = 64;
-    blend_.resize(CHUNK * (STAGES + 4 * static_cast<size_t>(nk_)));
-    for (long k = first; k < last; k += CHUNK) {
-        const long m = std::min(CHUNK, last - k);
-        for (long r = 0; r < m; ++r) {
-            const double s = times[k + r] == end_ ? h_ : times[k + r] - t_, x = s / h_;
-            double* w = blend_.data() + r * terms;
-            w[0] = 1.0;
-            for (int i = 1; i < STAGES; ++i) w[i] = w[i - 1] * x;
-            w += STAGES;
-            move_cursors(s);
-            for (const Noise& z : noise_) {
-                if (!z.active) continue;
-                w[0] = z.w;
-                w[1] = s * z.w;
-                w[2] = z.ww;
-                w[3] = z.www;
-                w += 4;
-            }
-        }
-        blend(r_->traces + static_cast<size_t>(k) * nobs, blend_.data(), static_cast<int>(m), block_.data(), terms, nobs);
-    }
 }
 
 void Integrator::write_sensitivity(double s, const int* obs, int nobs, bool plain, long k) {

@@ -14,47 +14,6 @@ THERMID_CLONES void combine(double* THERMID_RESTRICT out, const double* const* r
     }
 }
 
-#if defined(__GNUC__)
-typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
-#else
-struct Four {
-    double v[4] = {0.0, 0.0, 0.0, 0.0};
-    void operator+=(const Four& o) { for (int j = 0; j < 4; ++j) v[j] += o.v[j]; }
-};
-inline Four operator*(double a, const Four& x) {
-    Four r;
-    for (int j = 0; j < 4; ++j) r.v[j] = a * x.v[j];
-    return r;
-}
-#endif
-
-THERMID_CLONES void blend(double* THERMID_RESTRICT out, const double* THERMID_RESTRICT w, int rows, const double* THERMID_RESTRICT x, int k, int m) {
-    const int stride = padded(m);
-    for (int r = 0; r < rows; ++r, out += m, w += k) {
-        int j = 0;
-        for (; j + 12 <= m; j += 12) {
-            const double* from = x + j;
-            Four a = {}, b = {}, c = {};
-            for (int i = 0; i < k; ++i, from += stride) {
-                const Four* v = reinterpret_cast<const Four*>(from);
-                a += w[i] * v[0];
-                b += w[i] * v[1];
-                c += w[i] * v[2];
-            }
-            std::memcpy(out + j, &a, sizeof a);
-            std::memcpy(out + j + 4, &b, sizeof b);
-            std::memcpy(out + j + 8, &c, sizeof c);
-        }
-        for (; j < m; j += 4) {
-            const double* from = x + j;
-            Four acc = {};
-            for (int i = 0; i < k; ++i, from += stride) acc += w[i] * *reinterpret_cast<const Four*>(from);
-            if (j + 4 <= m) std::memcpy(out + j, &acc, sizeof acc);
-            else std::memcpy(out + j, &acc, sizeof(double) * (m - j));
-        }
-    }
-}
-
 THERMID_CLONES static int lu_factor(double* a, int* piv, double* inv, int n) {
     for (int k = 0; k < n; ++k) {
         int p = k;

@@ -21,9 +21,6 @@ namespace thermid {
 
 // out[i] = sum_k w[k] * rows[k][i], for i < m.
 void combine(double* out, const double* const* rows, const double* w, int k, int m);
-// out (rows, m) = w (rows, k) x (k, padded(m))
-inline int padded(int m) { return (m + 3) / 4 * 4; }
-void blend(double* out, const double* w, int rows, const double* x, int k, int m);
 // y[i] += a * x[i]
 inline void axpy(double* y, double a, const double* x, int m) {
     for (int i = 0; i < m; ++i) y[i] += a * x[i];
