@@ -187,7 +187,6 @@ bool Integrator::stages() {
     std::fill(acc_load_.begin(), acc_load_.end(), 0.0);
     if (o_.energy) add_energy(0, false);
     iteration_matrix(J0_.data());
-    const double exact = std::min(1e-8, std::max(1e-10, 1e-2 * tolerance()));  // what derivatives may be off their place [K]
     for (int s = 1; s < STAGES; ++s) {
         const double hg = h_ * GAMMA;
         for (int i = 0; i < n_; ++i) {
@@ -200,7 +199,7 @@ bool Integrator::stages() {
         if (!newton(s)) return false;
         for (int i = 0; i < n_; ++i) F_[s * n + i] = cap_[i] > 0.0 ? (cap_[i] * (e_.t[i] - T_[i]) - base_[i]) / hg : 0.0;
         // The rows stand at the last iterate; heats and derivatives are wanted at the solution.
-        const bool again = last_size_ > (np_ > 0 ? exact : 1e-5) && (np_ > 0 || (o_.energy && curved_));
+        const bool again = last_size_ > (np_ > 0 ? 1e-9 : 1e-5) && (np_ > 0 || (o_.energy && curved_));
         if (again) e_.rows();
         if (o_.energy) add_energy(s, !again);
         if (np_ > 0) {
