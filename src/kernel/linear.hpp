@@ -6,7 +6,11 @@
 #include <vector>
 
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__)
-#define THERMID_CLONES __attribute__((target_clones("avx512f", "avx2,fma", "default")))
+#if __GNUC__ >= 12
+#define THERMID_CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else
+#define THERMID_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#endif
 #else
 #define THERMID_CLONES
 #endif
