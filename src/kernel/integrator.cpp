@@ -8,15 +8,16 @@ namespace thermid {
 Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian& d, const Options& o)
     : p_(p), coef_(coef), d_(d), o_(o), n_(p.n), np_(d.np), nk_(static_cast<int>(p.inputs.size())), e_(p, coef), eo_(p, coef), second_(p) {
     const size_t n = n_, np = np_, m = n * np, rows = p.con.size(), loads = p.load.size();
+    auto moves = [&](int c) { return p.coef_input[c] >= 0 && p.inputs[p.coef_input[c]].kind != CONSTANT; };
     for (const Entry& e : p.con_entry) {
         if (d.any(e.coef)) con_p_.push_back(e);
-        if (p.coef_input[e.coef] >= 0) con_u_.push_back(e);
+        if (moves(e.coef)) con_u_.push_back(e);
     }
     for (const Entry& e : p.load_entry) {
         // Thresholds act through the switching instant only.
         if (p.load.kind[e.row] == THERMOSTAT && e.what != 0) continue;
         if (d.any(e.coef)) load_p_.push_back(e);
-        if (p.coef_input[e.coef] >= 0) load_u_.push_back(e);
+        if (moves(e.coef)) load_u_.push_back(e);
     }
     for (int k : p.con.kind) curved_ |= k != LINEAR && k != FLOW;
     for (int k : p.load.kind) curved_ |= k != SIGNAL && k != THERMOSTAT;
@@ -26,8 +27,9 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
             cap_[i] = coef[p.capacity[i]];
             inv_cap_[i] = 1.0 / cap_[i];
         }
-    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &delta_, &guess_, &err_, &g_, &dir_, &bb_, &xa_}) v->assign(n, 0.0);
+    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &guess_, &err_, &g_, &dir_, &bb_, &xa_}) v->assign(n, 0.0);
     for (auto* v : {&S_, &S1_, &CS_, &comb_, &sd0_, &sd1_, &sdd0_, &sdd1_, &G_, &dirS_, &fp_, &SO_}) v->assign(m, 0.0);
+    delta_.assign(p.nodes(), 0.0);  // boundaries stay where they are
     for (auto* v : {&F_, &beyond_}) v->assign(STAGES * n, 0.0);
     FS_.assign(STAGES * m, 0.0);
     poly_.assign(STAGES * n, 0.0);
@@ -120,6 +122,8 @@ void Integrator::initial(const double* s0, Outputs& out) {
     if (!massless_.nodes.empty() && !p_.thermostats.empty()) solve_slaved(massless_, eo_);
     std::copy(eo_.t.begin(), eo_.t.begin() + n_, T_.begin());
     e_.t = eo_.t;
+    e_.u = eo_.u;
+    e_.set_inputs();
     low_ = high_ = T_[0];
     seen();
     if (np_ > 0) {

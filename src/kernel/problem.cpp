@@ -91,7 +91,12 @@ void Problem::prepare() {
         if (load.kind[r] == THERMOSTAT) thermostats.push_back(r);
     }
     for (int j = 0; j < nc; ++j)
-        if (coef_input[j] >= 0) timed.push_back(j);
+        if (coef_input[j] >= 0) {
+            timed.push_back(j);
+            if (inputs[coef_input[j]].kind != CONSTANT) moved.push_back(j);
+        }
+    for (size_t k = 0; k < inputs.size(); ++k)
+        if (inputs[k].kind != CONSTANT) moving.push_back(static_cast<int>(k));
     find_pattern();
 }
 
@@ -153,6 +158,11 @@ Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&
 
 void Evaluation::set_inputs() {
     for (int j : p->timed) ceff[j] = coef[j] * u[p->coef_input[j]];
+    for (int k = 0; k < p->nb; ++k) t[p->n + k] = ceff[p->gain[k]] + ceff[p->offset[k]];
+}
+
+void Evaluation::move_inputs() {
+    for (int j : p->moved) ceff[j] = coef[j] * u[p->coef_input[j]];
     for (int k = 0; k < p->nb; ++k) t[p->n + k] = ceff[p->gain[k]] + ceff[p->offset[k]];
 }
 

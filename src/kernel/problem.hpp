@@ -35,6 +35,7 @@ struct Problem {
     // Derived: where coefficients enter, which coefficients follow an input, nodes without capacity and their rows.
     std::vector<Entry> con_entry, load_entry;
     std::vector<int> timed, massless, thermostats;
+    std::vector<int> moving, moved;              // inputs that are not constant, and the coefficients that follow these
     int kind_begin[CONDUCTOR_KINDS + 1] = {};  // conductors of a kind stand together
     std::vector<int> meet_begin, meet_row;       // conductors that bring heat to (sign 1) or take it from (-1) a node
     std::vector<double> meet_sign;
@@ -73,7 +74,10 @@ struct Evaluation {
 
     Evaluation(const Problem& problem, const double* coefficients);
     void set_inputs();       // u -> ceff, boundary temperatures
+    void move_inputs();      // the same after a change of moving inputs alone
     void rows();             // t -> rows and f
+    // Adds w times the heats of conductors and loads after temperatures of all nodes have fallen by delta, to first order.
+    void shift(double w, const double* delta, double* conductors, double* loads) const;
     void jacobian(double* j) const;  // d f / d t, (n, n)
     void slopes(double* v) const;    // the same as values of the pattern
     // Derivative of row quantity in the coefficient of an entry.

@@ -65,7 +65,18 @@ THERMID_CLONES void radiation_rows(const Rows x, int first, int last) {
     }
 }
 
+THERMID_CLONES void shifted_rows(const int* THERMID_RESTRICT a, const int* THERMID_RESTRICT b, const double* THERMID_RESTRICT q,
+                                 const double* THERMID_RESTRICT qa, const double* THERMID_RESTRICT qb, const double* THERMID_RESTRICT delta,
+                                 double w, double* THERMID_RESTRICT out, int m) {
+    for (int r = 0; r < m; ++r) out[r] += w * (q[r] - qa[r] * delta[a[r]] - qb[r] * delta[b[r]]);
+}
+
 }  // namespace
+
+void Evaluation::shift(double w, const double* delta, double* conductors, double* loads) const {
+    shifted_rows(p->con.a.data(), p->con.b.data(), q.data(), qa.data(), qb.data(), delta, w, conductors, p->con.size());
+    for (int r = 0; r < p->load.size(); ++r) loads[r] += w * (power[r] - slope[r] * delta[p->load.sensor[r]]);
+}
 
 void Evaluation::rows() {
     const Conductors& c = p->con;

@@ -23,8 +23,8 @@ void Integrator::project() {
 }
 
 void Integrator::set_stage_inputs(double s) {
-    for (int k = 0; k < nk_; ++k) e_.u[k] = p_.inputs[k].sampled() ? in_[k].at(s) : p_.inputs[k].at(t_ + s);
-    e_.set_inputs();
+    for (int k : p_.moving) e_.u[k] = p_.inputs[k].sampled() ? in_[k].at(s) : p_.inputs[k].at(t_ + s);
+    e_.move_inputs();
 }
 
 // Everything at the start of a step, with the inputs of this step.
@@ -50,7 +50,7 @@ void Integrator::start(bool first) {
     std::fill(g_.begin(), g_.end(), 0.0);
     if (nk_ > 0) {
         e_.input_slopes(con_u_, load_u_, fu_.data());
-        for (int k = 0; k < nk_; ++k) {
+        for (int k : p_.moving) {
             uder0_[k] = p_.inputs[k].sampled() ? in_[k].slope(0.0) : p_.inputs[k].slope(t_);
             if (uder0_[k] != 0.0) axpy(g_.data(), uder0_[k], fu_.data() + static_cast<size_t>(k) * n_, n_);
         }
@@ -94,7 +94,7 @@ void Integrator::guess(int s) {
     for (int j = 1; j < s; ++j)
         if (const double w = BEYOND[s][j]; w != 0.0) axpy(beyond, w, beyond_.data() + j * n, n_);
     std::copy(beyond, beyond + n, guess_.begin());
-    for (int k = 0; k < nk_; ++k)
+    for (int k : p_.moving)
         if (const double du = e_.u[k] - u0_[k]; du != 0.0) axpy(guess_.data(), du, fu_.data() + k * n, n_);
     for (int i = 0; i < n_; ++i) guess_[i] = cap_[i] > 0.0 ? base_[i] + hg * (F_[i] + guess_[i]) : guess_[i];
     lu_.solve(guess_.data());
@@ -148,10 +148,12 @@ bool Integrator::newton(int s) {
 void Integrator::add_energy(int s, bool updated) {
     const double w = WEIGHT[s];
     if (w == 0.0) return;
-    const Conductors& c = p_.con;
-    auto moved = [&](int node) { return updated && node < n_ ? delta_[node] : 0.0; };
-    for (int r = 0; r < c.size(); ++r) acc_con_[r] += w * (e_.q[r] - e_.qa[r] * moved(c.a[r]) - e_.qb[r] * moved(c.b[r]));
-    for (int r = 0; r < p_.load.size(); ++r) acc_load_[r] += w * (e_.power[r] - e_.slope[r] * moved(p_.load.sensor[r]));
+    if (updated) {
+        e_.shift(w, delta_.data(), acc_con_.data(), acc_load_.data());
+        return;
+    }
+    axpy(acc_con_.data(), w, e_.q.data(), p_.con.size());
+    axpy(acc_load_.data(), w, e_.power.data(), p_.load.size());
 }
 
 void Integrator::stage_sensitivity(int s) {
