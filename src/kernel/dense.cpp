@@ -14,6 +14,7 @@ double Integrator::input_error() {
     if (!settles(fast_)) make_slaved(fast_, 0.0);  // a fast group that is cut off from the others does not follow them
     if (!leftover_) {
         for (Noise& z : noise_) z.active = false;
+        std::copy(drift_.begin(), drift_.end(), drift_next_.begin());
         return 0.0;
     }
     if (!fast_.nodes.empty()) factor_slaved(fast_, J0_.data());
@@ -32,23 +33,37 @@ double Integrator::input_error() {
         double big = 0.0;
         for (int i = 0; i < n_; ++i) big = std::max(big, std::fabs(bb_[i]));
         total += big * 0.25 * h_ * worst_[k];
-        total += curvature(k) * in_[k].variance;
     }
-    return total;
+    return total + curvature();
 }
 
-// Steady offset per mean square of the left-over of input k, through the curvature of the laws at its boundaries: |f_uu| / 2 |J|.
-double Integrator::curvature(int k) const {
-    double worst = 0.0;
+// What the curvature of the laws at the inputs' boundaries makes of the mean square of what is left over: each node drifts towards
+// |f_uu| / 2 |J| of it, with its own time constant. The largest drift at the step's end.
+double Integrator::curvature() {
+    std::fill(bend_.begin(), bend_.end(), 0.0);
+    const Conductors& c = p_.con;
     for (const Entry& e : con_u_) {
-        if (e.what < 4 || p_.coef_input[e.coef] != k) continue;
-        const int r = e.row, kind = p_.con.kind[r], a = p_.con.a[r], b = p_.con.b[r], node = e.what == 4 ? b : a;
-        if (kind == LINEAR || kind == FLOW || node >= n_) continue;
-        const double g = coef_[e.coef];
-        const auto x = conductor<Dual>(kind, Dual(e_.t[a], e.what == 4 ? g : 0.0), Dual(e_.t[b], e.what == 5 ? g : 0.0), e_.ceff[p_.con.c0[r]],
-                                       e_.ceff[p_.con.c1[r]], p_.con.table[r] >= 0 ? &p_.tables[p_.con.table[r]] : nullptr);
-        const double second = g * (e.what == 4 ? x.qa.e : x.qb.e), own = std::fabs(J0_[p_.pattern.diag[node]]);
-        if (own > 0.0) worst = std::max(worst, 0.5 * std::fabs(second) / own);
+        const int k = p_.coef_input[e.coef], r = e.row, kind = c.kind[r], node = e.what == 4 ? c.b[r] : c.a[r];
+        if (e.what < 4 || kind == LINEAR || kind == FLOW || node >= n_ || !noise_[k].active) continue;
+        const double g = coef_[e.coef], ta = e_.t[c.a[r]], tb = e_.t[c.b[r]];
+        double second;  // d^2 q / d end^2
+        if (kind == RADIATION) {
+            second = 12.0 * e_.ceff[c.c0[r]] * (e.what == 4 ? ta * ta : tb * tb);
+        } else if (kind == POWER) {
+            const double d = ta - tb, x = d * d + SMOOTH2, m = e_.ceff[c.c1[r]];
+            second = e_.ceff[c.c0[r]] * m * e_.phi[r] / x * (3.0 + (m - 2.0) * d * d / x);
+        } else {
+            const auto x = conductor<Dual>(kind, Dual(ta, e.what == 4), Dual(tb, e.what == 5), e_.ceff[c.c0[r]], 0.0, &p_.tables[c.table[r]]);
+            second = e.what == 4 ? x.qa.e : x.qb.e;
+        }
+        bend_[node] += 0.5 * std::fabs(second) * g * g * in_[k].variance;
+    }
+    double worst = 0.0;
+    for (int i = 0; i < n_; ++i) {
+        const double own = h_ * std::fabs(J0_[p_.pattern.diag[i]]);
+        // (h / C) bend / (1 + h |J| / C): at once for a massless node, and towards bend / |J|
+        drift_next_[i] = (cap_[i] * drift_[i] + h_ * bend_[i]) / std::max(cap_[i] + own, 1e-300);
+        worst = std::max(worst, drift_next_[i]);
     }
     return worst;
 }

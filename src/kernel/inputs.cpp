@@ -115,20 +115,32 @@ void Cursor::begin(const Input* input, double t) {
 }
 
 void Cursor::advance(double t) {
-    const auto& seg = in_->seg;
-    const int m = static_cast<int>(seg.size());
-    while (next_ <= t) {
-        const int jump = seg_ + Input::BLOCK;
-        if (seg_ >= 0 && seg_ % Input::BLOCK == 0 && jump < m && from_ == seg[seg_].t && seg[jump].t <= t) {
-            const Integrals& b = in_->block[seg_ / Input::BLOCK];
-            base_.append(seg[jump].t - from_, b.i1, b.i2, b.i3);
-            seg_ = jump;
+    const Input::Segment* seg = in_->seg.data();
+    const int m = static_cast<int>(in_->seg.size());
+    int k = seg_;
+    double from = from_, next = next_, u = u_, s = s_;
+    Integrals base = base_;
+    while (next <= t) {
+        const int jump = k + Input::BLOCK;
+        if (k >= 0 && k % Input::BLOCK == 0 && jump < m && seg[jump].t <= t && from == seg[k].t) {
+            const Integrals& b = in_->block[k / Input::BLOCK];
+            base.append(seg[jump].t - from, b.i1, b.i2, b.i3);
+            k = jump;
         } else {
-            base_.append_line(next_ - from_, u_, s_);
-            ++seg_;
+            base.append_line(next - from, u, s);
+            ++k;
         }
-        enter(seg[seg_].t);
+        from = seg[k].t;
+        u = seg[k].u;
+        s = seg[k].s;
+        next = k + 1 < m ? seg[k + 1].t : std::numeric_limits<double>::infinity();
     }
+    seg_ = k;
+    from_ = from;
+    next_ = next;
+    u_ = u;
+    s_ = s;
+    base_ = base;
 }
 
 double StepInput::project(const Input& input, double t, double end, int& hint) {

@@ -36,7 +36,7 @@ class Input {
 
     struct Segment { double t, u, s; };
     std::vector<Segment> seg;  // u is relative to mean
-    static constexpr int BLOCK = 16;
+    static constexpr int BLOCK = 8;
     std::vector<Integrals> block;  // of each full block of segments
     std::vector<double> block_square;
     // Integral of the square (relative to mean) over [t0, t1], which start in the segments i0 and i1.
@@ -51,6 +51,8 @@ class Cursor {
         if (next_ <= t) advance(t);
         const double l = t - from_;
         sum = base_;
+        level_ = u_;
+        if (l == 0.0) return;
         sum.append_line(l, u_, s_);
         level_ = u_ + s_ * l;
     }

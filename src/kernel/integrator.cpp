@@ -27,7 +27,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
             cap_[i] = coef[p.capacity[i]];
             inv_cap_[i] = 1.0 / cap_[i];
         }
-    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &guess_, &err_, &g_, &dir_, &bb_, &xa_}) v->assign(n, 0.0);
+    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &bend_, &drift_, &drift_next_, &guess_, &err_, &g_, &dir_, &bb_, &xa_}) v->assign(n, 0.0);
     for (auto* v : {&S_, &S1_, &CS_, &comb_, &sd0_, &sd1_, &sdd0_, &sdd1_, &G_, &dirS_, &fp_, &SO_}) v->assign(m, 0.0);
     delta_.assign(p.nodes(), 0.0);  // boundaries stay where they are
     for (auto* v : {&F_, &beyond_}) v->assign(STAGES * n, 0.0);
@@ -277,6 +277,7 @@ void Integrator::advance(double t_end, Outputs& out) {
             continue;
         }
         ++r_->steps;
+        drift_.swap(drift_next_);
         if (clipped_) next = std::max(next, wish);
         emit(out);
         if (o_.energy) {

@@ -75,6 +75,7 @@ class Integrator {
     std::vector<double> T_, S_, T1_, S1_;
     std::vector<StepInput> in_;
     std::vector<int> hint_;
+    std::vector<double> bend_, drift_, drift_next_;  // by the laws' curvature: W/K^2 mean squares, K so far, K after the step
     std::vector<double> worst_, uder0_, uder1_;
     bool leftover_ = false;                       // some input is not exact over the step
     std::vector<double> beyond_, u0_;             // heats beyond the tangent at the start (6, n); the inputs there
@@ -131,7 +132,7 @@ class Integrator {
     std::vector<Cursor> cursor_;
     double at_ = 0.0;
     double input_error();
-    double curvature(int k) const;
+    double curvature();
     void dense(bool inside);
     void move_cursors(double s);
     void nodes_at(double s, bool slaved);

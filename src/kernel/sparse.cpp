@@ -92,6 +92,8 @@ void Elimination::build(const Pattern& p) {
     for (int i : order) {
         low_col.insert(low_col.end(), before[i].begin(), before[i].end());
         up_col.insert(up_col.end(), later[i].begin(), later[i].end());
+        low_row.resize(low_col.size(), i);
+        up_row.resize(up_col.size(), i);
         low_begin.push_back(static_cast<int>(low_col.size()));
         up_begin.push_back(static_cast<int>(up_col.size()));
     }
@@ -119,14 +121,14 @@ bool SparseLu::eliminate() {
         for (int k = p.begin[i]; k < p.begin[i + 1]; ++k) w[p.col[k]] = a_[k];
         for (int k = l0; k < l1; ++k) {
             const int c = low_col[k];
-            const double l = w[c] * inv_[c];
+            const double own = w[c], l = own * inv_[c];
             low_[k] = l;
             if (!(std::fabs(l) <= 10.0)) return false;
-            for (int q = up_begin[e_->rank[c]], end = up_begin[e_->rank[c] + 1]; q < end; ++q) w[up_col[q]] -= l * up_[q];
+            for (int q = up_begin[e_->rank[c]], end = up_begin[e_->rank[c] + 1]; q < end; ++q) w[up_col[q]] -= own * up_[q];
         }
         inv_[i] = 1.0 / w[i];
         if (!std::isfinite(inv_[i]) || inv_[i] == 0.0) return false;
-        for (int k = u0; k < u1; ++k) up_[k] = w[up_col[k]];
+        for (int k = u0; k < u1; ++k) up_[k] = w[up_col[k]] * inv_[i];
     }
     return true;
 }
@@ -144,53 +146,32 @@ int SparseLu::factor() {
 
 void SparseLu::solve(double* b) const {
     if (dense_) return lu_.solve(b);
-    const int n = p_->n;
-    const int *order = e_->order.data(), *begin = e_->low_begin.data(), *col = e_->low_col.data();
+    const int n = p_->n, lows = static_cast<int>(low_.size()), ups = static_cast<int>(up_.size());
+    const int *row = e_->low_row.data(), *col = e_->low_col.data();
     const double *low = low_.data(), *up = up_.data(), *inv = inv_.data();
-    for (int r = 0; r < n; ++r) {
-        double s = b[order[r]];
-        for (int k = begin[r]; k < begin[r + 1]; ++k) s -= low[k] * b[col[k]];
-        b[order[r]] = s;
-    }
-    begin = e_->up_begin.data();
+    for (int k = 0; k < lows; ++k) b[row[k]] -= low[k] * b[col[k]];
+    for (int i = 0; i < n; ++i) b[i] *= inv[i];
+    row = e_->up_row.data();
     col = e_->up_col.data();
-    for (int r = n - 1; r >= 0; --r) {
-        double s = b[order[r]];
-        for (int k = begin[r]; k < begin[r + 1]; ++k) s -= up[k] * b[col[k]];
-        b[order[r]] = s * inv[order[r]];
-    }
+    for (int k = ups - 1; k >= 0; --k) b[row[k]] -= up[k] * b[col[k]];
 }
 
-namespace {
-struct Factors { const double *low, *up, *inv; const int *order, *low_begin, *low_col, *up_begin, *up_col; };
-}
-
-THERMID_CLONES static void substitute(const Factors f, double* b, int n, int m) {
-    for (int r = 0; r < n; ++r) {
-        double* THERMID_RESTRICT to = b + static_cast<size_t>(f.order[r]) * m;
-        for (int k = f.low_begin[r]; k < f.low_begin[r + 1]; ++k) {
-            const double l = f.low[k];
-            const double* THERMID_RESTRICT from = b + static_cast<size_t>(f.low_col[k]) * m;
-            for (int q = 0; q < m; ++q) to[q] -= l * from[q];
-        }
-    }
-    for (int r = n - 1; r >= 0; --r) {
-        double* THERMID_RESTRICT to = b + static_cast<size_t>(f.order[r]) * m;
-        for (int k = f.up_begin[r]; k < f.up_begin[r + 1]; ++k) {
-            const double u = f.up[k];
-            const double* THERMID_RESTRICT from = b + static_cast<size_t>(f.up_col[k]) * m;
-            for (int q = 0; q < m; ++q) to[q] -= u * from[q];
-        }
-        const double inv = f.inv[f.order[r]];
-        for (int q = 0; q < m; ++q) to[q] *= inv;
+// Rows of b (n, m): minus x times another row, for each entry, first to last or last to first.
+THERMID_CLONES static void substitute(const double* x, const int* row, const int* col, int first, int last, int by, double* b, int m) {
+    for (int k = first; k != last; k += by) {
+        double* THERMID_RESTRICT to = b + static_cast<size_t>(row[k]) * m;
+        const double* THERMID_RESTRICT from = b + static_cast<size_t>(col[k]) * m;
+        const double a = x[k];
+        for (int q = 0; q < m; ++q) to[q] -= a * from[q];
     }
 }
 
 void SparseLu::solve_many(double* b, int m) const {
     if (dense_) return lu_.solve_many(b, m);
-    const Elimination& e = *e_;
-    substitute({low_.data(), up_.data(), inv_.data(), e.order.data(), e.low_begin.data(), e.low_col.data(), e.up_begin.data(), e.up_col.data()},
-               b, p_->n, m);
+    substitute(low_.data(), e_->low_row.data(), e_->low_col.data(), 0, static_cast<int>(low_.size()), 1, b, m);
+    for (int i = 0; i < p_->n; ++i)
+        for (int q = 0; q < m; ++q) b[static_cast<size_t>(i) * m + q] *= inv_[i];
+    substitute(up_.data(), e_->up_row.data(), e_->up_col.data(), static_cast<int>(up_.size()) - 1, -1, -1, b, m);
 }
 
 }  // namespace thermid

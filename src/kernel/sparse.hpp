@@ -21,7 +21,7 @@ struct Pattern {
 
 // The order in which a pattern is eliminated (least degree first), and what each row then holds before and after its diagonal.
 struct Elimination {
-    std::vector<int> order, rank, low_begin, low_col, up_begin, up_col;
+    std::vector<int> order, rank, low_begin, low_col, low_row, up_begin, up_col, up_row;
     bool full = false;  // so much fill that a dense matrix does better
     void build(const Pattern& p);
 };
@@ -39,7 +39,7 @@ class SparseLu {
   private:
     const Pattern* p_ = nullptr;
     const Elimination* e_ = nullptr;
-    std::vector<double> a_, low_, up_, inv_, work_;
+    std::vector<double> a_, low_, up_, inv_, work_;  // rows of U are divided by their pivots
     bool dense_ = false;
     Lu lu_;
     bool eliminate();

@@ -255,7 +255,7 @@ double Integrator::sensitivity_error() {
         for (size_t q = 0; q < np; ++q)
             if (reach_[q] > 0.0) worst = std::max(worst, std::fabs(G_[i * np + q]) / reach_[q]);
     }
-    return worst / std::min(1e-2, std::max(leftover_ ? 1e-4 : 1e-6, 100.0 * tolerance()));
+    return worst / std::min(1e-2, std::max(leftover_ ? 1e-4 : 1e-7, 100.0 * tolerance()));
 }
 
 // The jumps of projected inputs show in the estimate although they cancel: no finer than those inputs are followed.
