@@ -143,6 +143,36 @@ void Cursor::advance(double t) {
     base_ = base;
 }
 
+void Cursor::move(const double* t, int rows, double* sums, int stride) {
+    // As above, in registers: most often every time is a knot.
+    const Input::Segment* seg = in_->seg.data();
+    const int m = static_cast<int>(in_->seg.size());
+    int k = seg_;
+    double from = from_, next = next_, u = u_, s = s_;
+    Integrals base = base_;
+    for (int r = 0; r < rows; ++r) {
+        while (next <= t[r]) {
+            base.append_line(next - from, u, s);
+            from = next;
+            ++k;
+            u = seg[k].u;
+            s = seg[k].s;
+            next = k + 1 < m ? seg[k + 1].t : std::numeric_limits<double>::infinity();
+        }
+        Integrals here = base;
+        if (t[r] != from) here.append_line(t[r] - from, u, s);
+        sums[r] = here.i1;
+        sums[stride + r] = here.i2;
+        sums[2 * stride + r] = here.i3;
+    }
+    seg_ = k;
+    from_ = from;
+    next_ = next;
+    u_ = u;
+    s_ = s;
+    base_ = base;
+}
+
 double StepInput::project(const Input& input, double t, double end, int& hint) {
     const double h = end - t;
     base = input.mean;

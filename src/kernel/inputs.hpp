@@ -56,6 +56,8 @@ class Cursor {
         sum.append_line(l, u_, s_);
         level_ = u_ + s_ * l;
     }
+    // To many later times, one after the other: sums (3, stride) there.
+    void move(const double* t, int rows, double* sums, int stride);
     double value() const { return in_->mean + level_; }
     int segment() const { return seg_; }
     Integrals sum;

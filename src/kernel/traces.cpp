@@ -112,14 +112,7 @@ void Integrator::write_block(const double* times, long first, long last, const i
         double* w = weights + STAGES * CHUNK;
         for (int i = 0; i < nk_; ++i) {
             if (!noise_[i].active) continue;
-            Cursor c = cursor_[i];
-            for (int r = 0; r < rows; ++r) {
-                c.move(times[k + r]);
-                sums[r] = c.sum.i1;
-                sums[CHUNK + r] = c.sum.i2;
-                sums[2 * CHUNK + r] = c.sum.i3;
-            }
-            cursor_[i] = c;
+            cursor_[i].move(times + k, rows, sums, CHUNK);
             left_over(w, s, sums, in_[i], rows);
             w += 4 * CHUNK;
         }
