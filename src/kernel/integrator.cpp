@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <string>
 
 namespace thermid {
 
 Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian& d, const Options& o)
     : p_(p), coef_(coef), d_(d), o_(o), n_(p.n), np_(d.np), nk_(static_cast<int>(p.inputs.size())), e_(p, coef), eo_(p, coef), second_(p) {
+    if (n_ > Problem::LARGEST) throw std::invalid_argument("this integrator takes at most " + std::to_string(Problem::LARGEST) + " unknown nodes");
     const size_t n = n_, np = np_, m = n * np, rows = p.con.size(), loads = p.load.size();
     auto moves = [&](int c) { return p.coef_input[c] >= 0 && p.inputs[p.coef_input[c]].kind != CONSTANT; };
     for (const Entry& e : p.con_entry) {

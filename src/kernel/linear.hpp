@@ -25,6 +25,12 @@ namespace thermid {
 
 // out[i] = sum_k w[k] * rows[k][i], for i < m.
 void combine(double* out, const double* const* rows, const double* w, int k, int m);
+// out (rows, m) = w (rows, k) x (k, padded(m))
+inline int padded(int m) { return (m + 3) / 4 * 4; }
+void blend(double* out, const double* w, int rows, const double* x, int k, int m);
+// Row i of b (n, m) times a[i]; row i of y = a[i] times that of x less b[i] times that of z.
+void scale_rows(double* b, const double* a, int n, int m);
+void difference(double* y, const double* a, const double* x, const double* b, const double* z, int n, int m);
 // y[i] += a * x[i]
 inline void axpy(double* y, double a, const double* x, int m) {
     for (int i = 0; i < m; ++i) y[i] += a * x[i];

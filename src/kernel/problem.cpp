@@ -101,6 +101,7 @@ void Problem::prepare() {
 }
 
 void Problem::find_pattern() {
+    if (n > LARGEST) return;
     std::vector<std::vector<int>> cols(n);
     for (int r = 0; r < con.size(); ++r) {
         if (con.a[r] >= n || con.b[r] >= n) continue;
@@ -222,10 +223,15 @@ SecondOrder::SecondOrder(const Problem& p) {
     for (auto* v : {&da_, &db_, &d0_, &d1_}) v->assign(m, 0.0);
 }
 
+THERMID_CLONES static void add_scaled(double* THERMID_RESTRICT y, double a, const double* THERMID_RESTRICT x, int m) {
+    for (int k = 0; k < m; ++k) y[k] += a * x[k];
+}
+
 void SecondOrder::add(const Evaluation& at, const double* dir_t, const double* dir_u, const CoefJacobian& d, const std::vector<Entry>& con,
                       const std::vector<Entry>& load, const double* s, double* g) {
     const Problem& p = *at.p;
     const int n = p.n, np = d.np;
+    exponents_ = std::any_of(con.begin(), con.end(), [](const Entry& e) { return e.what == 1; });
     for (int j : p.timed) dc_[j] = dir_u ? at.coef[j] * dir_u[p.coef_input[j]] : 0.0;
     std::copy(dir_t, dir_t + n, dt_.begin());
     for (int k = 0; k < p.nb; ++k) dt_[n + k] = dc_[p.gain[k]] + dc_[p.offset[k]];
@@ -233,7 +239,7 @@ void SecondOrder::add(const Evaluation& at, const double* dir_t, const double* d
     auto add_row = [&](int node, double v, const double* x) {
         if (node >= n || v == 0.0) return;
         double* to = g + static_cast<size_t>(node) * np;
-        for (int k = 0; k < np; ++k) to[k] += v * x[k];
+        add_scaled(to, v, x, np);
     };
     auto add_coef = [&](int node, double v, int coef) {
         if (node >= n || v == 0.0) return;
@@ -250,6 +256,18 @@ void SecondOrder::add(const Evaluation& at, const double* dir_t, const double* d
             da_[r] = e0;
             db_[r] = -e0;
             d0_[r] = dt_[a] - dt_[b];
+        } else if (c.kind[r] == RADIATION) {
+            const double a2 = at.t[a] * at.t[a], b2 = at.t[b] * at.t[b], g = at.ceff[c.c0[r]];
+            da_[r] = 4.0 * a2 * (3.0 * g * dt_[a] + e0 * at.t[a]);
+            db_[r] = -4.0 * b2 * (3.0 * g * dt_[b] + e0 * at.t[b]);
+            d0_[r] = 4.0 * (a2 * at.t[a] * dt_[a] - b2 * at.t[b] * dt_[b]);
+        } else if (c.kind[r] == POWER && e1 == 0.0 && !exponents_) {
+            // q_a = g s (1 + m d^2 / e) with e = d^2 + smoothing, s = e^(m/2), phi = d s
+            const double d = at.t[a] - at.t[b], v = dt_[a] - dt_[b], e = d * d + SMOOTH2, m = at.ceff[c.c1[r]], g = at.ceff[c.c0[r]];
+            const double phi = at.phi[r], part = d * d / e, s = d != 0.0 ? phi / d : power(e, 0.5 * m);
+            da_[r] = g * m * phi / e * (3.0 + (m - 2.0) * part) * v + e0 * s * (1.0 + m * part);
+            db_[r] = -da_[r];
+            d0_[r] = s * (1.0 + m * part) * v;
         } else {
             const auto x = conductor<Dual>(c.kind[r], ta, tb, c0, c1, c.table[r] >= 0 ? &p.tables[c.table[r]] : nullptr);
             da_[r] = x.qa.e;

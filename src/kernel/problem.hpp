@@ -46,6 +46,7 @@ struct Problem {
     std::vector<double> slope_sign;
 
     int nodes() const { return n + nb; }
+    static constexpr int LARGEST = 5000;  // unknowns that the small integrator and a dense Jacobian are meant for
     void prepare();  // checks everything, sorts and derives; throws std::invalid_argument
 
   private:
@@ -99,6 +100,7 @@ class SecondOrder {
 
   private:
     std::vector<double> dt_, dc_, da_, db_, d0_, d1_;
+    bool exponents_ = false;  // some exponent is a parameter
 };
 
 }  // namespace thermid

@@ -130,12 +130,22 @@ void Evaluation::slopes(double* v) const {
 
 void Evaluation::jacobian(double* j) const {
     const int n = p->n;
-    const Pattern& at = p->pattern;
-    std::vector<double> v(at.size());
-    slopes(v.data());
     std::fill(j, j + static_cast<size_t>(n) * n, 0.0);
-    for (int i = 0; i < n; ++i)
-        for (int k = at.begin[i]; k < at.begin[i + 1]; ++k) j[static_cast<size_t>(i) * n + at.col[k]] = v[k];
+    const Conductors& c = p->con;
+    for (int r = 0; r < c.size(); ++r) {
+        const size_t a = c.a[r], b = c.b[r];
+        if (c.a[r] < n && c.kind[r] != FLOW) {
+            j[a * n + a] -= qa[r];
+            if (c.b[r] < n) j[a * n + b] -= qb[r];
+        }
+        if (c.b[r] < n) {
+            if (c.a[r] < n) j[b * n + a] += qa[r];
+            j[b * n + b] += qb[r];
+        }
+    }
+    const Loads& l = p->load;
+    for (int r = 0; r < l.size(); ++r)
+        if (slope[r] != 0.0 && l.sensor[r] < n) j[static_cast<size_t>(l.node[r]) * n + l.sensor[r]] += slope[r];
 }
 
 }  // namespace thermid

@@ -192,10 +192,8 @@ void Integrator::rate_sensitivity(Slaved& s, Evaluation& e, const double* j, con
     p_.pattern.times(j, dirS, out, np_);
     for (size_t x = 0; x < G_.size(); ++x) out[x] += G_[x];
     capacity_term(out, rate, -1.0);
-    for (int i = 0; i < n_; ++i) {
-        const double c = s.is[i] ? 0.0 : inv_cap_[i];
-        for (size_t q = 0; q < np; ++q) out[i * np + q] *= c;
-    }
+    for (int i = 0; i < n_; ++i) xa_[i] = s.is[i] ? 0.0 : inv_cap_[i];
+    scale_rows(out, xa_.data(), n_, np_);
 }
 
 // Sensitivities of the slaved nodes from those of the others and of the heat they take up (nodes, np); rows of e must be current.

@@ -1,5 +1,7 @@
 #include "sparse.hpp"
 
+#include "four.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -37,12 +39,35 @@ void Pattern::times(const double* v, const double* x, double* y) const {
     }
 }
 
-THERMID_CLONES static void rows_times(const int* col, const double* THERMID_RESTRICT v, int first, int last, double scale, const double* x,
-                                      double* THERMID_RESTRICT y, int m) {
-    for (int k = first; k < last; ++k) {
-        const double a = scale * v[k];
-        const double* THERMID_RESTRICT from = x + static_cast<size_t>(col[k]) * m;
-        for (int q = 0; q < m; ++q) y[q] += a * from[q];
+// y += scale * (entries first to last of a row) x, with the sums in registers.
+THERMID_CLONES static void rows_times(const int* col, const double* v, int first, int last, double scale, const double* x, double* y, int m) {
+    int q = 0;
+    for (; q + 20 <= m; q += 20) {
+        Four a = {}, b = {}, c = {}, d = {}, e = {};
+        for (int k = first; k < last; ++k) {
+            const Four* from = reinterpret_cast<const Four*>(x + static_cast<size_t>(col[k]) * m + q);
+            a += v[k] * from[0];
+            b += v[k] * from[1];
+            c += v[k] * from[2];
+            d += v[k] * from[3];
+            e += v[k] * from[4];
+        }
+        Four* to = reinterpret_cast<Four*>(y + q);
+        to[0] += scale * a;
+        to[1] += scale * b;
+        to[2] += scale * c;
+        to[3] += scale * d;
+        to[4] += scale * e;
+    }
+    for (; q + 4 <= m; q += 4) {
+        Four a = {};
+        for (int k = first; k < last; ++k) a += v[k] * *reinterpret_cast<const Four*>(x + static_cast<size_t>(col[k]) * m + q);
+        *reinterpret_cast<Four*>(y + q) += scale * a;
+    }
+    for (; q < m; ++q) {
+        double sum = 0.0;
+        for (int k = first; k < last; ++k) sum += v[k] * x[static_cast<size_t>(col[k]) * m + q];
+        y[q] += scale * sum;
     }
 }
 
@@ -57,6 +82,8 @@ void Pattern::row_times(const double* v, int i, double scale, const double* x, d
 
 void Elimination::build(const Pattern& p) {
     const int n = p.n;
+    full = n > 1500;  // finding the order would cost more than it saves
+    if (full) return;
     rank.assign(n, -1);
     order.clear();
     // The graph of the symmetrised pattern, eliminated node by node; ties go to the first.
@@ -169,8 +196,7 @@ THERMID_CLONES static void substitute(const double* x, const int* row, const int
 void SparseLu::solve_many(double* b, int m) const {
     if (dense_) return lu_.solve_many(b, m);
     substitute(low_.data(), e_->low_row.data(), e_->low_col.data(), 0, static_cast<int>(low_.size()), 1, b, m);
-    for (int i = 0; i < p_->n; ++i)
-        for (int q = 0; q < m; ++q) b[static_cast<size_t>(i) * m + q] *= inv_[i];
+    scale_rows(b, inv_.data(), p_->n, m);
     substitute(up_.data(), e_->up_row.data(), e_->up_col.data(), static_cast<int>(up_.size()) - 1, -1, -1, b, m);
 }
 

@@ -178,9 +178,10 @@ void Integrator::stage_sensitivity(int s) {
     lu_.solve_many(S1_.data(), np_);
     double* fs = FS_.data() + s * m;
     for (int i = 0; i < n_; ++i) {
-        const double c = cap_[i], inv = c > 0.0 ? 1.0 / hg : 0.0;
-        for (size_t q = i * np; q < (i + 1) * np; ++q) fs[q] = (c * S1_[q] - comb_[q]) * inv;
+        xa_[i] = cap_[i] / hg;
+        guess_[i] = cap_[i] > 0.0 ? 1.0 / hg : 0.0;
     }
+    difference(fs, xa_.data(), S1_.data(), guess_.data(), comb_.data(), n_, np_);
 }
 
 bool Integrator::stages() {

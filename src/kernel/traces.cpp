@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "four.hpp"
 #include "integrator.hpp"
 
 #if defined(__GNUC__)
@@ -14,28 +15,12 @@ namespace thermid {
 
 namespace {
 
-#if defined(__GNUC__)
-typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
-#else
-struct Four {
-    double v[4] = {0.0, 0.0, 0.0, 0.0};
-    void operator+=(const Four& o) { for (int j = 0; j < 4; ++j) v[j] += o.v[j]; }
-};
-inline Four operator*(double a, const Four& x) {
-    Four r;
-    for (int j = 0; j < 4; ++j) r.v[j] = a * x.v[j];
-    return r;
-}
-#endif
-
 constexpr int CHUNK = 64;  // outputs at a time; weights are stored (terms, CHUNK)
-
-int padded(int m) { return (m + 3) / 4 * 4; }
 
 // R rows and V vectors of four columns of out (rows, m) = w' (rows, k) x (k, padded(m)).
 template <int R, int V>
 THERMID_INLINE void tile(double* out, const double* w, const double* x, int k, int m, int columns) {
-    const int stride = (m + 3) / 4 * 4;
+    const int stride = padded(m);
     Four sum[R][V] = {};
     for (int i = 0; i < k; ++i, w += CHUNK, x += stride) {
         const Four* from = reinterpret_cast<const Four*>(x);
@@ -52,7 +37,7 @@ THERMID_INLINE void columns(double* out, const double* w, int rows, const double
     for (; r < rows; ++r) tile<1, V>(out + static_cast<size_t>(r) * m, w + r, x, k, m, count);
 }
 
-THERMID_CLONES void blend(double* out, const double* w, int rows, const double* x, int k, int m) {
+THERMID_CLONES void weighted(double* out, const double* w, int rows, const double* x, int k, int m) {
     int j = 0;
     for (; j + 12 <= m; j += 12) columns<3>(out + j, w, rows, x + j, k, m, 12);
     for (; j + 4 <= m; j += 4) columns<1>(out + j, w, rows, x + j, k, m, 4);
@@ -117,7 +102,7 @@ void Integrator::write_block(const double* times, long first, long last, const i
             w += 4 * CHUNK;
         }
         at_ = s[rows - 1];
-        blend(r_->traces + static_cast<size_t>(k) * nobs, weights, rows, block_.data(), terms, nobs);
+        weighted(r_->traces + static_cast<size_t>(k) * nobs, weights, rows, block_.data(), terms, nobs);
     }
     move_cursors(at_);  // what stands at the last row is at hand for those who go on from there
 }
