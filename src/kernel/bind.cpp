@@ -229,6 +229,7 @@ NB_MODULE(_kernel, m) {
         .def_prop_ro("nodes", [](const Problem& p) { return p.n; }).def_prop_ro("boundaries", [](const Problem& p) { return p.nb; })
         .def_prop_ro("coefficients", [](const Problem& p) { return p.nc; });
     m.def("tableau", &tableau);
+    bind_modal(m);
     const char* con[] = {"LINEAR", "POWER", "RADIATION", "FLOW", "TABLE_MEAN", "TABLE_DIFF"};
     for (int k = 0; k < CONDUCTOR_KINDS; ++k) m.attr(con[k]) = k;
     const char* ld[] = {"SIGNAL", "POLY", "EXP", "TABLE", "THERMOSTAT", "PROPORTIONAL"};

@@ -68,6 +68,8 @@ inline CoefJacobian jacobian_of(const Problem& p, const std::optional<Csr>& csr)
     return d;
 }
 
+void bind_modal(nb::module_& m);
+
 // Lets the interrupt key end a long run.
 inline void poll_interrupt() {
     if (PyErr_CheckSignals() != 0) throw nb::python_error();

@@ -2,7 +2,10 @@
 // Each law is written once over a scalar type: with double it serves the integrator, with Dual (a directional
 // derivative) it gives the exact second derivatives that the dense output's sensitivities need.
 #pragma once
+#include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <utility>
 #include <vector>
 
 namespace thermid {
@@ -28,24 +31,43 @@ inline Dual power(Dual e, Dual m) {
     return {g, g * (m.v * e.e / e.v + (m.e != 0.0 ? m.e * std::log(e.v) : 0.0))};
 }
 
-// Cubic Hermite table g(x): knots, values, slopes; constant outside.
+// Cubic Hermite table g(x): knots, values, slopes; constant outside. Knots may lie as close together as a law needs them; equal buckets
+// lead to them, most of which hold at most one, so that a look-up costs about as much as a power.
 struct Table {
     std::vector<double> x, y, d;
+
+    Table(std::vector<double> knots, std::vector<double> values, std::vector<double> slopes)
+        : x(std::move(knots)), y(std::move(values)), d(std::move(slopes)) {
+        const int m = static_cast<int>(x.size()), buckets = std::min(2 * m, 4096);
+        if (m < 1 || y.size() != x.size() || d.size() != x.size()) throw std::invalid_argument("tables: knots, values and slopes differ in length");
+        if (!std::isfinite(x.back() - x.front())) throw std::invalid_argument("tables: knots must be finite");
+        for (int i = 1; i < m; ++i) {
+            if (!(x[i] > x[i - 1])) throw std::invalid_argument("tables: knots must increase");
+            const double w = x[i] - x[i - 1], jump = (y[i] - y[i - 1]) / w;
+            pieces_.push_back({x[i - 1], y[i - 1], d[i - 1], (3.0 * jump - 2.0 * d[i - 1] - d[i]) / w, (d[i - 1] + d[i] - 2.0 * jump) / (w * w)});
+        }
+        if (m > 1) per_kelvin_ = buckets / (x.back() - x.front());
+        if (!std::isfinite(per_kelvin_)) per_kelvin_ = 0.0;  // knots so close that one bucket serves
+        first_.assign(buckets + 2, 0);
+        for (int i = 0; i < m; ++i) ++first_[bucket(x[i]) + 1];
+        for (int k = 1; k < buckets + 2; ++k) first_[k] += first_[k - 1];
+    }
+
     void eval(double at, double& g, double& g1, double& g2) const {
-        const int m = static_cast<int>(x.size());
         g1 = g2 = 0.0;
         if (!(at > x.front())) { g = y.front(); return; }
         if (at >= x.back()) { g = y.back(); return; }
-        int lo = 0, hi = m - 1;
+        const int k = bucket(at);
+        int lo = std::max(first_[k] - 1, 0), hi = std::min(first_[k + 1], static_cast<int>(pieces_.size()));
         while (hi - lo > 1) {
-            int mid = (lo + hi) / 2;
-            (x[mid] <= at ? lo : hi) = mid;
+            const int mid = (lo + hi) / 2;
+            (pieces_[mid].x <= at ? lo : hi) = mid;
         }
-        const double w = x[hi] - x[lo], s = (at - x[lo]) / w, jump = (y[hi] - y[lo]) / w;
-        const double c2 = 3.0 * jump - 2.0 * d[lo] - d[hi], c3 = d[lo] + d[hi] - 2.0 * jump;
-        g = y[lo] + w * s * (d[lo] + s * (c2 + s * c3));
-        g1 = d[lo] + s * (2.0 * c2 + 3.0 * s * c3);
-        g2 = (2.0 * c2 + 6.0 * s * c3) / w;
+        const Piece& p = pieces_[lo];
+        const double t = at - p.x;
+        g = p.c0 + t * (p.c1 + t * (p.c2 + t * p.c3));
+        g1 = p.c1 + t * (2.0 * p.c2 + 3.0 * t * p.c3);
+        g2 = 2.0 * p.c2 + 6.0 * t * p.c3;
     }
     void eval(double at, double& g, double& g1) const { double g2; eval(at, g, g1, g2); }
     void eval(Dual at, Dual& g, Dual& g1) const {
@@ -54,6 +76,14 @@ struct Table {
         g = {a, b * at.e};
         g1 = {b, c * at.e};
     }
+
+  private:
+    struct Piece { double x, c0, c1, c2, c3; };
+    std::vector<Piece> pieces_;
+    std::vector<int> first_;  // bucket -> knots in the buckets before it
+    double per_kelvin_ = 0.0;
+
+    int bucket(double at) const { return std::min(static_cast<int>((at - x.front()) * per_kelvin_), static_cast<int>(first_.size()) - 2); }
 };
 
 enum ConductorKind { LINEAR = 0, POWER, RADIATION, FLOW, TABLE_MEAN, TABLE_DIFF, CONDUCTOR_KINDS };

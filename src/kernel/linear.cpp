@@ -42,18 +42,30 @@ THERMID_CLONES void difference(double* THERMID_RESTRICT y, const double* THERMID
     }
 }
 
+// Two rows of twelve at once: six sums in registers, and every vector of x that is loaded serves both.
 THERMID_CLONES void blend(double* THERMID_RESTRICT out, const double* THERMID_RESTRICT w, int rows, const double* THERMID_RESTRICT x, int k, int m) {
     const int stride = padded(m);
-    for (int r = 0; r < rows; ++r, out += m, w += k) {
+    for (int r = 0; r < rows; r += 2, out += 2 * m, w += 2 * k) {
+        const bool both = r + 1 < rows;
+        const double* THERMID_RESTRICT v = both ? w + k : w;
         int j = 0;
         for (; j + 12 <= m; j += 12) {
             const double* from = x + j;
-            Four a = {}, b = {}, c = {};
+            Four a = {}, b = {}, c = {}, d = {}, e = {}, f = {};
             for (int i = 0; i < k; ++i, from += stride) {
-                const Four* v = reinterpret_cast<const Four*>(from);
-                a += w[i] * v[0];
-                b += w[i] * v[1];
-                c += w[i] * v[2];
+                const Four* y = reinterpret_cast<const Four*>(from);
+                const Four y0 = y[0], y1 = y[1], y2 = y[2];
+                a += w[i] * y0;
+                b += w[i] * y1;
+                c += w[i] * y2;
+                d += v[i] * y0;
+                e += v[i] * y1;
+                f += v[i] * y2;
+            }
+            if (both) {
+                std::memcpy(out + m + j, &d, sizeof d);
+                std::memcpy(out + m + j + 4, &e, sizeof e);
+                std::memcpy(out + m + j + 8, &f, sizeof f);
             }
             std::memcpy(out + j, &a, sizeof a);
             std::memcpy(out + j + 4, &b, sizeof b);
@@ -61,10 +73,15 @@ THERMID_CLONES void blend(double* THERMID_RESTRICT out, const double* THERMID_RE
         }
         for (; j < m; j += 4) {
             const double* from = x + j;
-            Four acc = {};
-            for (int i = 0; i < k; ++i, from += stride) acc += w[i] * *reinterpret_cast<const Four*>(from);
-            if (j + 4 <= m) std::memcpy(out + j, &acc, sizeof acc);
-            else std::memcpy(out + j, &acc, sizeof(double) * (m - j));
+            Four a = {}, d = {};
+            for (int i = 0; i < k; ++i, from += stride) {
+                const Four y = *reinterpret_cast<const Four*>(from);
+                a += w[i] * y;
+                d += v[i] * y;
+            }
+            const size_t size = sizeof(double) * (m - j < 4 ? m - j : 4);
+            if (both) std::memcpy(out + m + j, &d, size);
+            std::memcpy(out + j, &a, size);
         }
     }
 }

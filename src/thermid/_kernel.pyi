@@ -38,6 +38,9 @@ SINGULAR_NODE: Final[int]
 BAD_INPUT: Final[int]
 CHATTER: Final[int]
 
+def modal(
+    problem: Problem, coef: _Reals, T0: _Reals, t0: float, t_end: float, output_times: _Reals, output_nodes: _Ints
+) -> tuple[int, int, float, int, _Reals, _Reals, _Reals, _Reals]: ...
 def tableau() -> tuple[_Reals, _Reals, _Reals, _Reals]: ...
 
 class Result:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from thermid.errors import DeckError, nearest
 from thermid.model.curves import Curve, curve
 from thermid.model.elements import LOAD_SLOTS, Conductor, HeatLoad, Joint, Node, Surface
@@ -47,11 +49,16 @@ def _cleaned(value: Any) -> Any:
 def _points(table: Mapping[str, Any], slot: str, where: str) -> Curve | None:
     """Return the curve of a table of points."""
     given = table.get("table")
-    if given is None:
-        return None
+    if given is None or isinstance(given, Curve):
+        return given
     over = given.get("over", "temperature")
-    x_slot = "temperature" if over == "temperature" else "K"
-    return curve(over, [(literal(x, x_slot, where), literal(y, slot, where)) for x, y in given["points"]], where)
+    slots = ("temperature" if over == "temperature" else "K", slot, _slope_unit(slot))
+    return curve(over, [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in given["points"]], where)
+
+
+def _slope_unit(slot: str) -> str:
+    """Return the unit of a slope over temperature."""
+    return {"W/K": "W/K^2", "W": "W/K"}[slot]
 
 
 def elements_from(deck: Mapping[str, Any], where: Where) -> dict[str, dict[str, Any]]:
@@ -104,6 +111,11 @@ def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
     shape = _points(table, "W/K", where(key))
     if (shape is not None) != kind.needs_curve:
         raise DeckError(f"a conductor of kind '{table['kind']}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(key))
+    if shape is not None and (shape.y < 0).any():
+        k = int(np.argmax(shape.y < 0))
+        raise DeckError(
+            f"the table gives {shape.y[k]:g} W/K at {shape.x[k]:.9g} K; with a negative conductance heat would flow uphill.", where(key)
+        )
     if table["between"][0] == table["between"][1]:
         raise DeckError("both ends are the same node.", where(key))
     if table["takes"] and "area" not in given:
@@ -182,12 +194,9 @@ def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
 def _curve_to(shape: Curve | None, slot: str) -> dict[str, Any]:
     if shape is None:
         return {}
-    return {
-        "table": {
-            "over": shape.over,
-            "points": [[f"{x!r} [K]", f"{y!r} [{slot}]"] for x, y in zip(shape.x.tolist(), shape.y.tolist(), strict=True)],
-        }
-    }
+    columns = [(shape.x, "K"), (shape.y, slot)] + ([(shape.d, _slope_unit(slot))] if shape.d is not None else [])
+    texts = [[f"{v!r} [{of}]" for v in column.tolist()] for column, of in columns]
+    return {"table": {"over": shape.over, "points": [list(point) for point in zip(*texts, strict=True)]}}
 
 
 def elements_to(model: Model) -> dict[str, dict[str, Any]]:

@@ -1,10 +1,12 @@
 """Smooth tables: monotone cubic Hermite curves, constant beyond their ends, the same here and in the kernel.
 
-Slopes after Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, as SciPy computes them: they add no new extremes.
+Slopes after Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, as SciPy computes them: they add no new extremes. A curve made
+from a function has the function's own slopes.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import DeckError
 
-__all__ = ["Curve", "curve", "evaluate", "slopes"]
+__all__ = ["Curve", "curve", "evaluate", "hermite", "slopes"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,35 +28,47 @@ class Curve:
     over : str              'temperature' (the mean of both ends', or a load's own) or 'difference'.
     x : array (points,)     Temperatures or differences, increasing. [K]
     y : array (points,)     Values. [SI]
+    d : array (points,)     Slopes; None where they follow from the points. [SI/K]
     """
 
     over: str
     x: NDArray[np.float64]
     y: NDArray[np.float64]
+    d: NDArray[np.float64] | None = None
 
     def __eq__(self, other: object) -> bool:
         """Whether two curves have the same points."""
-        return isinstance(other, Curve) and self.over == other.over and np.array_equal(self.x, other.x) and np.array_equal(self.y, other.y)
+        return isinstance(other, Curve) and self._bytes() == other._bytes()
 
     def __hash__(self) -> int:
         """Hash of the points."""
-        return hash((self.over, self.x.tobytes(), self.y.tobytes()))
+        return hash(self._bytes())
+
+    def _bytes(self) -> tuple[str, bytes, bytes, bytes]:
+        return self.over, self.x.tobytes(), self.y.tobytes(), b"" if self.d is None else self.d.tobytes()
 
 
-def curve(over: str, points: Sequence[tuple[float, float]], where: str = "") -> Curve:
-    """Return a curve through points.
+def curve(over: str, points: Sequence[tuple[float, ...]], where: str = "") -> Curve:
+    """Return a curve through points: abscissa and value, or abscissa, value and slope.
 
     Raises
     ------
-    DeckError   With fewer than two points, or abscissae that do not increase.
+    DeckError   With fewer than two points, abscissae that do not increase, a number that is not finite, or slopes for some points only.
     """
     if len(points) < 2 or any(b[0] <= a[0] for a, b in pairwise(points)):
         raise DeckError("a table needs at least two points, with increasing temperatures.", where)
-    return Curve(over, np.array([p[0] for p in points]), np.array([p[1] for p in points]))
+    if len({len(p) for p in points}) > 1:
+        raise DeckError("some points of the table have slopes and some have none; give all or none.", where)
+    if not all(math.isfinite(v) for p in points for v in p):
+        raise DeckError("a table holds a number that is not finite.", where)
+    columns = np.array(points).T
+    return Curve(over, *(np.ascontiguousarray(c) for c in columns))
 
 
 def slopes(given: Curve) -> NDArray[np.float64]:
-    """Return the slope at each point (points,), zero at both ends so that the curve continues smoothly as a constant."""
+    """Return the slope at each point (points,); zero at both ends where they follow from the points, so that it ends smoothly."""
+    if given.d is not None:
+        return given.d
     from scipy.interpolate import PchipInterpolator
 
     out = np.asarray(PchipInterpolator(given.x, given.y).derivative()(given.x), dtype=float)
@@ -62,8 +76,17 @@ def slopes(given: Curve) -> NDArray[np.float64]:
     return out
 
 
+def hermite(
+    x: NDArray[np.float64], y: NDArray[np.float64], d: NDArray[np.float64], at: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return values and slopes (places,) of the cubic pieces through points with slopes, at places within them, as the kernel has them."""
+    k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
+    width, t = x[k + 1] - x[k], at - x[k]
+    jump = (y[k + 1] - y[k]) / width
+    c2, c3 = (3.0 * jump - 2.0 * d[k] - d[k + 1]) / width, (d[k] + d[k + 1] - 2.0 * jump) / width**2
+    return y[k] + t * (d[k] + t * (c2 + t * c3)), d[k] + t * (2.0 * c2 + 3.0 * t * c3)
+
+
 def evaluate(given: Curve, at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the curve's values (times,) at temperatures or differences `at`. [SI]"""
-    from scipy.interpolate import CubicHermiteSpline
-
-    return np.asarray(CubicHermiteSpline(given.x, given.y, slopes(given))(np.clip(at, given.x[0], given.x[-1])), dtype=float)
+    return hermite(given.x, given.y, slopes(given), np.clip(at, given.x[0], given.x[-1]))[0]

@@ -12,6 +12,7 @@ from typing import Any
 from thermid.errors import DeckError, nearest
 from thermid.expression import NAME
 from thermid.model.build import elements_from
+from thermid.model.curves import Curve
 from thermid.model.lines import line_numbers
 from thermid.model.model import Model, Submodel
 from thermid.model.parameter import Parameter, parameter
@@ -112,7 +113,8 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
 
     Parameters
     ----------
-    data : dict     As the TOML of a deck; in ``submodels.<name>.use`` a `Model` may stand in place of a file name.
+    data : dict     As the TOML of a deck; in ``submodels.<name>.use`` a `Model` may stand in place of a file name, and as `table` of a
+                    conductor or a load what `law` returns.
     file : str      For messages.
     lines : dict    Key path -> line, for messages.
 
@@ -125,7 +127,12 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
     plain = dict(data)
     if inner:
         plain["submodels"] = {n: {**t, "use": n} if n in inner else t for n, t in data["submodels"].items()}
+    curves = _curves(plain)
+    for group, name in curves:
+        plain[group] = plain[group] | {name: plain[group][name] | {"table": {"points": []}}}
     deck = _validated(plain, file, places)
+    for (group, name), shape in curves.items():
+        deck[group][name]["table"] = shape
 
     def where(key: str) -> str:
         return _place(key, file or str(data.get("title", "")), places)
@@ -160,6 +167,12 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
 
 def _tables(value: Any) -> list[tuple[str, Mapping[str, Any]]]:
     return [(n, t) for n, t in value.items() if isinstance(t, Mapping)] if isinstance(value, Mapping) else []
+
+
+def _curves(data: Mapping[str, Any]) -> dict[tuple[str, str], Curve]:
+    """Return (table, element) -> curve of the elements that have one where a deck has points."""
+    found = {(group, name): t.get("table") for group in ("conductors", "loads") for name, t in _tables(data.get(group))}
+    return {key: shape for key, shape in found.items() if isinstance(shape, Curve)}
 
 
 def _validated(data: Mapping[str, Any], file: str, lines: Mapping[str, int]) -> dict[str, Any]:

@@ -46,10 +46,10 @@ class PowerLaw(_Strict):
 
 
 class Points(_Strict):
-    """A table over a temperature or a temperature difference."""
+    """A table over a temperature or a temperature difference; a third text of a point is its slope."""
 
     over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
-    points: list[tuple[str, str]]
+    points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
 
 
 class NodeTable(_Strict):

@@ -14,6 +14,7 @@ from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError
 from thermid.model.curves import Curve
 from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.simulation.modal import Modal
 from thermid.simulation.wiring import Assembled, Wiring, curve_arrays
 
 __all__ = ["Answer", "Engine", "Options"]
@@ -44,6 +45,7 @@ class Options:
     input_tolerance : float     Error that what is left of a sampled input within a step may cause. [K]
     max_step : float            [s]
     max_steps : int             Steps after which the run is given up.
+    method : str                ``modal`` (exact, for linear networks), ``integrator``, or ``auto``: whichever costs less.
     """
 
     tolerance: float = 2e-7
@@ -51,6 +53,7 @@ class Options:
     input_tolerance: float = 1e-4
     max_step: float = float("inf")
     max_steps: int = 1_000_000
+    method: str = "auto"
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,15 +123,20 @@ class Engine:
             inputs=[_input(wiring.signals[name]) for name in wiring.used],
         )
         self.nodes: tuple[str, ...] = s["nodes"]
+        self.modal = Modal(wiring, self.problem)
 
     def integrate(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, gradients: bool = False) -> Answer:
         """Return temperatures at times of some nodes, from zero to `end` [s].
 
         Raises
         ------
-        SolverError   When the run ends before its time.
+        SolverError     When the run ends before its time.
+        ScenarioError   When the modal solution is asked for and there is none.
         """
         index = {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
+        why = self.modal.refusal(options.method, times, end, gradients)
+        if not why:
+            return self._by_modes(a, times, _ints([index[n] for n in nodes]), end, options)
         size = a.initial_gradient.shape[1]
         more: dict[str, Any] = {}
         if gradients and a.jacobian is not None:
@@ -151,6 +159,8 @@ class Engine:
         if found.status != _kernel.OK:
             raise SolverError(self._message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
         statistics = {
+            "method": "integrator",
+            "reason": why,
             "steps": found.steps,
             "rejected": found.rejected,
             "switchings": [(float(t), self.load_names[k]) for t, k in zip(found.event_times, found.event_loads, strict=True)],
@@ -160,6 +170,16 @@ class Engine:
         switched = tuple(zip(found.event_times.tolist(), found.event_loads.tolist(), found.event_states.tolist(), strict=True))
         energies = (found.load_energy, found.boundary_energy, flows)
         return Answer(found.traces, slopes, a.initial, found.final_temperatures, *energies, end, statistics, found.on, switched)
+
+    def _by_modes(self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float, options: Options) -> Answer:
+        found = self.modal.run(a, times, nodes, end)
+        if found.status != _kernel.OK:
+            raise SolverError(self._message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+        slopes = np.zeros((times.size, nodes.size, 0))
+        statistics = {"method": "modal", "reason": "", "steps": found.steps, "rejected": 0, "switchings": []}
+        energies = (found.load_energy, found.boundary_energy, np.zeros(0))
+        off = np.zeros(len(self.load_names), dtype=np.int32)
+        return Answer(found.traces, slopes, a.initial, found.final, *energies, end, statistics, off)
 
     def _breaks(self, end: float) -> Array:
         """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""

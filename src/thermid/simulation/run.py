@@ -65,6 +65,25 @@ class Run:
         """Return load -> power (times,). [W]"""
         return self.engine.powers(self.assembled, self._columns(temperatures), times, self.answer.states(times))
 
+    def out_of_range(self) -> tuple[str, ...]:
+        """Return a sentence for each law of the user that was asked for values beyond its range at a stored time."""
+        out = []
+        at = self.traces.temperature
+        numbers = self.assembled.numbers
+        rows = [(r.name, r.curve, r.ends) for r in numbers.conductors] + [(r.name, r.curve, (r.sensor, r.sensor)) for r in numbers.loads]
+        for name, curve, (a, b) in rows:
+            if curve is None or curve.d is None:
+                continue
+            seen = at(a) - at(b) if curve.over == "difference" else 0.5 * (at(a) + at(b))
+            beyond = (seen < curve.x[0]) | (seen > curve.x[-1])
+            if beyond.any():
+                first, low, high = self.times[beyond.argmax()], float(seen.min()), float(seen.max())
+                out.append(
+                    f"'{name}' left the range of its law, {curve.x[0]:.6g} to {curve.x[-1]:.6g} K, at {first:.6g} s: it saw {low:.6g} to"
+                    f" {high:.6g} K; beyond its range a law stays constant"
+                )
+        return tuple(out)
+
     def _columns(self, temperatures: Array) -> Array:
         index = self._index(self.all_nodes())
         order = [index[n] for n in (*self.assembled.reduced.nodes, *self.network.boundaries)]

@@ -108,7 +108,6 @@ class Solution:
     free : tuple of str             Names that the sensitivities belong to; empty where none were asked for.
     status : str                    ``ok``, or what ended the run early.
     statistics : dict               Steps, rejected steps and the like.
-    warnings : tuple of str         What a reader must know.
     """
 
     title: str
@@ -118,13 +117,18 @@ class Solution:
     free: tuple[str, ...]
     status: str
     statistics: Mapping[str, Any]
-    warnings: tuple[str, ...]
+    _remarks: tuple[str, ...] = field(repr=False)
     _run: Run = field(repr=False)
 
     def __getitem__(self, name: str) -> Trace:
         """Return the trace of a node; aliases are accepted."""
         path = self._run.network.find(name)
         return Trace(path, self.times, self._run.traces.temperature(path))
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader must know."""
+        return (*self._remarks, *self._run.out_of_range())
 
     @cached_property
     def temperatures(self) -> Array:

@@ -162,5 +162,5 @@ def test_a_run_that_fails_stands_as_far_away() -> None:
     data = log(box(), {}, {"T": "case"}, samples=11)
     problem = problem_for(Request(box(), (data,), (HTC,)))
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
-    poor = replace(problem, options=replace(problem.options, max_steps=1))
+    poor = replace(problem, options=replace(problem.options, max_steps=1, method="integrator"))
     np.testing.assert_array_equal(poor.residuals(at), FAILED)

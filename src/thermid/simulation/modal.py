@@ -1,0 +1,159 @@
+"""The exact solution of linear networks by modes: whether a network has one, whether it pays, and the kernel's answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid import _kernel
+from thermid.errors import ScenarioError
+from thermid.model.signal import Constant, Sine, Table
+from thermid.simulation.wiring import Assembled, Wiring
+
+__all__ = ["METHODS", "Exact", "Modal", "Work"]
+
+Array = NDArray[np.float64]
+METHODS = ("auto", "modal", "integrator")
+
+
+class Exact(NamedTuple):
+    """What the kernel says of a modal run: status, node and time [s] of a failure, stretches, temperatures [K] and heats [J]."""
+
+    status: int
+    node: int
+    time: float
+    steps: int
+    traces: Array
+    final: Array
+    load_energy: Array
+    boundary_energy: Array
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a run has to do, by which its time is estimated.
+
+    Parameters
+    ----------
+    nodes : int         Nodes of the reduced network.
+    stretches : int     From knot to knot of the sampled inputs and from output to output.
+    lengths : int       Stretches of different length; every one needs its own exponentials.
+    outputs : int       Output times.
+    sampled : int       Sampled inputs.
+    waves : int         Sinusoidal inputs.
+    stops : int         Knots at which the integrator ends a step.
+    """
+
+    nodes: int
+    stretches: int
+    lengths: int
+    outputs: int
+    sampled: int
+    waves: int
+    stops: int
+
+    @property
+    def modal(self) -> float:
+        """Time by modes, as measured: docs/decisions/022-modal-solution.md. [s]"""
+        n = self.nodes
+        # beyond what the kernel remembers, lengths are worked out again
+        fresh = self.lengths + max(0.0, 1.0 - 128.0 / self.lengths) * self.stretches
+        march = self.stretches * (20.0 + 0.5 * n * (1 + self.sampled)) + fresh * (200.0 + 32.0 * n)
+        write = self.outputs * (n * (1.0 + 0.1 * n) + 30.0 * self.waves)
+        return 1e-9 * (10e3 + 15.0 * n**3 + march + write)
+
+    @property
+    def integrator(self) -> float:
+        """Time of the integrator where it needs few steps: an input without noise, nothing stiff. [s]"""
+        n = self.nodes
+        step = 1000.0 + 300.0 * n + 0.06 * n**3
+        write = self.outputs * (15.0 + 2.0 * n + (25.0 if self.sampled else 0.0))
+        return 1e-9 * (40e3 + (60 + self.stops) * step + write)
+
+
+class Modal:
+    """The modal solution of one wiring; the same for all values of its unknowns.
+
+    Parameters
+    ----------
+    wiring : Wiring
+    problem : Problem       The kernel's.
+    """
+
+    def __init__(self, wiring: Wiring, problem: _kernel.Problem) -> None:
+        self.wiring = wiring
+        self.problem = problem
+        self.obstacle = _obstacle(wiring)
+        self._grids: dict[tuple[float, ...], tuple[int, int]] = {}
+
+    def refusal(self, method: str, times: Array, end: float, gradients: bool) -> str:
+        """Return why the integrator is to be used, in words; empty when the modes are.
+
+        Raises
+        ------
+        ScenarioError   When the modes are asked for and the network has none, or there is no such method.
+        """
+        if method not in METHODS:
+            raise ScenarioError(f"there is no method '{method}'. Choose one of {', '.join(METHODS)}.", self.wiring.scenario.title)
+        if method == "integrator":
+            return "asked for"
+        why = self.obstacle or ("derivatives come from the integrator" if gradients else "")
+        if method == "modal" and why:
+            raise ScenarioError(
+                f"there is no modal solution: {why}. Leave 'method' at 'auto'.",
+                f"{self.wiring.network.title}, {self.wiring.scenario.title}",
+            )
+        if why or method == "modal":
+            return why
+        work = self.work(times, end)
+        return (
+            ""
+            if work.modal <= work.integrator
+            else f"an estimated {1e3 * work.modal:.2g} ms by modes, {1e3 * work.integrator:.2g} ms by steps"
+        )
+
+    def work(self, times: Array, end: float) -> Work:
+        """Return what a run to `end` [s] with outputs at times (times,) [s] has to do."""
+        signals = [self.wiring.signals[name] for name in self.wiring.used]
+        tables = [s for s in signals if isinstance(s, Table)]
+        key = (times.size, float(times[:1].sum()), float(times[-1:].sum()), end)
+        if key not in self._grids:
+            grid = np.unique(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
+            gaps = np.diff(grid[(grid >= 0.0) & (grid <= end)])
+            gaps = gaps[gaps > 1e-15 * end]
+            self._grids[key] = gaps.size, max(1, np.unique(gaps.astype(np.float32)).size)
+        stops = sum(s.times.size for s in tables if s.times.size <= (5000 if s.hold else 500))
+        waves = sum(isinstance(s, Sine) for s in signals)
+        return Work(self.problem.nodes, *self._grids[key], times.size, len(tables), waves, stops)
+
+    def run(self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float) -> Exact:
+        """Return temperatures of some nodes at times, from zero to `end` [s]."""
+        return Exact(
+            *_kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), np.ascontiguousarray(times, dtype=float), nodes)
+        )
+
+
+def _obstacle(wiring: Wiring) -> str:
+    """Return what keeps a network from being linear with constant coefficients, in words; empty when nothing does."""
+    s = wiring.structure()
+    named: Mapping[int, str] = {k: name for name, k in wiring.used.items()}
+
+    def moves(place: int) -> bool:
+        k = s["coefficient_input"][place]
+        return k >= 0 and not isinstance(wiring.signals[named[k]], Constant)
+
+    for form, _, _, places, _, name in s["conductors"]:
+        if form == "flow":
+            return f"'{name}' carries heat one way, so the network is not symmetric"
+        if form != "linear":
+            return f"the law of '{name}' is not linear"
+        if moves(places[0]):
+            return f"the conductance of '{name}' changes in time"
+    for form, _, _, _, _, name in s["loads"]:
+        if form != "signal":
+            return f"the power of '{name}' depends on temperature"
+    return ""

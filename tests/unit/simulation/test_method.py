@@ -1,0 +1,85 @@
+"""Which method a run takes, and what it says about it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import ScenarioError, SolverError
+from thermid.model.signal import Table
+
+
+def _model(**law: Any) -> td.Model:
+    link = {"kind": "conduction", "between": ["case", "air"], "conductance": "0.5 [W/K]"} | law
+    return td.model_from_dict(
+        {
+            "title": "Box",
+            "needs": ["air"],
+            "nodes": {"case": {"capacitance": "100 [J/K]"}},
+            "conductors": {"skin": link},
+            "loads": {"heater": {"into": "case", "power": "5 [W]"}},
+        }
+    )
+
+
+def _scenario(**more: Any) -> td.Scenario:
+    return td.Scenario("bench", **({"boundaries": {"air": "290 [K]"}, "start": "290 [K]", "duration": 1000.0} | more))
+
+
+RADIATING = {"kind": "radiation", "emissivity": 0.8, "area": "0.1 [m^2]"}
+
+
+def test_a_linear_network_goes_by_modes() -> None:
+    found = td.simulate(_model(), _scenario())
+    assert found.statistics["method"] == "modal"
+    assert found["case"].kelvin == pytest.approx(290 + 10 * -np.expm1(-found.times / 200), abs=1e-11)
+
+
+def test_the_integrator_can_be_asked_for() -> None:
+    found = td.simulate(_model(), _scenario(), options=td.Options(method="integrator"))
+    assert (found.statistics["method"], found.statistics["reason"]) == ("integrator", "asked for")
+
+
+@pytest.mark.parametrize(
+    ("model", "scenario", "why"),
+    [
+        (_model(conductance=None, **RADIATING), _scenario(), "the law of 'skin' is not linear"),
+        (
+            _model(),
+            _scenario(schedule={"skin.conductance": {"times": ["0 [s]", "500 [s]"], "values": ["0.5 [W/K]", "1 [W/K]"], "hold": True}}),
+            "the conductance of 'skin' changes in time",
+        ),
+    ],
+)
+def test_what_has_no_modes_is_refused_in_words(model: td.Model, scenario: td.Scenario, why: str) -> None:
+    found = td.simulate(model, scenario)
+    assert (found.statistics["method"], found.statistics["reason"]) == ("integrator", why)
+    with pytest.raises(ScenarioError, match=why):
+        td.simulate(model, scenario, options=td.Options(method="modal"))
+
+
+def test_other_reasons() -> None:
+    simulator = td.prepare(_model(), _scenario(), ["skin.conductance"])
+    assert simulator.run().statistics["method"] == "modal"
+    assert simulator.run(sensitivities=True).statistics["reason"] == "derivatives come from the integrator"
+    with pytest.raises(ScenarioError, match="no method 'exact'"):
+        td.simulate(_model(), _scenario(), options=td.Options(method="exact"))
+
+
+def test_irregular_samples_are_left_to_the_integrator() -> None:
+    """Every stretch of another length needs exponentials of its own."""
+    rng = np.random.default_rng(5)
+    times = np.sort(rng.uniform(0.0, 1000.0, 20000))
+    jitter = Table(times, 290 + rng.standard_normal(times.size))
+    regular = Table(np.linspace(0.0, 1000.0, 1001), 290 + rng.standard_normal(1001))
+    found = [td.simulate(_model(), _scenario(boundaries={"air": table})) for table in (jitter, regular)]
+    assert "by modes" in found[0].statistics["reason"]
+    assert found[1].statistics["method"] == "modal"
+
+
+def test_a_failure_says_where_and_when() -> None:
+    with pytest.raises(SolverError, match=r"runs away at 1000 s of 1000 s at 'case'"):
+        td.simulate(_model(), _scenario(loads={"heater": "-300 [W]"}), times=[1.0, 1000.0])

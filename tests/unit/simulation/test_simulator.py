@@ -1,0 +1,81 @@
+"""One simulator, many runs: values, sensitivities and names."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import DeckError, NameNotFoundError
+
+DECK = {
+    "title": "pair",
+    "needs": ["room"],
+    "nodes": {"hot": {"capacitance": "200 [J/K]"}, "cold": {"capacitance": "300 [J/K]"}, "seam": {}},
+    "conductors": {
+        "left": {"kind": "conduction", "between": ["hot", "seam"], "conductance": "2 [W/K]"},
+        "right": {"kind": "conduction", "between": ["seam", "cold"], "conductance": "3 [W/K]"},
+        "gap": {"kind": "conduction", "between": ["seam", "room"], "conductance": "0.1 [W/K]"},
+    },
+    "surfaces": {"skin": {"of": "cold", "to": "room", "area": "0.05 [m^2]", "htc": "8 [W/(m^2 K)]", "emissivity": 0.8}},
+    "loads": {"heater": {"into": "hot", "power": "5 [W]"}},
+    "aliases": {"warm": "hot"},
+}
+ROOM = td.Scenario("room", boundaries={"room": "20 [degC]"}, start="room", duration="1 [h]")
+FREE = ("left.conductance", "skin.htc", "room", "initial.hot", "scale.heater")
+
+
+@pytest.fixture(scope="module")
+def simulator() -> td.Simulator:
+    return td.prepare(td.model_from_dict(DECK), ROOM, FREE, every=600.0)
+
+
+def test_without_values_it_is_a_plain_run(simulator: td.Simulator) -> None:
+    plain = td.simulate(td.model_from_dict(DECK), ROOM, every=600.0)
+    assert np.array_equal(simulator.run().temperatures, plain.temperatures)
+    assert dict(simulator.nominal) == {
+        "left.conductance": 2.0,
+        "skin.htc": 8.0,
+        "room": pytest.approx(293.15),
+        "initial.hot": pytest.approx(293.15),
+        "scale.heater": 1.0,
+    }
+
+
+def test_values_act_as_in_a_changed_model(simulator: td.Simulator) -> None:
+    changed = {**DECK, "loads": {"heater": {"into": "hot", "power": "10 [W]"}}}
+    changed["surfaces"] = {"skin": {**DECK["surfaces"]["skin"], "htc": "11 [W/(m^2 K)]"}}
+    expected = td.simulate(td.model_from_dict(changed), ROOM.with_(initial={"hot": "30 [degC]"}), every=600.0)
+    found = simulator.run({"skin.htc": 11.0, "scale.heater": 2.0, "initial.warm": 303.15})
+    assert np.abs(found.temperatures - expected.temperatures).max() < 1e-9
+
+
+@pytest.mark.parametrize("node", ["hot", "cold", "seam", "room"])
+@pytest.mark.parametrize("name", FREE)
+def test_sensitivities_are_slopes(simulator: td.Simulator, node: str, name: str) -> None:
+    found = simulator.run(sensitivities=True).sensitivity(node, name)
+    here, step = simulator.nominal[name], 1e-3 * max(abs(simulator.nominal[name]), 1.0)
+    low, high = (simulator.run({name: here + sign * step})[node].kelvin for sign in (-1.0, 1.0))
+    assert found == pytest.approx((high - low) / (2 * step), rel=2e-4, abs=2e-4)
+
+
+def test_a_solution_without_sensitivities_says_how_to_get_them(simulator: td.Simulator) -> None:
+    with pytest.raises(NameNotFoundError, match=r"ask for them with run\(sensitivities=True\)"):
+        simulator.run().sensitivity("hot", "skin.htc")
+    with pytest.raises(NameNotFoundError, match=r"no sensitivity to 'gap\.conductance': it has those of left\.conductance"):
+        simulator.run(sensitivities=True).sensitivity("hot", "gap.conductance")
+
+
+def test_only_free_names_take_values(simulator: td.Simulator) -> None:
+    with pytest.raises(NameNotFoundError, match=r"'right\.conductance' was not freed when the simulator was prepared"):
+        simulator.run({"right.conductance": 1.0})
+    with pytest.raises(NameNotFoundError, match=r"Did you mean 'skin\.htc'"):
+        simulator.run({"skin.hct": 1.0})
+
+
+def test_names_are_checked_when_it_is_prepared() -> None:
+    with pytest.raises(NameNotFoundError, match=r"no parameter 'skin\.hct'"):
+        td.prepare(td.model_from_dict(DECK), ROOM, ["skin.hct"])
+    derived = {**DECK, "parameters": {"side": "0.2 [m]", "face": "side**2"}}
+    with pytest.raises(DeckError, match="'face' is derived"):
+        td.prepare(td.model_from_dict(derived), ROOM, ["face"])
