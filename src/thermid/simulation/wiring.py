@@ -184,9 +184,7 @@ class Wiring:
             return self._constant(boundary)
         return given[boundary] if isinstance(self.signals[f"boundary {boundary}"], Constant) else given[boundary] + 0.0
 
-    def _coefficients(
-        self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], given: Mapping[str, Number]
-    ) -> list[Number]:
+    def _coefficients(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> list[Number]:
         """Return all coefficients in the order in which the structure names them."""
         out: list[Number] = [c for c in reduced.capacitances.values() if c is not None]
         for b, shift in offsets.items():
@@ -197,7 +195,9 @@ class Wiring:
         for load in numbers.loads:
             if load.node not in self.network.boundaries:
                 powered = load.signal.startswith("load ")
-                out += (self._power(load.name, load.coefficients[0], numbers, given), *load.coefficients[1:]) if powered else load.coefficients
+                out += (
+                    (self._power(load.name, load.coefficients[0], numbers, given), *load.coefficients[1:]) if powered else load.coefficients
+                )
         return out
 
     def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> dict[str, Any]:
