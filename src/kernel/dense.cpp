@@ -14,6 +14,7 @@ double Integrator::input_error() {
     if (!settles(fast_)) make_slaved(fast_, 0.0);  // a fast group that is cut off from the others does not follow them
     if (!leftover_) {
         for (Noise& z : noise_) z.active = false;
+        std::copy(drift_.begin(), drift_.end(), drift_next_.begin());
         return 0.0;
     }
     if (!fast_.nodes.empty()) factor_slaved(fast_, J0_.data());
@@ -32,23 +33,37 @@ double Integrator::input_error() {
         double big = 0.0;
         for (int i = 0; i < n_; ++i) big = std::max(big, std::fabs(bb_[i]));
         total += big * 0.25 * h_ * worst_[k];
-        if (const double bend = curvature(k); bend > 0.0) total += bend * in_[k].mean_square(p_.inputs[k], t_, end_, hint_[k]);
     }
-    return total;
+    return total + curvature();
 }
 
-// Steady offset per mean square of the left-over of input k, through the curvature of the laws at its boundaries: |f_uu| / 2 |J|.
-double Integrator::curvature(int k) const {
-    double worst = 0.0;
+// What the curvature of the laws at the inputs' boundaries makes of the mean square of what is left over: each node drifts towards
+// |f_uu| / 2 |J| of it, with its own time constant. The largest drift at the step's end.
+double Integrator::curvature() {
+    std::fill(bend_.begin(), bend_.end(), 0.0);
+    const Conductors& c = p_.con;
     for (const Entry& e : con_u_) {
-        if (e.what < 4 || p_.coef_input[e.coef] != k) continue;
-        const int r = e.row, kind = p_.con.kind[r], a = p_.con.a[r], b = p_.con.b[r], node = e.what == 4 ? b : a;
-        if (kind == LINEAR || kind == FLOW || node >= n_) continue;
-        const double g = coef_[e.coef];
-        const auto x = conductor<Dual>(kind, Dual(e_.t[a], e.what == 4 ? g : 0.0), Dual(e_.t[b], e.what == 5 ? g : 0.0), e_.ceff[p_.con.c0[r]],
-                                       e_.ceff[p_.con.c1[r]], p_.con.table[r] >= 0 ? &p_.tables[p_.con.table[r]] : nullptr);
-        const double second = g * (e.what == 4 ? x.qa.e : x.qb.e), own = std::fabs(J0_[static_cast<size_t>(node) * n_ + node]);
-        if (own > 0.0) worst = std::max(worst, 0.5 * std::fabs(second) / own);
+        const int k = p_.coef_input[e.coef], r = e.row, kind = c.kind[r], node = e.what == 4 ? c.b[r] : c.a[r];
+        if (e.what < 4 || kind == LINEAR || kind == FLOW || node >= n_ || !noise_[k].active) continue;
+        const double g = coef_[e.coef], ta = e_.t[c.a[r]], tb = e_.t[c.b[r]];
+        double second;  // d^2 q / d end^2
+        if (kind == RADIATION) {
+            second = 12.0 * e_.ceff[c.c0[r]] * (e.what == 4 ? ta * ta : tb * tb);
+        } else if (kind == POWER) {
+            const double d = ta - tb, x = d * d + SMOOTH2, m = e_.ceff[c.c1[r]];
+            second = e_.ceff[c.c0[r]] * m * e_.phi[r] / x * (3.0 + (m - 2.0) * d * d / x);
+        } else {
+            const auto x = conductor<Dual>(kind, Dual(ta, e.what == 4), Dual(tb, e.what == 5), e_.ceff[c.c0[r]], 0.0, &p_.tables[c.table[r]]);
+            second = e.what == 4 ? x.qa.e : x.qb.e;
+        }
+        bend_[node] += 0.5 * std::fabs(second) * g * g * in_[k].variance;
+    }
+    double worst = 0.0;
+    for (int i = 0; i < n_; ++i) {
+        const double own = h_ * std::fabs(J0_[p_.pattern.diag[i]]);
+        // (h / C) bend / (1 + h |J| / C): at once for a massless node, and towards bend / |J|
+        drift_next_[i] = (cap_[i] * drift_[i] + h_ * bend_[i]) / std::max(cap_[i] + own, 1e-300);
+        worst = std::max(worst, drift_next_[i]);
     }
     return worst;
 }
@@ -75,9 +90,9 @@ void Integrator::dense_start() {
 
 // After an accepted step: derivatives at its end and the polynomials of every node.
 void Integrator::dense(bool inside) {
-    const size_t n = n_, np = np_, m = n * np;
+    const size_t n = n_, np = np_;
     if (!inside) return;
-    e_.jacobian(J1_.data());
+    e_.slopes(J1_.data());
     for (int i = 0; i < n_; ++i) d1_[i] = cap_[i] > 0.0 ? F_[(STAGES - 1) * n + i] / cap_[i] : 0.0;
     std::fill(g_.begin(), g_.end(), 0.0);
     if (nk_ > 0) {
@@ -192,44 +207,6 @@ void Integrator::write(double s, const int* obs, int nobs, long k) {
     double* out = r_->traces + static_cast<size_t>(k) * nobs;
     nodes_at(s, true);
     for (int j = 0; j < nobs; ++j) out[j] = eo_.t[obs[j]];
-}
-
-// Many rows of outputs of nodes with a delay: weights (rows, terms) times terms (terms, observed).
-void Integrator::write_block(const double* times, long first, long last, const int* obs, int nobs) {
-    int terms = STAGES;
-    const size_t stride = padded(nobs);
-    for (const Noise& z : noise_) terms += z.active ? 4 : 0;
-    auto fill = [&](int row, const double* v) {
-        for (int j = 0; j < nobs; ++j) block_[row * stride + j] = v[obs[j]];
-    };
-    block_.resize((STAGES + 4 * static_cast<size_t>(nk_)) * stride);
-    for (int m = 0; m < STAGES; ++m) fill(m, poly_.data() + m * static_cast<size_t>(n_));
-    int at = STAGES;
-    for (const Noise& z : noise_)
-        if (z.active)
-            for (const auto* v : {&z.b, &z.db, &z.c, &z.aab}) fill(at++, v->data());
-    constexpr long CHUNK = 64;
-    blend_.resize(CHUNK * (STAGES + 4 * static_cast<size_t>(nk_)));
-    for (long k = first; k < last; k += CHUNK) {
-        const long m = std::min(CHUNK, last - k);
-        for (long r = 0; r < m; ++r) {
-            const double s = times[k + r] == end_ ? h_ : times[k + r] - t_, x = s / h_;
-            double* w = blend_.data() + r * terms;
-            w[0] = 1.0;
-            for (int i = 1; i < STAGES; ++i) w[i] = w[i - 1] * x;
-            w += STAGES;
-            move_cursors(s);
-            for (const Noise& z : noise_) {
-                if (!z.active) continue;
-                w[0] = z.w;
-                w[1] = s * z.w;
-                w[2] = z.ww;
-                w[3] = z.www;
-                w += 4;
-            }
-        }
-        blend(r_->traces + static_cast<size_t>(k) * nobs, blend_.data(), static_cast<int>(m), block_.data(), terms, nobs);
-    }
 }
 
 void Integrator::write_sensitivity(double s, const int* obs, int nobs, bool plain, long k) {

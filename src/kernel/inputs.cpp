@@ -8,6 +8,12 @@ namespace thermid {
 
 namespace {
 constexpr double TWO_PI = 6.283185307179586476925;
+
+// Integral of the square of a straight line.
+double line_square(double length, double u, double slope) {
+    const double d = slope * length;
+    return length * (u * (u + d) + d * d / 3.0);
+}
 }
 
 void Input::set_samples(const double* times, const double* values, int m) {
@@ -23,11 +29,35 @@ void Input::set_samples(const double* times, const double* values, int m) {
         seg.push_back({times[i], u, s});
     }
     block.clear();
+    block_square.clear();
     for (size_t b = 0; (b + 1) * BLOCK < seg.size(); ++b) {
         Integrals total;
-        for (size_t i = b * BLOCK; i < (b + 1) * BLOCK; ++i) total.append_line(seg[i + 1].t - seg[i].t, seg[i].u, seg[i].s);
+        double square = 0.0;
+        for (size_t i = b * BLOCK; i < (b + 1) * BLOCK; ++i) {
+            const double l = seg[i + 1].t - seg[i].t;
+            total.append_line(l, seg[i].u, seg[i].s);
+            square += line_square(l, seg[i].u, seg[i].s);
+        }
         block.push_back(total);
+        block_square.push_back(square);
     }
+}
+
+double Input::square(double t0, int i0, double t1, int i1) const {
+    double total = 0.0, from = t0;
+    for (int i = i0; i <= i1;) {
+        if (i >= 0 && i % BLOCK == 0 && i + BLOCK <= i1 && from == seg[i].t) {
+            total += block_square[i / BLOCK];
+            i += BLOCK;
+            from = seg[i].t;
+            continue;
+        }
+        const double to = i < i1 ? seg[i + 1].t : t1;
+        total += i < 0 ? line_square(to - from, seg[0].u, 0.0) : line_square(to - from, seg[i].u + seg[i].s * (from - seg[i].t), seg[i].s);
+        from = to;
+        ++i;
+    }
+    return total;
 }
 
 int Input::segment(double t, int hint) const {
@@ -85,20 +115,62 @@ void Cursor::begin(const Input* input, double t) {
 }
 
 void Cursor::advance(double t) {
-    const auto& seg = in_->seg;
-    const int m = static_cast<int>(seg.size());
-    while (next_ <= t) {
-        const int jump = seg_ + Input::BLOCK;
-        if (seg_ >= 0 && seg_ % Input::BLOCK == 0 && jump < m && from_ == seg[seg_].t && seg[jump].t <= t) {
-            const Integrals& b = in_->block[seg_ / Input::BLOCK];
-            base_.append(seg[jump].t - from_, b.i1, b.i2, b.i3);
-            seg_ = jump;
+    const Input::Segment* seg = in_->seg.data();
+    const int m = static_cast<int>(in_->seg.size());
+    int k = seg_;
+    double from = from_, next = next_, u = u_, s = s_;
+    Integrals base = base_;
+    while (next <= t) {
+        const int jump = k + Input::BLOCK;
+        if (k >= 0 && k % Input::BLOCK == 0 && jump < m && seg[jump].t <= t && from == seg[k].t) {
+            const Integrals& b = in_->block[k / Input::BLOCK];
+            base.append(seg[jump].t - from, b.i1, b.i2, b.i3);
+            k = jump;
         } else {
-            base_.append_line(next_ - from_, u_, s_);
-            ++seg_;
+            base.append_line(next - from, u, s);
+            ++k;
         }
-        enter(seg[seg_].t);
+        from = seg[k].t;
+        u = seg[k].u;
+        s = seg[k].s;
+        next = k + 1 < m ? seg[k + 1].t : std::numeric_limits<double>::infinity();
     }
+    seg_ = k;
+    from_ = from;
+    next_ = next;
+    u_ = u;
+    s_ = s;
+    base_ = base;
+}
+
+void Cursor::move(const double* t, int rows, double* sums, int stride) {
+    // As above, in registers: most often every time is a knot.
+    const Input::Segment* seg = in_->seg.data();
+    const int m = static_cast<int>(in_->seg.size());
+    int k = seg_;
+    double from = from_, next = next_, u = u_, s = s_;
+    Integrals base = base_;
+    for (int r = 0; r < rows; ++r) {
+        while (next <= t[r]) {
+            base.append_line(next - from, u, s);
+            from = next;
+            ++k;
+            u = seg[k].u;
+            s = seg[k].s;
+            next = k + 1 < m ? seg[k + 1].t : std::numeric_limits<double>::infinity();
+        }
+        Integrals here = base;
+        if (t[r] != from) here.append_line(t[r] - from, u, s);
+        sums[r] = here.i1;
+        sums[stride + r] = here.i2;
+        sums[2 * stride + r] = here.i3;
+    }
+    seg_ = k;
+    from_ = from;
+    next_ = next;
+    u_ = u;
+    s_ = s;
+    base_ = base;
 }
 
 double StepInput::project(const Input& input, double t, double end, int& hint) {
@@ -108,6 +180,7 @@ double StepInput::project(const Input& input, double t, double end, int& hint) {
     const int m = static_cast<int>(input.seg.size());
     p2 = 0.0;
     exact = i + 1 >= m || input.seg[i + 1].t >= end;
+    variance = 0.0;
     if (exact) {
         p0 = i < 0 ? input.seg[0].u : input.seg[i].u + input.seg[i].s * (t - input.seg[i].t);
         p1 = i < 0 ? 0.0 : input.seg[i].s;
@@ -126,23 +199,11 @@ double StepInput::project(const Input& input, double t, double end, int& hint) {
     p0 = a0 - a1 + a2;
     p1 = (2.0 * a1 - 6.0 * a2) / h;
     p2 = 6.0 * a2 / (h * h);
+    // What is left is orthogonal to the polynomial.
+    variance = std::max(0.0, input.square(t, i, end, c.segment()) / h - a0 * a0 - a1 * a1 / 3.0 - a2 * a2 / 5.0);
     double worst = 0.0;
     for (int k = 0; k < 3; ++k) worst = std::max(worst, std::fabs(www(0.25 * (k + 1) * h, at[k])));
     return worst;
-}
-
-double StepInput::mean_square(const Input& input, double t, double end, int segment) const {
-    const auto& seg = input.seg;
-    const int m = static_cast<int>(seg.size());
-    double total = 0.0, from = t;
-    for (int i = segment; from < end; ++i) {
-        const double to = i + 1 < m ? std::min(seg[i + 1].t, end) : end, slope = i < 0 ? 0.0 : seg[i].s;
-        const double u = i < 0 ? seg[0].u : seg[i].u + slope * (from - seg[i].t), s = from - t, l = to - from;
-        const double a = u - (at(s) - base), b = u + 0.5 * slope * l - (at(s + 0.5 * l) - base), c = u + slope * l - (at(s + l) - base);
-        total += l * (a * a + 4.0 * b * b + c * c) / 6.0;
-        from = to;
-    }
-    return total / (end - t);
 }
 
 }  // namespace thermid

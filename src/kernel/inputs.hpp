@@ -36,8 +36,11 @@ class Input {
 
     struct Segment { double t, u, s; };
     std::vector<Segment> seg;  // u is relative to mean
-    static constexpr int BLOCK = 16;
+    static constexpr int BLOCK = 8;
     std::vector<Integrals> block;  // of each full block of segments
+    std::vector<double> block_square;
+    // Integral of the square (relative to mean) over [t0, t1], which start in the segments i0 and i1.
+    double square(double t0, int i0, double t1, int i1) const;
 };
 
 // Walks a sampled input forward from a start time, keeping the integrals since then.
@@ -48,10 +51,15 @@ class Cursor {
         if (next_ <= t) advance(t);
         const double l = t - from_;
         sum = base_;
+        level_ = u_;
+        if (l == 0.0) return;
         sum.append_line(l, u_, s_);
         level_ = u_ + s_ * l;
     }
+    // To many later times, one after the other: sums (3, stride) there.
+    void move(const double* t, int rows, double* sums, int stride);
     double value() const { return in_->mean + level_; }
+    int segment() const { return seg_; }
     Integrals sum;
 
   private:
@@ -67,6 +75,7 @@ class Cursor {
 struct StepInput {
     double base = 0.0, p0 = 0.0, p1 = 0.0, p2 = 0.0;
     bool exact = true;  // the polynomial is the input itself
+    double variance = 0.0;  // mean square of what is left over
     double at(double s) const { return base + p0 + s * (p1 + s * p2); }
     double slope(double s) const { return p1 + 2.0 * s * p2; }
     // Integrals of what is left over, at s, given those of the input (relative to base).
@@ -75,8 +84,6 @@ struct StepInput {
     double www(double s, const Integrals& i) const { return i.i3 - s * s * s * (p0 / 6.0 + s * (p1 / 24.0 + s * p2 / 60.0)); }
     // Projects over [t, end]; returns the largest |www| seen inside.
     double project(const Input& input, double t, double end, int& hint);
-    // Mean square of what is left over, by Simpson's rule on each straight piece.
-    double mean_square(const Input& input, double t, double end, int segment) const;
 };
 
 }  // namespace thermid

@@ -2,34 +2,42 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <string>
 
 namespace thermid {
 
 Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian& d, const Options& o)
     : p_(p), coef_(coef), d_(d), o_(o), n_(p.n), np_(d.np), nk_(static_cast<int>(p.inputs.size())), e_(p, coef), eo_(p, coef), second_(p) {
+    if (n_ > Problem::LARGEST) throw std::invalid_argument("this integrator takes at most " + std::to_string(Problem::LARGEST) + " unknown nodes");
     const size_t n = n_, np = np_, m = n * np, rows = p.con.size(), loads = p.load.size();
+    auto moves = [&](int c) { return p.coef_input[c] >= 0 && p.inputs[p.coef_input[c]].kind != CONSTANT; };
     for (const Entry& e : p.con_entry) {
         if (d.any(e.coef)) con_p_.push_back(e);
-        if (p.coef_input[e.coef] >= 0) con_u_.push_back(e);
+        if (moves(e.coef)) con_u_.push_back(e);
     }
     for (const Entry& e : p.load_entry) {
         // Thresholds act through the switching instant only.
         if (p.load.kind[e.row] == THERMOSTAT && e.what != 0) continue;
         if (d.any(e.coef)) load_p_.push_back(e);
-        if (p.coef_input[e.coef] >= 0) load_u_.push_back(e);
+        if (moves(e.coef)) load_u_.push_back(e);
     }
     for (int k : p.con.kind) curved_ |= k != LINEAR && k != FLOW;
     for (int k : p.load.kind) curved_ |= k != SIGNAL && k != THERMOSTAT;
-    cap_.assign(n, 0.0);
+    for (auto* v : {&cap_, &inv_cap_}) v->assign(n, 0.0);
     for (int i = 0; i < n_; ++i)
-        if (p.capacity[i] >= 0) cap_[i] = coef[p.capacity[i]];
-    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &delta_, &guess_, &err_, &g_, &dir_, &bb_, &xa_}) v->assign(n, 0.0);
+        if (p.capacity[i] >= 0) {
+            cap_[i] = coef[p.capacity[i]];
+            inv_cap_[i] = 1.0 / cap_[i];
+        }
+    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &bend_, &drift_, &drift_next_, &guess_, &err_, &g_, &dir_, &bb_, &xa_}) v->assign(n, 0.0);
     for (auto* v : {&S_, &S1_, &CS_, &comb_, &sd0_, &sd1_, &sdd0_, &sdd1_, &G_, &dirS_, &fp_, &SO_}) v->assign(m, 0.0);
-    F_.assign(STAGES * n, 0.0);
+    delta_.assign(p.nodes(), 0.0);  // boundaries stay where they are
+    for (auto* v : {&F_, &beyond_}) v->assign(STAGES * n, 0.0);
     FS_.assign(STAGES * m, 0.0);
     poly_.assign(STAGES * n, 0.0);
-    for (auto* v : {&J0_, &J1_, &row_}) v->assign(n * n, 0.0);
-    for (auto* v : {&worst_, &uder0_, &uder1_, &unit_}) v->assign(nk_, 0.0);
+    for (auto* v : {&J0_, &J1_, &row_}) v->assign(p.pattern.size(), 0.0);
+    for (auto* v : {&worst_, &uder0_, &uder1_, &unit_, &u0_}) v->assign(nk_, 0.0);
     fu_.assign(nk_ * n, 0.0);
     in_.resize(nk_);
     hint_.assign(nk_, -1);
@@ -40,7 +48,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         for (auto* v : {&noise_[k].b, &noise_[k].ab, &noise_[k].aab, &noise_[k].db, &noise_[k].c}) v->assign(n, 0.0);
         for (auto* v : {&noise_[k].sb, &noise_[k].sc}) v->assign(m, 0.0);
     }
-    lu_.resize(n_);
+    lu_.resize(p.pattern, p.elimination);
     for (auto* v : {&acc_con_, &E_con_}) v->assign(rows, 0.0);
     for (auto* v : {&acc_load_, &E_load_}) v->assign(loads, 0.0);
     rows_.assign(8 + 2 * nk_, nullptr);
@@ -83,7 +91,7 @@ void Integrator::underflow(int cause) const {
     // Growth that feeds itself: a node that warms and whose heat rises with its own temperature.
     int node = -1;
     for (int i = 0; i < n_; ++i)
-        if (cap_[i] > 0.0 && J0_[i * n_ + i] > 0.0 && d0_[i] > 0.0 && (node < 0 || d0_[i] > d0_[node])) node = i;
+        if (cap_[i] > 0.0 && J0_[p_.pattern.diag[i]] > 0.0 && d0_[i] > 0.0 && (node < 0 || d0_[i] > d0_[node])) node = i;
     if (node >= 0) throw Failure{RUN_AWAY, node};
     throw Failure{cause, worst(cause == STEP_UNDERFLOW ? err_ : delta_)};
 }
@@ -91,7 +99,7 @@ void Integrator::underflow(int cause) const {
 double Integrator::first_step(double span) const {
     double a = 0.0, b = 0.0;
     for (int i = 0; i < n_; ++i)
-        if (cap_[i] > -1e-3 * span * J0_[i * n_ + i]) {
+        if (cap_[i] > -1e-3 * span * J0_[p_.pattern.diag[i]]) {
             a = std::max(a, std::fabs(d0_[i]));
             b = std::max(b, std::fabs(dd0_[i]));
         }
@@ -117,6 +125,8 @@ void Integrator::initial(const double* s0, Outputs& out) {
     if (!massless_.nodes.empty() && !p_.thermostats.empty()) solve_slaved(massless_, eo_);
     std::copy(eo_.t.begin(), eo_.t.begin() + n_, T_.begin());
     e_.t = eo_.t;
+    e_.u = eo_.u;
+    e_.set_inputs();
     low_ = high_ = T_[0];
     seen();
     if (np_ > 0) {
@@ -270,6 +280,7 @@ void Integrator::advance(double t_end, Outputs& out) {
             continue;
         }
         ++r_->steps;
+        drift_.swap(drift_next_);
         if (clipped_) next = std::max(next, wish);
         emit(out);
         if (o_.energy) {

@@ -40,6 +40,7 @@ struct Failure { int status, node; };
 struct Slaved {
     std::vector<int> nodes, con_rows, load_rows;
     std::vector<char> is;
+    std::vector<int> place;  // of a node among them
     std::vector<Entry> con_p, load_p;
     Lu lu;
     bool factored = false;
@@ -65,7 +66,7 @@ class Integrator {
     Result* r_ = nullptr;
     int n_, np_, nk_;
     std::vector<Entry> con_p_, load_p_, con_u_, load_u_;  // entries of parameters, of inputs
-    std::vector<double> cap_;
+    std::vector<double> cap_, inv_cap_;      // 0 for massless nodes
     Evaluation e_, eo_;  // for the stages; for the outputs
     SecondOrder second_;
 
@@ -74,11 +75,13 @@ class Integrator {
     std::vector<double> T_, S_, T1_, S1_;
     std::vector<StepInput> in_;
     std::vector<int> hint_;
+    std::vector<double> bend_, drift_, drift_next_;  // by the laws' curvature: W/K^2 mean squares, K so far, K after the step
     std::vector<double> worst_, uder0_, uder1_;
     bool leftover_ = false;                       // some input is not exact over the step
+    std::vector<double> beyond_, u0_;             // heats beyond the tangent at the start (6, n); the inputs there
     std::vector<double> F_, FS_, CS_, comb_;      // stage heats (6, n), their sensitivities (6, n, np)
     std::vector<double> J0_, J1_, d0_, d1_, dd0_, dd1_, sd0_, sd1_, sdd0_, sdd1_, fu_, g_, G_, dirS_, unit_, dir_, bb_, base_, delta_, guess_, err_;
-    Lu lu_;
+    SparseLu lu_;
     double rho_ = 0.1, last_size_ = 0.0;  // of the Newton iteration: contraction, last change
     // fast_: solved at outputs, since rounding would show in their dT/dt (1e-8 of the step), or the left-over of an input
     // reaches them undelayed (1e-4). quick_: slaved in second derivatives (1e-4).
@@ -97,6 +100,7 @@ class Integrator {
     void project();
     void start(bool first);
     bool stages();
+    void guess(int s);
     bool newton(int s);
     void stage_sensitivity(int s);
     double error();
@@ -111,6 +115,7 @@ class Integrator {
     bool settles(Slaved& s);
     void index_slaved(Slaved& s);
     void factor_slaved(Slaved& s, const double* j);
+    void fill_slaved(Slaved& s, const double* j);
     void solve_slaved(Slaved& s, Evaluation& e, const double* heat = nullptr);
     void slaved_rows(const Slaved& s, Evaluation& e) const;
     void slaved_jacobian(const Slaved& s, const Evaluation& e, double* j) const;
@@ -119,7 +124,6 @@ class Integrator {
     void rate(Slaved& s, const double* j, const double* g, double* dir, double* out);
     void rate_sensitivity(Slaved& s, Evaluation& e, const double* j, const double* dir_t, const double* dir_u, const double* S,
                           double* dirS, const double* rate, double* out);
-    void times(const double* j, const double* x, double* y) const;
     void capacity_term(double* y, const double* v, double scale) const;
 
     // dense.cpp
@@ -128,7 +132,7 @@ class Integrator {
     std::vector<Cursor> cursor_;
     double at_ = 0.0;
     double input_error();
-    double curvature(int k) const;
+    double curvature();
     void dense(bool inside);
     void move_cursors(double s);
     void nodes_at(double s, bool slaved);
@@ -137,11 +141,13 @@ class Integrator {
     void dense_start();
     void slope_sensitivity(int stage, const std::vector<double>& slope, std::vector<double>& out);
     // Second derivatives serve the dense output; of a stiff node they would only amplify its error.
-    bool gentle(int i) const { return cap_[i] > -0.1 * h_ * J0_[static_cast<size_t>(i) * n_ + i]; }
+    bool gentle(int i) const { return cap_[i] > -0.1 * h_ * J0_[p_.pattern.diag[i]]; }
     void write(double s, const int* obs, int nobs, long k);
-    void write_block(const double* times, long first, long last, const int* obs, int nobs);
-    std::vector<double> block_, blend_;
+    std::vector<double> block_;
     void write_sensitivity(double s, const int* obs, int nobs, bool plain, long k);
+
+    // traces.cpp
+    void write_block(const double* times, long first, long last, const int* obs, int nobs);
 
     // events.cpp
     std::vector<double> samples_, when_, rates_;

@@ -7,12 +7,38 @@
 namespace thermid {
 
 THERMID_CLONES void combine(double* THERMID_RESTRICT out, const double* const* rows, const double* w, int k, int m) {
-    for (int i = 0; i < m; ++i) out[i] = w[0] * rows[0][i];
-    for (int r = 1; r < k; ++r) {
-        const double a = w[r];
-        if (a == 0.0) continue;
-        const double* THERMID_RESTRICT x = rows[r];
-        for (int i = 0; i < m; ++i) out[i] += a * x[i];
+    int i = 0;
+    for (; i + 16 <= m; i += 16) {
+        Four a = {}, b = {}, c = {}, d = {};
+        for (int r = 0; r < k; ++r) {
+            const Four* x = reinterpret_cast<const Four*>(rows[r] + i);
+            a += w[r] * x[0];
+            b += w[r] * x[1];
+            c += w[r] * x[2];
+            d += w[r] * x[3];
+        }
+        std::memcpy(out + i, &a, sizeof a);
+        std::memcpy(out + i + 4, &b, sizeof b);
+        std::memcpy(out + i + 8, &c, sizeof c);
+        std::memcpy(out + i + 12, &d, sizeof d);
+    }
+    for (; i < m; ++i) {
+        double sum = 0.0;
+        for (int r = 0; r < k; ++r) sum += w[r] * rows[r][i];
+        out[i] = sum;
+    }
+}
+
+THERMID_CLONES void scale_rows(double* THERMID_RESTRICT b, const double* THERMID_RESTRICT a, int n, int m) {
+    for (int i = 0; i < n; ++i, b += m)
+        for (int q = 0; q < m; ++q) b[q] *= a[i];
+}
+
+THERMID_CLONES void difference(double* THERMID_RESTRICT y, const double* THERMID_RESTRICT a, const double* THERMID_RESTRICT x,
+                               const double* THERMID_RESTRICT b, const double* THERMID_RESTRICT z, int n, int m) {
+    for (int i = 0; i < n; ++i, y += m, x += m, z += m) {
+        const double s = a[i], t = b[i];
+        for (int q = 0; q < m; ++q) y[q] = s * x[q] - t * z[q];
     }
 }
 

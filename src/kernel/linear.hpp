@@ -6,7 +6,11 @@
 #include <vector>
 
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__)
-#define THERMID_CLONES __attribute__((target_clones("avx512f", "avx2,fma", "default")))
+#if __GNUC__ >= 12
+#define THERMID_CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else
+#define THERMID_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#endif
 #else
 #define THERMID_CLONES
 #endif
@@ -24,6 +28,9 @@ void combine(double* out, const double* const* rows, const double* w, int k, int
 // out (rows, m) = w (rows, k) x (k, padded(m))
 inline int padded(int m) { return (m + 3) / 4 * 4; }
 void blend(double* out, const double* w, int rows, const double* x, int k, int m);
+// Row i of b (n, m) times a[i]; row i of y = a[i] times that of x less b[i] times that of z.
+void scale_rows(double* b, const double* a, int n, int m);
+void difference(double* y, const double* a, const double* x, const double* b, const double* z, int n, int m);
 // y[i] += a * x[i]
 inline void axpy(double* y, double a, const double* x, int m) {
     for (int i = 0; i < m; ++i) y[i] += a * x[i];

@@ -1,7 +1,5 @@
 #include "problem.hpp"
 
-#include "linear.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -93,7 +91,51 @@ void Problem::prepare() {
         if (load.kind[r] == THERMOSTAT) thermostats.push_back(r);
     }
     for (int j = 0; j < nc; ++j)
-        if (coef_input[j] >= 0) timed.push_back(j);
+        if (coef_input[j] >= 0) {
+            timed.push_back(j);
+            if (inputs[coef_input[j]].kind != CONSTANT) moved.push_back(j);
+        }
+    for (size_t k = 0; k < inputs.size(); ++k)
+        if (inputs[k].kind != CONSTANT) moving.push_back(static_cast<int>(k));
+    find_pattern();
+}
+
+void Problem::find_pattern() {
+    if (n > LARGEST) return;
+    std::vector<std::vector<int>> cols(n);
+    for (int r = 0; r < con.size(); ++r) {
+        if (con.a[r] >= n || con.b[r] >= n) continue;
+        cols[con.b[r]].push_back(con.a[r]);
+        if (con.kind[r] != FLOW) cols[con.a[r]].push_back(con.b[r]);
+    }
+    for (int r = 0; r < load.size(); ++r)
+        if (load.sensor[r] < n && load.kind[r] != SIGNAL) cols[load.node[r]].push_back(load.sensor[r]);
+    pattern.build(n, cols);
+    elimination.build(pattern);
+    struct Part { int row, end; double sign; };
+    std::vector<std::vector<Part>> parts(pattern.size());
+    auto add = [&](int i, int j, Part part) {
+        if (i < n && j < n) parts[pattern.at(i, j)].push_back(part);
+    };
+    for (int r = 0; r < con.size(); ++r) {
+        const int a = con.a[r], b = con.b[r];
+        add(b, a, {r, 0, 1.0});
+        add(b, b, {r, 1, 1.0});
+        if (con.kind[r] == FLOW) continue;
+        add(a, a, {r, 0, -1.0});
+        add(a, b, {r, 1, -1.0});
+    }
+    slope_begin.assign(1, 0);
+    for (const auto& list : parts) {
+        for (const Part& x : list) {
+            slope_row.push_back(x.row);
+            slope_end.push_back(x.end);
+            slope_sign.push_back(x.sign);
+        }
+        slope_begin.push_back(static_cast<int>(slope_row.size()));
+    }
+    for (int r = 0; r < load.size(); ++r)
+        load_place.push_back(load.sensor[r] < n && load.kind[r] != SIGNAL ? pattern.at(load.node[r], load.sensor[r]) : -1);
 }
 
 Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&problem), coef(coefficients) {
@@ -104,11 +146,15 @@ Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&
     ceff.push_back(std::numeric_limits<double>::infinity());
     t.assign(p->nodes(), 0.0);
     for (auto* v : {&q, &phi, &qa, &qb}) v->assign(m, 0.0);
-    work.assign(m, 0.0);
     power.assign(l, 0.0);
     slope.assign(l, 0.0);
     on.assign(l, 0);
     f.assign(p->nodes(), 0.0);
+    quarter = true;
+    for (int r = p->kind_begin[POWER]; r < p->kind_begin[POWER + 1]; ++r) {
+        const int c = p->con.c1[r];
+        quarter = quarter && ceff[c] == 0.25 && p->coef_input[c] < 0;
+    }
 }
 
 void Evaluation::set_inputs() {
@@ -116,91 +162,9 @@ void Evaluation::set_inputs() {
     for (int k = 0; k < p->nb; ++k) t[p->n + k] = ceff[p->gain[k]] + ceff[p->offset[k]];
 }
 
-void Evaluation::rows() {
-    const Conductors& c = p->con;
-    const int* first = p->kind_begin;
-    const int *THERMID_RESTRICT a = c.a.data(), *THERMID_RESTRICT b = c.b.data(), *THERMID_RESTRICT c0 = c.c0.data(), *THERMID_RESTRICT c1 = c.c1.data();
-    const double *THERMID_RESTRICT tt = t.data(), *THERMID_RESTRICT ce = ceff.data();
-    double *THERMID_RESTRICT q = this->q.data(), *THERMID_RESTRICT phi = this->phi.data(), *THERMID_RESTRICT qa = this->qa.data(), *THERMID_RESTRICT qb = this->qb.data();
-    double *THERMID_RESTRICT work = this->work.data(), *THERMID_RESTRICT f = this->f.data();
-    for (int r = first[LINEAR]; r < first[POWER]; ++r) {
-        phi[r] = tt[a[r]] - tt[b[r]];
-        qa[r] = ce[c0[r]];
-        qb[r] = -qa[r];
-        q[r] = qa[r] * phi[r];
-    }
-    const int p0 = first[POWER], p1 = first[POWER + 1];
-    bool quarter = true;
-    for (int r = p0; r < p1; ++r) {
-        phi[r] = tt[a[r]] - tt[b[r]];
-        work[r] = phi[r] * phi[r] + SMOOTH2;
-        quarter = quarter && ce[c1[r]] == 0.25;
-    }
-    if (quarter) {
-        for (int r = p0; r < p1; ++r) qa[r] = std::sqrt(std::sqrt(std::sqrt(work[r])));
-    } else {
-        for (int r = p0; r < p1; ++r) qa[r] = thermid::power(work[r], 0.5 * ce[c1[r]]);
-    }
-    for (int r = p0; r < p1; ++r) {
-        const double d = phi[r], g = ce[c0[r]], s = qa[r];
-        phi[r] = d * s;
-        qa[r] = g * s * (1.0 + ce[c1[r]] * d * d / work[r]);
-        qb[r] = -qa[r];
-        q[r] = g * phi[r];
-    }
-    const int r1 = first[RADIATION + 1];
-    for (int r = first[RADIATION]; r < r1; ++r) {
-        const double ta = tt[a[r]], tb = tt[b[r]], a2 = ta * ta, b2 = tb * tb, g = ce[c0[r]];
-        phi[r] = (a2 + b2) * (ta + tb) * (ta - tb);
-        qa[r] = 4.0 * g * a2 * ta;
-        qb[r] = -4.0 * g * b2 * tb;
-        q[r] = g * phi[r];
-    }
-    for (int r = r1; r < c.size(); ++r) {
-        const auto x = conductor<double>(c.kind[r], tt[a[r]], tt[b[r]], ce[c0[r]], 0.0, c.table[r] >= 0 ? &p->tables[c.table[r]] : nullptr);
-        q[r] = x.q;
-        phi[r] = x.phi;
-        qa[r] = x.qa;
-        qb[r] = x.qb;
-    }
-    const int *begin = p->meet_begin.data(), *row = p->meet_row.data();
-    const double* sign = p->meet_sign.data();
-    for (int i = 0; i < p->n; ++i) {
-        double s = 0.0;
-        for (int k = begin[i]; k < begin[i + 1]; ++k) s += sign[k] * q[row[k]];
-        f[i] = s;
-    }
-    const Loads& ld = p->load;
-    for (int r = 0; r < ld.size(); ++r) {
-        if (ld.kind[r] == SIGNAL) {
-            f[ld.node[r]] += power[r] = ce[ld.c[0][r]];
-            continue;
-        }
-        const double cs[4] = {ce[ld.c[0][r]], ce[ld.c[1][r]], ce[ld.c[2][r]], ce[ld.c[3][r]]};
-        const auto x = thermid::load<double>(ld.kind[r], tt[ld.sensor[r]], cs, ld.table[r] >= 0 ? &p->tables[ld.table[r]] : nullptr, on[r]);
-        power[r] = x.p;
-        slope[r] = x.pt;
-        f[ld.node[r]] += x.p;
-    }
-}
-
-void Evaluation::jacobian(double* j) const {
-    const int n = p->n;
-    std::fill(j, j + static_cast<size_t>(n) * n, 0.0);
-    const Conductors& c = p->con;
-    for (int r = 0; r < c.size(); ++r) {
-        const int a = c.a[r], b = c.b[r];
-        if (a < n) {
-            if (c.kind[r] != FLOW) {
-                j[a * n + a] -= qa[r];
-                if (b < n) j[a * n + b] -= qb[r];
-            }
-            if (b < n) j[b * n + a] += qa[r];
-        }
-        if (b < n) j[b * n + b] += qb[r];
-    }
-    for (int r = 0; r < p->load.size(); ++r)
-        if (slope[r] != 0.0 && p->load.sensor[r] < n) j[p->load.node[r] * n + p->load.sensor[r]] += slope[r];
+void Evaluation::move_inputs() {
+    for (int j : p->moved) ceff[j] = coef[j] * u[p->coef_input[j]];
+    for (int k = 0; k < p->nb; ++k) t[p->n + k] = ceff[p->gain[k]] + ceff[p->offset[k]];
 }
 
 double Evaluation::con_slope(const Entry& e) const {
@@ -259,10 +223,15 @@ SecondOrder::SecondOrder(const Problem& p) {
     for (auto* v : {&da_, &db_, &d0_, &d1_}) v->assign(m, 0.0);
 }
 
+THERMID_CLONES static void add_scaled(double* THERMID_RESTRICT y, double a, const double* THERMID_RESTRICT x, int m) {
+    for (int k = 0; k < m; ++k) y[k] += a * x[k];
+}
+
 void SecondOrder::add(const Evaluation& at, const double* dir_t, const double* dir_u, const CoefJacobian& d, const std::vector<Entry>& con,
                       const std::vector<Entry>& load, const double* s, double* g) {
     const Problem& p = *at.p;
     const int n = p.n, np = d.np;
+    exponents_ = std::any_of(con.begin(), con.end(), [](const Entry& e) { return e.what == 1; });
     for (int j : p.timed) dc_[j] = dir_u ? at.coef[j] * dir_u[p.coef_input[j]] : 0.0;
     std::copy(dir_t, dir_t + n, dt_.begin());
     for (int k = 0; k < p.nb; ++k) dt_[n + k] = dc_[p.gain[k]] + dc_[p.offset[k]];
@@ -270,7 +239,7 @@ void SecondOrder::add(const Evaluation& at, const double* dir_t, const double* d
     auto add_row = [&](int node, double v, const double* x) {
         if (node >= n || v == 0.0) return;
         double* to = g + static_cast<size_t>(node) * np;
-        for (int k = 0; k < np; ++k) to[k] += v * x[k];
+        add_scaled(to, v, x, np);
     };
     auto add_coef = [&](int node, double v, int coef) {
         if (node >= n || v == 0.0) return;
@@ -287,6 +256,18 @@ void SecondOrder::add(const Evaluation& at, const double* dir_t, const double* d
             da_[r] = e0;
             db_[r] = -e0;
             d0_[r] = dt_[a] - dt_[b];
+        } else if (c.kind[r] == RADIATION) {
+            const double a2 = at.t[a] * at.t[a], b2 = at.t[b] * at.t[b], g = at.ceff[c.c0[r]];
+            da_[r] = 4.0 * a2 * (3.0 * g * dt_[a] + e0 * at.t[a]);
+            db_[r] = -4.0 * b2 * (3.0 * g * dt_[b] + e0 * at.t[b]);
+            d0_[r] = 4.0 * (a2 * at.t[a] * dt_[a] - b2 * at.t[b] * dt_[b]);
+        } else if (c.kind[r] == POWER && e1 == 0.0 && !exponents_) {
+            // q_a = g s (1 + m d^2 / e) with e = d^2 + smoothing, s = e^(m/2), phi = d s
+            const double d = at.t[a] - at.t[b], v = dt_[a] - dt_[b], e = d * d + SMOOTH2, m = at.ceff[c.c1[r]], g = at.ceff[c.c0[r]];
+            const double phi = at.phi[r], part = d * d / e, s = d != 0.0 ? phi / d : power(e, 0.5 * m);
+            da_[r] = g * m * phi / e * (3.0 + (m - 2.0) * part) * v + e0 * s * (1.0 + m * part);
+            db_[r] = -da_[r];
+            d0_[r] = s * (1.0 + m * part) * v;
         } else {
             const auto x = conductor<Dual>(c.kind[r], ta, tb, c0, c1, c.table[r] >= 0 ? &p.tables[c.table[r]] : nullptr);
             da_[r] = x.qa.e;

@@ -6,6 +6,7 @@
 
 #include "inputs.hpp"
 #include "laws.hpp"
+#include "sparse.hpp"
 
 namespace thermid {
 
@@ -34,12 +35,22 @@ struct Problem {
     // Derived: where coefficients enter, which coefficients follow an input, nodes without capacity and their rows.
     std::vector<Entry> con_entry, load_entry;
     std::vector<int> timed, massless, thermostats;
+    std::vector<int> moving, moved;              // inputs that are not constant, and the coefficients that follow these
     int kind_begin[CONDUCTOR_KINDS + 1] = {};  // conductors of a kind stand together
     std::vector<int> meet_begin, meet_row;       // conductors that bring heat to (sign 1) or take it from (-1) a node
     std::vector<double> meet_sign;
+    // The Jacobian's pattern; each entry is a signed sum of row slopes (end 0: qa, 1: qb), and loads add their own.
+    Pattern pattern;
+    Elimination elimination;
+    std::vector<int> slope_begin, slope_row, slope_end, load_place;
+    std::vector<double> slope_sign;
 
     int nodes() const { return n + nb; }
+    static constexpr int LARGEST = 5000;  // unknowns that the small integrator and a dense Jacobian are meant for
     void prepare();  // checks everything, sorts and derives; throws std::invalid_argument
+
+  private:
+    void find_pattern();
 };
 
 // Parameter derivatives of the coefficients, CSR (coefficients, parameters); empty when np == 0.
@@ -59,13 +70,17 @@ struct Evaluation {
     std::vector<double> q, phi, qa, qb; // conductors
     std::vector<double> power, slope;   // loads
     std::vector<uint8_t> on;            // thermostat states (loads)
-    std::vector<double> work;           // of POWER rows
     std::vector<double> f;              // heat into each unknown node
+    bool quarter = false;               // the exponent of every power law is 1/4, always
 
     Evaluation(const Problem& problem, const double* coefficients);
     void set_inputs();       // u -> ceff, boundary temperatures
+    void move_inputs();      // the same after a change of moving inputs alone
     void rows();             // t -> rows and f
+    // Adds w times the heats of conductors and loads after temperatures of all nodes have fallen by delta, to first order.
+    void shift(double w, const double* delta, double* conductors, double* loads) const;
     void jacobian(double* j) const;  // d f / d t, (n, n)
+    void slopes(double* v) const;    // the same as values of the pattern
     // Derivative of row quantity in the coefficient of an entry.
     double con_slope(const Entry& e) const;
     double load_slope(const Entry& e) const;
@@ -85,6 +100,7 @@ class SecondOrder {
 
   private:
     std::vector<double> dt_, dc_, da_, db_, d0_, d1_;
+    bool exponents_ = false;  // some exponent is a parameter
 };
 
 }  // namespace thermid

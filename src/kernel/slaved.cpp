@@ -8,7 +8,11 @@ namespace thermid {
 
 void Integrator::index_slaved(Slaved& s) {
     s.is.assign(p_.nodes(), 0);
-    for (int i : s.nodes) s.is[i] = 1;
+    s.place.assign(p_.nodes(), -1);
+    for (size_t k = 0; k < s.nodes.size(); ++k) {
+        s.is[s.nodes[k]] = 1;
+        s.place[s.nodes[k]] = static_cast<int>(k);
+    }
     s.con_rows.clear();
     s.load_rows.clear();
     s.con_p.clear();
@@ -28,7 +32,7 @@ void Integrator::index_slaved(Slaved& s) {
 // Massless nodes, and those whose time constant is below a small part of the step.
 void Integrator::make_slaved(Slaved& s, double small) {
     bool same = s.is.size() == static_cast<size_t>(p_.nodes());
-    auto member = [&](int i) { return cap_[i] == 0.0 || cap_[i] < -small * h_ * J0_[i * n_ + i]; };
+    auto member = [&](int i) { return cap_[i] == 0.0 || cap_[i] < -small * h_ * J0_[p_.pattern.diag[i]]; };
     for (int i = 0; same && i < n_; ++i) same = member(i) == static_cast<bool>(s.is[i]);
     if (same) return;
     s.nodes.clear();
@@ -39,24 +43,33 @@ void Integrator::make_slaved(Slaved& s, double small) {
 
 void Integrator::factor_slaved(Slaved& s, const double* j) {
     const int m = static_cast<int>(s.nodes.size());
-    for (int x = 0; x < m; ++x)
-        for (int y = 0; y < m; ++y) s.lu.data()[x * m + y] = j[s.nodes[x] * n_ + s.nodes[y]];
+    if (m == 0) return;
+    fill_slaved(s, j);
     const int bad = s.lu.factor();
     s.factored = true;
     if (bad >= 0) throw Failure{SINGULAR_NODE, s.nodes[bad]};
+}
+
+// Their block of the Jacobian, to be factorised.
+void Integrator::fill_slaved(Slaved& s, const double* j) {
+    const size_t m = s.nodes.size();
+    double* to = s.lu.data();
+    std::fill(to, to + m * m, 0.0);
+    for (size_t x = 0; x < m; ++x)
+        for (int k = p_.pattern.begin[s.nodes[x]]; k < p_.pattern.begin[s.nodes[x] + 1]; ++k)
+            if (s.is[p_.pattern.col[k]]) to[x * m + s.place[p_.pattern.col[k]]] = j[k];
 }
 
 // Whether the others determine the slaved nodes: their block of the Jacobian is regular.
 bool Integrator::settles(Slaved& s) {
     const int m = static_cast<int>(s.nodes.size());
     if (m == static_cast<int>(massless_.nodes.size())) return true;
-    for (int x = 0; x < m; ++x)
-        for (int y = 0; y < m; ++y) s.lu.data()[x * m + y] = J0_[static_cast<size_t>(s.nodes[x]) * n_ + s.nodes[y]];
+    fill_slaved(s, J0_.data());
     s.factored = false;
     if (s.lu.factor() >= 0) return false;
     double low = std::numeric_limits<double>::infinity(), high = 0.0;
     for (int x = 0; x < m; ++x) {
-        const double own = std::fabs(J0_[static_cast<size_t>(s.nodes[x]) * n_ + s.nodes[x]]), pivot = std::fabs(s.lu.data()[x * m + x]) / own;
+        const double own = std::fabs(J0_[p_.pattern.diag[s.nodes[x]]]), pivot = std::fabs(s.lu.data()[x * m + x]) / own;
         low = std::min(low, pivot);
         high = std::max(high, pivot);
     }
@@ -87,23 +100,17 @@ void Integrator::slaved_rows(const Slaved& s, Evaluation& e) const {
     }
 }
 
-// Rows of the Jacobian that belong to slaved nodes, into a full (n, n) array.
+// Rows of the Jacobian that belong to slaved nodes, as values of the pattern.
 void Integrator::slaved_jacobian(const Slaved& s, const Evaluation& e, double* j) const {
-    for (int i : s.nodes) std::fill(j + i * n_, j + (i + 1) * n_, 0.0);
-    const Conductors& c = p_.con;
-    for (int r : s.con_rows) {
-        const int a = c.a[r], b = c.b[r];
-        if (s.is[a] && c.kind[r] != FLOW) {
-            j[a * n_ + a] -= e.qa[r];
-            if (b < n_) j[a * n_ + b] -= e.qb[r];
+    const Pattern& at = p_.pattern;
+    const double* of[2] = {e.qa.data(), e.qb.data()};
+    for (int i : s.nodes)
+        for (int k = at.begin[i]; k < at.begin[i + 1]; ++k) {
+            j[k] = 0.0;
+            for (int x = p_.slope_begin[k]; x < p_.slope_begin[k + 1]; ++x) j[k] += p_.slope_sign[x] * of[p_.slope_end[x]][p_.slope_row[x]];
         }
-        if (s.is[b]) {
-            if (a < n_) j[b * n_ + a] += e.qa[r];
-            j[b * n_ + b] += e.qb[r];
-        }
-    }
     for (int r : s.load_rows)
-        if (p_.load.sensor[r] < n_) j[p_.load.node[r] * n_ + p_.load.sensor[r]] += e.slope[r];
+        if (p_.load_place[r] >= 0) j[p_.load_place[r]] += e.slope[r];
 }
 
 // Newton on f = heat of the slaved nodes (none: 0), the others held. Starts with the factors at hand.
@@ -141,7 +148,7 @@ void Integrator::respond(Slaved& s, const double* j, const double* g, double* di
     for (int k = 0; k < m; ++k) {
         const int i = s.nodes[k];
         double v = g ? g[i] : 0.0;
-        for (int c = 0; c < n_; ++c) v += j[i * n_ + c] * dir[c];
+        for (int c = p_.pattern.begin[i]; c < p_.pattern.begin[i + 1]; ++c) v += j[c] * dir[p_.pattern.col[c]];
         xa_[k] = -v;
     }
     s.lu.solve(xa_.data());
@@ -151,23 +158,8 @@ void Integrator::respond(Slaved& s, const double* j, const double* g, double* di
 // out = d(dT/dt) along dir (its slaved components are completed); zero for slaved nodes.
 void Integrator::rate(Slaved& s, const double* j, const double* g, double* dir, double* out) {
     respond(s, j, g, dir);
-    for (int i = 0; i < n_; ++i) {
-        if (s.is[i]) { out[i] = 0.0; continue; }
-        double v = g ? g[i] : 0.0;
-        const double* row = j + i * n_;
-        for (int c = 0; c < n_; ++c) v += row[c] * dir[c];
-        out[i] = v / cap_[i];
-    }
-}
-
-// y = j x for (n, np)
-void Integrator::times(const double* j, const double* x, double* y) const {
-    for (int i = 0; i < n_; ++i) {
-        double* to = y + static_cast<size_t>(i) * np_;
-        std::fill(to, to + np_, 0.0);
-        for (int c = 0; c < n_; ++c)
-            if (const double v = j[i * n_ + c]; v != 0.0) axpy(to, v, x + static_cast<size_t>(c) * np_, np_);
-    }
+    p_.pattern.times(j, dir, out);
+    for (int i = 0; i < n_; ++i) out[i] = s.is[i] ? 0.0 : ((g ? g[i] : 0.0) + out[i]) * inv_cap_[i];
 }
 
 // y[i] += scale * v[i] * dC_i/dp
@@ -192,19 +184,16 @@ void Integrator::rate_sensitivity(Slaved& s, Evaluation& e, const double* j, con
             double* to = fp_.data() + k * np;
             const int i = s.nodes[k];
             for (size_t q = 0; q < np; ++q) to[q] = -G_[i * np + q];
-            for (int c = 0; c < n_; ++c)
-                if (const double v = j[i * n_ + c]; v != 0.0) axpy(to, -v, dirS + c * np, np_);
+            p_.pattern.row_times(j, i, -1.0, dirS, to, np_);
         }
         s.lu.solve_many(fp_.data(), np_);
         for (int k = 0; k < m; ++k) std::copy(fp_.data() + k * np, fp_.data() + (k + 1) * np, dirS + s.nodes[k] * np);
     }
-    times(j, dirS, out);
+    p_.pattern.times(j, dirS, out, np_);
     for (size_t x = 0; x < G_.size(); ++x) out[x] += G_[x];
     capacity_term(out, rate, -1.0);
-    for (int i = 0; i < n_; ++i) {
-        const double c = s.is[i] ? 0.0 : 1.0 / cap_[i];
-        for (size_t q = 0; q < np; ++q) out[i * np + q] *= c;
-    }
+    for (int i = 0; i < n_; ++i) xa_[i] = s.is[i] ? 0.0 : inv_cap_[i];
+    scale_rows(out, xa_.data(), n_, np_);
 }
 
 // Sensitivities of the slaved nodes from those of the others and of the heat they take up (nodes, np); rows of e must be current.
@@ -220,8 +209,8 @@ void Integrator::slaved_sensitivity(Slaved& s, Evaluation& e, double* S, const d
         const int i = s.nodes[k];
         double* to = fp_.data() + k * np;
         for (size_t q = 0; q < np; ++q) to[q] = (heat ? heat[k * np + q] : 0.0) - G_[i * np + q];
-        for (int c = 0; c < n_; ++c)
-            if (const double v = row_[i * n_ + c]; v != 0.0 && !s.is[c]) axpy(to, -v, S + c * np, np_);
+        for (int c = p_.pattern.begin[i]; c < p_.pattern.begin[i + 1]; ++c)
+            if (!s.is[p_.pattern.col[c]]) axpy(to, -row_[c], S + p_.pattern.col[c] * np, np_);
     }
     s.lu.solve_many(fp_.data(), np_);
     for (int k = 0; k < m; ++k) std::copy(fp_.data() + k * np, fp_.data() + (k + 1) * np, S + s.nodes[k] * np);

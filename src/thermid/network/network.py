@@ -11,7 +11,7 @@ import numpy as np
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ThermidError
 from thermid.model.areas import exposed_area
-from thermid.model.flat import Flat, FlatConductor, FlatLoad, flatten
+from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.kinds import KINDS, Law
 from thermid.model.model import Model
 from thermid.network.medium import Media
@@ -38,6 +38,16 @@ class Numbers:
 
 
 @dataclass(frozen=True, eq=False)
+class _Reached:
+    """What must be worked out anew when some parameters change."""
+
+    paths: tuple[str, ...]
+    nodes: tuple[FlatNode, ...]
+    conductors: tuple[FlatConductor, ...]
+    loads: tuple[FlatLoad, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Network:
     """A compiled model.
 
@@ -57,6 +67,7 @@ class Network:
     media: Media
     prescribed: tuple[str, ...] = ()
     _static: dict[str, Any] = field(default_factory=dict, repr=False)
+    _depends: dict[tuple[str, ...], _Reached] = field(default_factory=dict, repr=False)
 
     def find(self, name: str, where: str = "") -> str:
         """Return the canonical path of a node or boundary; aliases are accepted."""
@@ -75,34 +86,38 @@ class Network:
         """
         given = dict(overrides or {})
         if not self._static:
-            self._static.update(self._evaluate({}, None))
-        if not given:
-            return self._numbers(self._static)
-        changed = self.flat.parameters.downstream(given)
-        return self._numbers(self._evaluate(given, changed))
+            self._static.update(self._evaluate({}))
+        return self._numbers(self._evaluate(given) if given else self._static)
 
-    def _evaluate(self, overrides: Mapping[str, Number], changed: tuple[str, ...] | None) -> dict[str, Any]:
-        """Evaluate parameters and rows; with `changed`, only what depends on these, the rest being kept."""
-        flat = self.flat
-        values = flat.parameters.evaluate(overrides, changed, self._static.get("values") if changed is not None else None)
-        touched = None if changed is None else set(changed)
-
-        def fresh(paths: Iterable[str]) -> bool:
-            return touched is None or any(p in touched for p in paths)
-
-        capacitances, conductors, loads = (
-            {} if touched is None else dict(self._static[k]) for k in ("capacitances", "conductors", "loads")
-        )
-        for node in flat.nodes:
-            if fresh(node.fields.values()):
-                capacitances[node.path] = _capacitance(node.fields, values, node.where)
-        for c in flat.conductors:
-            if fresh((*c.fields.values(), *(t.path for t in c.takes), c.emissivity)):
-                conductors[c.path] = self._rows(c, values)
-        for load in flat.loads:
-            if fresh(load.fields.values()):
-                loads[load.path] = _load_rows(load, values)
+    def _evaluate(self, overrides: Mapping[str, Number]) -> dict[str, Any]:
+        """Evaluate parameters and rows: all at the model's own values, later only what depends on `overrides`."""
+        changed = self._reached(tuple(overrides))
+        kept = self._static
+        values = self.flat.parameters.evaluate(overrides, changed.paths, kept.get("values"))
+        capacitances, conductors, loads = (dict(kept.get(k, {})) for k in ("capacitances", "conductors", "loads"))
+        for node in changed.nodes:
+            capacitances[node.path] = _capacitance(node.fields, values, node.where)
+        for c in changed.conductors:
+            conductors[c.path] = self._rows(c, values)
+        for load in changed.loads:
+            loads[load.path] = _load_rows(load, values)
         return {"values": values, "capacitances": capacitances, "conductors": conductors, "loads": loads}
+
+    def _reached(self, names: tuple[str, ...]) -> _Reached:
+        """Return what depends on parameters of some names, or everything while nothing is known; kept, since a fit asks often."""
+        flat = self.flat
+        if not self._static:
+            return _Reached(flat.parameters.order, flat.nodes, flat.conductors, flat.loads)
+        if names not in self._depends:
+            changed = flat.parameters.downstream(names)
+            touched = set(changed)
+            self._depends[names] = _Reached(
+                changed,
+                tuple(n for n in flat.nodes if touched & set(n.fields.values())),
+                tuple(c for c in flat.conductors if touched & {*c.fields.values(), *(t.path for t in c.takes), c.emissivity}),
+                tuple(load for load in flat.loads if touched & set(load.fields.values())),
+            )
+        return self._depends[names]
 
     def _numbers(self, parts: Mapping[str, Any]) -> Numbers:
         kept = {n: c for n, c in parts["capacitances"].items() if n not in self.boundaries}

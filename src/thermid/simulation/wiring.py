@@ -100,6 +100,7 @@ class Wiring:
         self.gone = eliminable(self._marked(numbers))
         self.used: dict[str, int] = {}
         self._structure: dict[str, Any] = {}
+        self._last: tuple[tuple[bytes, bool], Assembled] | None = None
         self._start: Number | str = ""
         self._initial: dict[str, Number | str] = {}
         self._read_start()
@@ -152,6 +153,12 @@ class Wiring:
     def assemble(self, x: Array | None = None, gradients: bool = True) -> Assembled:
         """Return the numbers at values of the free names, in their order [SI], with their derivatives unless these are not wanted."""
         values = np.zeros(0) if x is None else np.asarray(x, dtype=float)
+        asked = (values.tobytes(), gradients)
+        if self._last is None or self._last[0] != asked:
+            self._last = (asked, self._assemble(values, gradients))
+        return self._last[1]
+
+    def _assemble(self, values: Array, gradients: bool) -> Assembled:
         given: dict[str, Number] = dict(zip(self.free, values.tolist(), strict=True)) if values.size else {}
         if gradients and values.size:
             eye = np.eye(values.size)
@@ -161,34 +168,54 @@ class Wiring:
         return self._build(numbers, reduced, given, values.size if gradients else 0)
 
     def _build(self, numbers: Numbers, reduced: Reduced, given: Mapping[str, Number], free: int) -> Assembled:
-        first = not self._structure
-        if first:
-            self.used = {name: k for k, name in enumerate(self.signals)}
+        offsets = {b: self._offset(b, given) for b in self.network.boundaries}
+        if not self._structure:
+            self._structure = self._lay_out(numbers, reduced, offsets, given)
+        coefficients = self._coefficients(numbers, reduced, offsets, given)
+        initial = [self._initial_of(n, offsets, given) for n in reduced.nodes]
+        start = np.array([value_of(v) for v in initial])
+        gradient = np.array([gradient_of(v, free) for v in initial]).reshape(len(initial), free)
+        jacobian = _csr(coefficients, free) if free else None
+        return Assembled(np.array([value_of(v) for v in coefficients]), jacobian, start, gradient, reduced, numbers, offsets)
+
+    def _offset(self, boundary: str, given: Mapping[str, Number]) -> Number:
+        """Return the constant part of a boundary's temperature. [K]"""
+        if boundary not in given:
+            return self._constant(boundary)
+        return given[boundary] if isinstance(self.signals[f"boundary {boundary}"], Constant) else given[boundary] + 0.0
+
+    def _coefficients(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> list[Number]:
+        """Return all coefficients in the order in which the structure names them."""
+        out: list[Number] = [c for c in reduced.capacitances.values() if c is not None]
+        for b, shift in offsets.items():
+            out += (shift,) if isinstance(self.signals[f"boundary {b}"], Constant) else (1.0, shift)
+        for row in reduced.conductors:
+            if row.ends[0] != row.ends[1]:
+                out += row.coefficients
+        for load in numbers.loads:
+            if load.node not in self.network.boundaries:
+                powered = load.signal.startswith("load ")
+                out += (
+                    (self._power(load.name, load.coefficients[0], numbers, given), *load.coefficients[1:]) if powered else load.coefficients
+                )
+        return out
+
+    def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> dict[str, Any]:
+        """Return the index arrays, the same for all values."""
+        self.used = {name: k for k, name in enumerate(self.signals)}
         make = _Builder(self.used)
         structure: dict[str, Any] = {"nodes": reduced.nodes}
         structure["capacity"] = [-1 if c is None else make.add(c) for c in (reduced.capacitances[n] for n in reduced.nodes)]
-        gain, offset, offsets = [], [], {}
-        for b in self.network.boundaries:
-            signal = self.signals[f"boundary {b}"]
-            constant = isinstance(signal, Constant)
-            shift: Number = signal.value if isinstance(signal, Constant) else 0.0
-            if b in given:
-                shift = given[b] if constant else given[b] + shift
-            gain.append(-1 if constant else make.add(1.0, f"boundary {b}"))
-            offset.append(make.add(shift))
-            offsets[b] = shift
-        structure["gain"], structure["offset"] = gain, offset
+        structure["gain"], structure["offset"] = [], []
+        for b, shift in offsets.items():
+            constant = isinstance(self.signals[f"boundary {b}"], Constant)
+            structure["gain"].append(-1 if constant else make.add(1.0, f"boundary {b}"))
+            structure["offset"].append(make.add(shift))
         index = {n: k for k, n in enumerate((*reduced.nodes, *self.network.boundaries))}
         structure["conductors"] = self._conductors(reduced.conductors, make, index)
         structure["loads"] = self._loads(numbers, make, index, given)
         structure["coefficient_input"] = make.coefficient_input
-        if first:
-            self._structure = structure
-        initial = [self._initial_of(n, offsets, given) for n in reduced.nodes]
-        start = np.array([value_of(v) for v in initial])
-        gradient = np.array([gradient_of(v, free) for v in initial]).reshape(len(initial), free)
-        jacobian = _csr(make.values, free) if free else None
-        return Assembled(np.array([value_of(v) for v in make.values]), jacobian, start, gradient, reduced, numbers, offsets)
+        return structure
 
     def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> list[Any]:
         out = []
