@@ -2,6 +2,8 @@
 #include "bind.hpp"
 #include "integrator.hpp"
 
+namespace thermid { void bind_ensemble(nanobind::module_& m); }  // bind_ensemble.cpp
+
 using namespace thermid;
 using namespace nb::literals;
 
@@ -228,6 +230,7 @@ NB_MODULE(_kernel, m) {
             return rows_of(p, c, T, t, true, on); }, "coef"_a, "T_all"_a, "t"_a, "on"_a = nb::none())
         .def_prop_ro("nodes", [](const Problem& p) { return p.n; }).def_prop_ro("boundaries", [](const Problem& p) { return p.nb; })
         .def_prop_ro("coefficients", [](const Problem& p) { return p.nc; });
+    bind_ensemble(m);
     m.def("tableau", &tableau);
     bind_modal(m);
     const char* con[] = {"LINEAR", "POWER", "RADIATION", "FLOW", "TABLE_MEAN", "TABLE_DIFF"};

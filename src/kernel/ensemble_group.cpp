@@ -1,0 +1,353 @@
+// The steps of one group. The rules are those of Integrator::advance; the error is the largest over the lanes.
+#include <algorithm>
+#include <cmath>
+
+#include "ensemble.hpp"
+
+namespace thermid {
+
+Group::Group(const EnsembleSetup& s, long first)
+    : s_(s), first_(first), count_(static_cast<int>(std::min<long>(LANES, s.members - first))), t_(s.t0), end_(s.t0), origin_(s.t0),
+      hold_(std::numeric_limits<double>::infinity()) {
+    layout();
+    for (int l = 0; l < LANES; ++l) fill(l, first + std::min(l, count_ - 1));
+    alive_ = (1u << LANES) - 1;
+}
+
+// One block of memory, aligned for the widest instructions.
+void Group::layout() {
+    const LanePlan& p = s_.network.plan;
+    const size_t n = p.n, nk = p.nk, rows = p.kind_begin[CONDUCTOR_KINDS];
+    struct Part { double** at; size_t size; };
+    const Part parts[] = {{&g_.coef, size_t(p.nc) + 2}, {&g_.ceff, size_t(p.nc) + 2}, {&g_.cap, n}, {&g_.icap, n}, {&g_.T, n + p.nb},
+                          {&g_.Tn, n}, {&g_.T1, n}, {&g_.f, n}, {&g_.qa, rows}, {&g_.qb, rows}, {&g_.phi, rows},
+                          {&g_.slope, size_t(p.nloads)}, {&g_.power0, size_t(p.nloads)}, {&g_.J0, size_t(p.entries)}, {&g_.J1, size_t(p.entries)},
+                          {&g_.lu, size_t(p.matrix)}, {&g_.inv, n}, {&g_.F, STAGES * n}, {&g_.d0, n}, {&g_.dd0, n}, {&g_.d1, n}, {&g_.g, n},
+                          {&g_.base, n}, {&g_.guess, n}, {&g_.bend, n}, {&g_.delta, n}, {&g_.err, n}, {&g_.fu, nk * n},
+                          {&g_.poly, STAGES * n}, {&g_.b, nk * n}, {&g_.ab, nk * n}, {&g_.aab, nk * n}, {&g_.db, nk * n}, {&g_.c, nk * n}};
+    size_t total = 1;
+    for (const Part& x : parts) total += x.size;
+    memory_.assign(total * LANES, 0.0);
+    const size_t offset = reinterpret_cast<uintptr_t>(memory_.data()) / sizeof(double) % LANES;
+    double* at = memory_.data() + (offset ? LANES - offset : 0);
+    for (const Part& x : parts) {
+        *x.at = at;
+        at += x.size * LANES;
+    }
+    quarter_.assign(rows + 1, 0);
+    active_.assign(nk + 1, 0);
+    u_.assign(nk + 1, 0.0);
+    slopes_.assign(nk + 1, 0.0);
+    worst_.assign(nk + 1, 0.0);
+    weights_.assign(1 + 3 * nk, 0.0);
+    in_.resize(nk);
+    hint_.assign(nk, -1);
+    cursor_.resize(nk);
+    g_.plan = &p;
+    g_.quarter = quarter_.data();
+    g_.active = active_.data();
+    g_.u = u_.data();
+    g_.slopes = slopes_.data();
+    g_.rho = 0.1;
+}
+
+// A member's numbers into a lane.
+void Group::fill(int lane, long member) {
+    const Problem& p = s_.p;
+    for (int j = 0; j < p.nc; ++j) g_.coef[j * LANES + lane] = g_.ceff[j * LANES + lane] = s_.coef[static_cast<size_t>(j) * s_.members + member];
+    g_.coef[p.nc * LANES + lane] = g_.ceff[p.nc * LANES + lane] = 0.0;
+    g_.coef[(p.nc + 1) * LANES + lane] = g_.ceff[(p.nc + 1) * LANES + lane] = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < p.n; ++i) {
+        g_.cap[i * LANES + lane] = g_.coef[p.capacity[i] * LANES + lane];
+        g_.icap[i * LANES + lane] = 1.0 / g_.cap[i * LANES + lane];
+        g_.Tn[i * LANES + lane] = s_.start[static_cast<size_t>(i) * s_.members + member];
+        g_.poly[i * LANES + lane] = g_.Tn[i * LANES + lane];
+    }
+}
+
+// Lanes whose numbers are no numbers are left to the integrator, which says why.
+void Group::initial() {
+    const Problem& p = s_.p;
+    unsigned bad = 0;
+    for (int k = 0; k < g_.plan->nk; ++k) u_[k] = p.inputs[k].at(t_);
+    for (int l = 0; l < LANES; ++l) {
+        bool ok = true;
+        for (int i = 0; i < p.n; ++i) {
+            const double t = g_.Tn[i * LANES + l], c = g_.cap[i * LANES + l];
+            ok = ok && std::isfinite(t) && t > 0.0 && std::isfinite(c) && c > 0.0;
+        }
+        for (int j = 0; j < p.nc; ++j) ok = ok && std::isfinite(g_.coef[j * LANES + l]);
+        if (!ok) bad |= 1u << l;
+        low_[l] = high_[l] = g_.Tn[l];
+    }
+    if (bad) drop(bad);
+    for (int r = p.kind_begin[POWER]; r < p.kind_begin[POWER + 1]; ++r) {
+        quarter_[r] = 1;
+        for (int l = 0; l < LANES; ++l) quarter_[r] = quarter_[r] && g_.coef[p.con.c1[r] * LANES + l] == 0.25;
+    }
+}
+
+void Group::inputs_at(double s) {
+    for (int k = 0; k < g_.plan->nk; ++k) {
+        const Input& in = s_.p.inputs[k];
+        u_[k] = in.sampled() ? in_[k].at(s) : in.at(t_ + s);
+    }
+}
+
+void Group::project() {
+    leftover_ = false;
+    for (int k = 0; k < g_.plan->nk; ++k) {
+        worst_[k] = 0.0;
+        active_[k] = 0;
+        const Input& in = s_.p.inputs[k];
+        if (!in.sampled()) continue;
+        worst_[k] = in_[k].project(in, t_, end_, hint_[k]);
+        active_[k] = !in_[k].exact;
+        leftover_ = leftover_ || active_[k];
+    }
+}
+
+// Mean square of what is left of an input: that of the input less that of its projection, which is orthogonal to the rest.
+double Group::mean_square(int k) const {
+    const auto& seg = s_.p.inputs[k].seg;
+    const std::vector<double>& sums = s_.squares[k];
+    auto up_to = [&](double t, int hint) {  // integral of (u - mean)^2 from the first knot
+        const int i = s_.p.inputs[k].segment(t, hint);
+        if (i < 0) return (t - seg[0].t) * seg[0].u * seg[0].u;
+        const double l = t - seg[i].t, u = seg[i].u, s = seg[i].s;
+        return sums[i] + l * (u * u + l * (u * s + l * s * s / 3.0));
+    };
+    const double h = end_ - t_, a2 = in_[k].p2 * h * h / 6.0, a1 = 0.5 * in_[k].p1 * h + 3.0 * a2, a0 = in_[k].p0 + a1 - a2;
+    return std::max(0.0, (up_to(end_, hint_[k]) - up_to(t_, hint_[k])) / h - (a0 * a0 + a1 * a1 / 3.0 + a2 * a2 / 5.0));
+}
+
+double Group::input_error() {
+    double total = 0.0;
+    for (int k = 0; k < g_.plan->nk; ++k) {
+        if (!active_[k]) continue;
+        total += s_.code.noise(g_, k) * 0.25 * g_.h * worst_[k];
+        if (const double bend = s_.code.curvature(g_, k); bend > 0.0) total += bend * mean_square(k);
+    }
+    return total;
+}
+
+double Group::first_step() const {
+    const double span = s_.t_end - t_;
+    double a = 0.0, b = 0.0;
+    for (int i = 0; i < g_.plan->n * LANES; ++i)
+        if (g_.cap[i] > -1e-3 * span * g_.J0[i]) {
+            a = std::max(a, std::fabs(g_.d0[i]));
+            b = std::max(b, std::fabs(g_.dd0[i]));
+        }
+    const double h = b > 0.0 ? 0.1 * a / b : 0.01 * span;
+    return std::min(std::max(h, 1e-6 * span), 0.05 * span);
+}
+
+// Gives lanes up: their members are left to the integrator, and a healthy lane's numbers take their place.
+void Group::drop(unsigned lanes) {
+    const unsigned keep = alive_ & ~lanes;
+    for (int l = 0; l < count_; ++l)
+        if ((alive_ & lanes) >> l & 1u) dropped.push_back(first_ + l);
+    alive_ = keep & ((1u << count_) - 1) ? keep : 0;
+    if (!alive_) {
+        dropped.clear();
+        for (int l = 0; l < count_; ++l) dropped.push_back(first_ + l);
+        return;
+    }
+    int from = 0;
+    while (!(alive_ >> from & 1u)) ++from;
+    const size_t size = memory_.size() / LANES - 1;
+    for (int l = 0; l < LANES; ++l)
+        if (lanes >> l & 1u) {
+            for (size_t k = 0; k < size; ++k) g_.coef[k * LANES + l] = g_.coef[k * LANES + from];
+            low_[l] = low_[from];
+            high_[l] = high_[from];
+        }
+    fails_ = 0;
+}
+
+// A step did not succeed. Lanes that fail again and again are given up, so that they do not hold up the others.
+bool Group::failed(unsigned lanes, double& next, double factor) {
+    next = factor * g_.h;
+    if (++fails_ >= 12 || t_ + next == t_ || next < 1e-9 * (s_.t_end - s_.t0)) {
+        drop(lanes ? lanes : alive_);
+        next = g_.h;
+    }
+    return false;
+}
+
+// A node that follows the others within a small part of a step would need the care that the integrator takes of it.
+bool Group::too_fast(double& next) {
+    const double most = leftover_ ? 1e4 : 1e2, span = s_.t_end - s_.t0;
+    double fastest = 0.0;
+    unsigned lanes = 0;
+    for (int l = 0; l < LANES; ++l) {
+        fastest = std::max(fastest, g_.lane[l]);
+        if (g_.lane[l] * span > most * 5000.0) lanes |= 1u << l;
+    }
+    if (g_.h * fastest <= most) return false;
+    if (lanes) drop(lanes);
+    else next = 0.9 * most / fastest;
+    return true;
+}
+
+unsigned Group::check_state() {
+    unsigned bad = 0;
+    for (int i = 0; i < g_.plan->n; ++i)
+        for (int l = 0; l < LANES; ++l)
+            if (const double t = g_.T1[i * LANES + l]; !(t > 0.0 && t < 1e5)) bad |= 1u << l;
+    return bad;
+}
+
+bool Group::attempt(double& next) {
+    const LaneCode& code = s_.code;
+    g_.h = end_ - t_;
+    project();
+    inputs_at(0.0);
+    for (int k = 0; k < g_.plan->nk; ++k) slopes_[k] = s_.p.inputs[k].sampled() ? in_[k].slope(0.0) : s_.p.inputs[k].slope(t_);
+    code.start(g_);
+    if (g_.bad) {
+        drop(g_.bad);
+        return false;
+    }
+    if (!begun_) {
+        begun_ = true;
+        next = first_step();
+        return false;
+    }
+    if (too_fast(next)) return false;
+    const double left = leftover_ ? input_error() : 0.0;
+    if (left > s_.options.input_atol) {
+        hold_ = g_.h * std::max(0.2, 0.8 * std::pow(s_.options.input_atol / left, 0.4));
+        return false;
+    }
+    double tolerance[LANES], least = std::numeric_limits<double>::infinity();
+    for (int l = 0; l < LANES; ++l) {
+        const double tol = s_.options.atol + s_.options.rtol * (high_[l] - low_[l]);
+        tolerance[l] = leftover_ ? std::max(tol, 0.1 * s_.options.input_atol) : tol;
+        least = std::min(least, tolerance[l]);
+    }
+    g_.close = std::min(1e-8, std::max(2e-10, 1e-3 * least));
+    code.matrix(g_);
+    if (g_.bad) return failed(g_.bad, next, 0.25);
+    for (int s = 1; s < STAGES; ++s) {
+        inputs_at(NODE[s] * g_.h);
+        if (!code.stage(g_, s)) return failed(g_.bad, next, 0.25);
+    }
+    code.error(g_);
+    double err = 0.0;
+    unsigned guilty = 0;
+    for (int l = 0; l < LANES; ++l) {
+        const double e = g_.lane[l] / tolerance[l];
+        if (!(e <= 1.0)) guilty |= 1u << l;
+        err = e <= err ? err : e;
+    }
+    if (guilty) return failed(guilty, next, std::isfinite(err) ? std::max(0.2, 0.9 * std::pow(err, -0.25)) : 0.2);
+    if (const unsigned bad = check_state()) {
+        drop(bad);
+        return false;
+    }
+    fails_ = 0;
+    next = g_.h * std::min(5.0, std::max(0.2, 0.9 * std::pow(std::max(err, 1e-6), -0.175) * std::pow(old_error_, 0.1)));
+    old_error_ = std::max(err, 1e-3);
+    if (leftover_)
+        hold_ = left > 0.0 ? g_.h * std::min(2.0, 0.8 * std::pow(s_.options.input_atol / left, 0.4)) : 2.0 * g_.h;
+    else if (hold_ < std::numeric_limits<double>::infinity())
+        hold_ *= 1.02;
+    return true;
+}
+
+// Where the next step is to end: by its own error, what is left of the inputs, and the next jump.
+void Group::choose(double& next) {
+    while (s_.stops[stop_] <= t_) ++stop_;
+    const double room = s_.stops[stop_] - t_;
+    clipped_ = false;
+    double knot = -1.0, h = wish_ = std::min(next, s_.limit);
+    if (hold_ < h) {
+        knot = std::numeric_limits<double>::infinity();
+        for (int k = 0; k < g_.plan->nk; ++k)
+            if (s_.p.inputs[k].sampled()) knot = std::min(knot, s_.p.inputs[k].next_knot(t_, hint_[k]));
+        h = hold_ < 2.0 * (knot - t_) ? std::min(h, knot - t_) : hold_;
+        clipped_ = h < wish_;
+    }
+    end_ = h == knot - t_ ? knot : t_ + h;
+    if (h > 0.99 * room) {
+        clipped_ = clipped_ || h > room;
+        end_ = s_.stops[stop_];
+    } else if (h > 0.5 * room && end_ != knot) {
+        end_ = t_ + 0.5 * room;  // no tiny step before a break
+        clipped_ = true;
+    }
+}
+
+void Group::emit(long from, long last, double* out) {
+    const size_t nobs = s_.observed.size();
+    const long stride = s_.members;
+    alignas(64) double part[LANES];
+    for (; out_next_ < last && s_.times[out_next_] <= end_; ++out_next_) {
+        const double time = s_.times[out_next_], s = time - origin_, x = g_.h > 0.0 ? (time == end_ ? 1.0 : s / g_.h) : 0.0;
+        weights_[0] = s;
+        for (int k = 0; k < g_.plan->nk; ++k) {
+            if (!active_[k]) continue;
+            cursor_[k].move(time);
+            weights_[1 + 3 * k] = in_[k].w(s, cursor_[k].sum);
+            weights_[2 + 3 * k] = in_[k].ww(s, cursor_[k].sum);
+            weights_[3 + 3 * k] = in_[k].www(s, cursor_[k].sum);
+        }
+        double* to = out + (static_cast<size_t>(out_next_ - from) * nobs) * stride + first_;
+        if (count_ == LANES) {
+            s_.code.output(g_, x, weights_.data(), s_.observed.data(), static_cast<int>(nobs), to, stride);
+            continue;
+        }
+        for (size_t j = 0; j < nobs; ++j) {
+            s_.code.output(g_, x, weights_.data(), s_.observed.data() + j, 1, part, 0);
+            std::copy(part, part + count_, to + j * stride);
+        }
+    }
+}
+
+void Group::advance(long from, long last, double* out, const std::atomic<bool>& stop) {
+    if (!begun_) {
+        initial();
+        end_ = s_.t_end;
+        g_.h = 0.0;
+        origin_ = t_;
+        const double whole = end_;
+        end_ = t_;  // outputs at the start
+        emit(from, last, out);
+        end_ = whole;
+    } else if (alive_) {
+        emit(from, last, out);
+    }
+    while (alive_ && out_next_ < last && t_ < s_.t_end) {
+        if (stop) return;
+        if (steps + rejected >= s_.options.max_steps) return drop(alive_);
+        if (begun_) choose(next_);
+        if (!attempt(next_)) {
+            if (begun_) ++rejected;
+            continue;
+        }
+        ++steps;
+        if (clipped_) next_ = std::max(next_, wish_);
+        if (s_.times[out_next_] <= end_) {
+            inputs_at(g_.h);
+            for (int k = 0; k < g_.plan->nk; ++k) {
+                const Input& in = s_.p.inputs[k];
+                slopes_[k] = in.sampled() ? in_[k].slope(g_.h) : in.slope(end_);
+                if (in.sampled()) cursor_[k].begin(&in, t_);
+            }
+            s_.code.dense(g_);
+        }
+        origin_ = t_;
+        for (int i = 0; i < g_.plan->n; ++i)
+            for (int l = 0; l < LANES; ++l) {
+                low_[l] = std::min(low_[l], g_.T1[i * LANES + l]);
+                high_[l] = std::max(high_[l], g_.T1[i * LANES + l]);
+            }
+        std::swap(g_.Tn, g_.T1);
+        t_ = end_;
+        emit(from, last, out);
+    }
+}
+
+}  // namespace thermid
