@@ -257,6 +257,12 @@ bool Group::attempt(double& next) {
     return true;
 }
 
+static double snapped(double h) {
+    int exponent;
+    const double digits = std::frexp(h, &exponent);  // 0.5 to 1
+    return std::ldexp(std::floor(digits * 64.0) / 64.0, exponent);
+}
+
 // Where the next step is to end: by its own error, what is left of the inputs, and the next jump.
 void Group::choose(double& next) {
     while (s_.stops[stop_] <= t_) ++stop_;
@@ -270,6 +276,8 @@ void Group::choose(double& next) {
         h = hold_ < 2.0 * (knot - t_) ? std::min(h, knot - t_) : hold_;
         clipped_ = h < wish_;
     }
+    // Lengths with five binary digits: rounding that differs between instruction sets is forgotten from step to step.
+    if (h != knot - t_) h = snapped(h);
     end_ = h == knot - t_ ? knot : t_ + h;
     if (h > 0.99 * room) {
         clipped_ = clipped_ || h > room;
