@@ -42,7 +42,10 @@ if TYPE_CHECKING:
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
     from thermid.reporting.page import report as report
+    from thermid.simulation.draws import draw as draw
     from thermid.simulation.engine import Options as Options
+    from thermid.simulation.ensemble import Ensemble as Ensemble
+    from thermid.simulation.ensemble import ensemble as ensemble
     from thermid.simulation.scenario import Scenario as Scenario
     from thermid.simulation.scenario import load_scenario as load_scenario
     from thermid.simulation.simulator import Simulator as Simulator
@@ -70,6 +73,9 @@ _PUBLIC = {
     "prepare": "simulation.simulator",
     "Simulator": "simulation.simulator",
     "steady": "simulation.steady",
+    "draw": "simulation.draws",
+    "ensemble": "simulation.ensemble",
+    "Ensemble": "simulation.ensemble",
     "Solution": "simulation.solution",
     "Channel": "measure",
     "Record": "measure",

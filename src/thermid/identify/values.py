@@ -139,6 +139,30 @@ class FittedValues(Mapping[str, FittedValue]):
         kept = [k for k, v in enumerate(self.items_.values()) if v.kind == "parameter"]
         return FittedValues(self.stage, self.parameters, self.covariance[np.ix_(kept, kept)], self.provenance)
 
+    def draws(self, members: int, seed: int) -> dict[str, Array]:
+        """Return path -> value of every member (members,) for `ensemble`: normal in the fitted forms, with what the fit knows of them jointly.
+
+        Paths of instances that share a value get the same draws; constant errors of instruments are left out. [SI]
+
+        Raises
+        ------
+        DeckError   When there is no member, or a value has no finite error.
+        """
+        found = self.bare()
+        if members < 1:
+            raise DeckError("an ensemble needs at least one member.", self.stage)
+        loose = [p for p, c in zip(found, np.diag(found.covariance), strict=True) if not np.isfinite(c)]
+        if loose:
+            raise DeckError(f"'{loose[0]}' has no finite error, so there is nothing to draw from. Leave it out with only().", self.stage)
+        sizes, vectors = np.linalg.eigh(found.covariance)
+        root = vectors * np.sqrt(np.clip(sizes, 0.0, None))
+        deviations = root @ np.random.default_rng(seed).standard_normal((len(found), members))
+        out = {}
+        for row, (path, v) in zip(deviations, found.items(), strict=True):
+            values = v.value * np.exp(row) if v.log else v.value + row
+            out |= dict.fromkeys((path, *v.also), values)
+        return out
+
     @property
     def parameters(self) -> dict[str, FittedValue]:
         """Those that are parameters of a model."""

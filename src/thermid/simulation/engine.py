@@ -157,7 +157,7 @@ class Engine:
             **more,
         )
         if found.status != _kernel.OK:
-            raise SolverError(self._message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+            raise SolverError(self.message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
         statistics = {
             "method": "integrator",
             "reason": why,
@@ -174,12 +174,41 @@ class Engine:
     def _by_modes(self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float, options: Options) -> Answer:
         found = self.modal.run(a, times, nodes, end)
         if found.status != _kernel.OK:
-            raise SolverError(self._message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+            raise SolverError(self.message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
         slopes = np.zeros((times.size, nodes.size, 0))
         statistics = {"method": "modal", "reason": "", "steps": found.steps, "rejected": 0, "switchings": []}
         energies = (found.load_energy, found.boundary_energy, np.zeros(0))
         off = np.zeros(len(self.load_names), dtype=np.int32)
         return Answer(found.traces, slopes, a.initial, found.final, *energies, end, statistics, off)
+
+    def members(
+        self, coefficients: Array, initial: Array, times: Array, nodes: Sequence[str], end: float, options: Options, simd: str
+    ) -> Any:
+        """Return the kernel's ensemble: coefficients (coefficients, members) [SI] and initial temperatures (nodes, members) [K] of each.
+
+        Raises
+        ------
+        ScenarioError   When the machine lacks the instruction set `simd`.
+        """
+        known = ("auto", *_kernel.instruction_sets())
+        if simd not in known:
+            raise ScenarioError(f"this machine has no instruction set '{simd}'. Give one of {', '.join(known)}.", "simd")
+        return _kernel.Ensemble(
+            self.problem,
+            np.ascontiguousarray(coefficients),
+            np.ascontiguousarray(initial),
+            0.0,
+            float(end),
+            np.ascontiguousarray(times, dtype=float),
+            _ints([self.nodes.index(n) for n in nodes]),
+            rtol=options.relative,
+            atol=options.tolerance,
+            input_atol=options.input_tolerance,
+            max_step=options.max_step,
+            max_steps=options.max_steps,
+            breaks=self._breaks(end),
+            simd=simd,
+        )
 
     def _breaks(self, end: float) -> Array:
         """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
@@ -191,7 +220,7 @@ class Engine:
     def _used_tables(self) -> list[Table]:
         return [s for s in (self.wiring.signals[name] for name in self.wiring.used) if isinstance(s, Table)]
 
-    def _message(self, found: Any, options: Options, end: float) -> str:
+    def message(self, found: Any, options: Options, end: float) -> str:
         """Return what ran out, when, where and what to change."""
         names = (*self.nodes, *self.wiring.network.boundaries)
         node = f" at '{names[found.node]}'" if 0 <= found.node < len(names) else ""

@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.model.model import Model
-from thermid.model.signal import literal
+from thermid.model.signal import Constant, literal
 from thermid.network.network import Network, compile_network
 from thermid.network.reach import unreached
 from thermid.simulation.engine import Engine, Options
+from thermid.simulation.ensemble import Ensemble
 from thermid.simulation.run import Run
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.wiring import Wiring
+from thermid.units import TEMPERATURE
 
 __all__ = ["Simulator", "network_for", "output_times", "prepare"]
 
@@ -167,6 +169,51 @@ class Simulator:
         return Solution(
             self.title, self._wiring.scenario.title, self.times, run.all_nodes(), free, "ok", answer.statistics, self._remarks, run
         )
+
+    def ensemble(
+        self, draws: Mapping[str, Any], *, nodes: Sequence[str] | None = None, quantiles: Any = None, threads: int = 1, simd: str = "auto"
+    ) -> Ensemble:
+        """Return the runs of many members at once.
+
+        Parameters
+        ----------
+        draws : dict            Free name -> value of every member (members,); `nominal` where none is given. [SI]
+        nodes, quantiles, threads, simd    As in `ensemble`.
+
+        Raises
+        ------
+        NameNotFoundError   When values are given for a name that is not free.
+        ScenarioError       When the names do not have equally many values.
+        """
+        from thermid.simulation.members import run_members
+
+        given = {_free_name(self._wiring.network, name): value for name, value in draws.items()}
+        for name in given:
+            if name not in self.free:
+                raise NameNotFoundError(f"'{name}' was not freed when the simulator was prepared.{nearest(name, self.free)}", self.title)
+        if len(given) < len(draws):
+            raise ScenarioError("one name is drawn twice, under its path and under an alias.", self.title)
+        found = run_members(self._engine, given, self.times, self.options, nodes, quantiles, threads, simd)
+        return Ensemble(self.title, self._wiring.scenario.title, self.times, *found, warnings=self._remarks)
+
+    def slots(self, name: str) -> tuple[str, str]:
+        """Return the units that a value of a free name, and a difference of two, are written in."""
+        wiring = self._wiring
+        if name in wiring.parameters:
+            literal_ = wiring.network.flat.parameters.table[name].parameter.expression.literal
+            text = literal_.unit.text if literal_ is not None else "1"
+            return (TEMPERATURE, "K") if literal_ is not None and literal_.unit.absolute else (text, text)
+        if name.startswith("scale."):
+            return "1", "1"
+        constant = name.startswith("initial.") or isinstance(wiring.signals[f"boundary {name}"], Constant)
+        return (TEMPERATURE if constant else "K"), "K"
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Return the bounds that a deck sets for a free name, infinite where it sets none. [SI]"""
+        if name not in self._wiring.parameters:
+            return -np.inf, np.inf
+        given = self._wiring.network.flat.parameters.table[name].parameter
+        return -np.inf if given.minimum is None else given.minimum, np.inf if given.maximum is None else given.maximum
 
     def vector(self, values: Mapping[str, float]) -> Array:
         """Return the values (free,) in the order of `free`. [SI]"""

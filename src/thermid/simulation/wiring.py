@@ -163,9 +163,13 @@ class Wiring:
         if gradients and values.size:
             eye = np.eye(values.size)
             given = {name: Dual(value_of(v), eye[k]) for k, (name, v) in enumerate(given.items())}
+        return self.assembled_at(given, values.size if gradients else 0)
+
+    def assembled_at(self, given: Mapping[str, Number], free: int = 0) -> Assembled:
+        """Return the numbers at values of some free names; `free` is the length of their gradients, zero for none. [SI]"""
         numbers = self._numbers({p: given[p] for p in self.parameters if p in given})
         reduced = reduce_network(self.network, self._marked(numbers), self.gone)
-        return self._build(numbers, reduced, given, values.size if gradients else 0)
+        return self._build(numbers, reduced, given, free)
 
     def _build(self, numbers: Numbers, reduced: Reduced, given: Mapping[str, Number], free: int) -> Assembled:
         offsets = {b: self._offset(b, given) for b in self.network.boundaries}

@@ -1,0 +1,214 @@
+"""`Ensemble`: what many runs of one model say together - quantiles, means, shares above a limit, single traces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import ScenarioError
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.solution import Trace
+
+if TYPE_CHECKING:
+    from thermid.model.model import Model
+    from thermid.simulation.engine import Options
+    from thermid.simulation.scenario import Scenario
+
+__all__ = ["Ensemble", "Summary", "ensemble"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Summary:
+    """What is kept of one node when only quantiles were asked for.
+
+    Parameters
+    ----------
+    quantiles : array (shares, times)   [K]
+    mean, sd : array (times,)           [K]
+    highest : array (members,)          Of each member, NaN where it failed. [K]
+    """
+
+    quantiles: Array
+    mean: Array
+    sd: Array
+    highest: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """The runs of many members.
+
+    Statistics are over the members that reached the end; `failed` says of the others why.
+
+    Parameters
+    ----------
+    title : str             The model's.
+    scenario : str          The scenario's title.
+    times : array (times,)  [s]
+    nodes : tuple of str    Nodes and boundaries that were kept.
+    members : int           How many members there are, failed ones among them.
+    draws : dict            Name -> value of every member (members,). [SI]
+    failed : dict           Member -> why it did not reach the end.
+    shares : tuple          Shares of the quantiles that were kept; empty when every trace was. [-]
+    statistics : dict       Steps (of a group of members, or of one), rejected steps, members run one by one, instruction set.
+    warnings : tuple        What a reader must know.
+    """
+
+    title: str
+    scenario: str
+    times: Array
+    nodes: tuple[str, ...]
+    members: int
+    draws: Mapping[str, Array]
+    failed: Mapping[int, str]
+    shares: tuple[float, ...]
+    statistics: Mapping[str, Any]
+    _find: Callable[[str], str] = field(repr=False)
+    _traces: Callable[[str], Array] = field(repr=False)
+    _summaries: Mapping[str, Summary] = field(repr=False)
+    warnings: tuple[str, ...] = ()
+
+    def temperatures(self, node: str) -> Array:
+        """Return the temperature (times, members) of a node in every member, NaN where a member failed. [K]
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        ScenarioError       When the node was not kept, or only quantiles were.
+        """
+        path = self._kept(node)
+        if self.shares:
+            raise ScenarioError("only quantiles were kept; run the ensemble without 'quantiles' to keep every trace.", self.title)
+        return self._traces(path)
+
+    def trace(self, member: int, node: str) -> Trace:
+        """Return the trace of a node in one member."""
+        if not 0 <= member < self.members:
+            raise ScenarioError(f"there is no member {member}; they are numbered from 0 to {self.members - 1}.", self.title)
+        return Trace(self._kept(node), self.times, self.temperatures(node)[:, member])
+
+    def quantile(self, node: str, share: Any) -> Array:
+        """Return the temperature below which a share of the members lies, (times,) or (shares, times). [K]
+
+        Raises
+        ------
+        ScenarioError   When a share does not lie between 0 and 1, or was not among those kept.
+        """
+        path, wanted = self._kept(node), np.atleast_1d(np.asarray(share, dtype=float))
+        check_shares(wanted, self.title)
+        if self.shares:
+            for s in wanted.tolist():
+                if s not in self.shares:
+                    kept = ", ".join(f"{k:g}" for k in self.shares)
+                    raise ScenarioError(f"the quantile {s:g} was not kept, only {kept}. Ask for it in 'quantiles'.", self.title)
+            found = self._summaries[path].quantiles[[self.shares.index(s) for s in wanted.tolist()]]
+        else:
+            found = np.quantile(self._whole(path), wanted, axis=1)
+        return found if np.ndim(share) else found[0]
+
+    def mean(self, node: str) -> Array:
+        """Return the mean temperature (times,) over the members. [K]"""
+        path = self._kept(node)
+        return self._summaries[path].mean if self.shares else self._whole(path).mean(axis=1)
+
+    def sd(self, node: str) -> Array:
+        """Return the standard deviation (times,) of the temperature over the members. [K]"""
+        path = self._kept(node)
+        return self._summaries[path].sd if self.shares else spread_of(self._whole(path))
+
+    def highest(self, node: str) -> Array:
+        """Return the highest stored temperature (members,) of each member, NaN where it failed. [degC]"""
+        path = self._kept(node)
+        return (self._summaries[path].highest if self.shares else self._traces(path).max(axis=0)) - ICE_POINT
+
+    def exceedance(self, node: str, limit: float) -> Array:
+        """Return the share (times,) of the members in which a node is above a limit [degC]. [-]
+
+        Members that are above it at any stored time: ``(ensemble.highest(node) > limit).mean()``.
+        """
+        return (self._whole_or_refuse(node) > limit + ICE_POINT).mean(axis=1)
+
+    def _whole_or_refuse(self, node: str) -> Array:
+        self.temperatures(node)
+        return self._whole(self._kept(node))
+
+    def _whole(self, path: str) -> Array:
+        """Return the temperatures (times, members that reached the end). [K]"""
+        traces = self._traces(path)
+        return np.delete(traces, list(self.failed), axis=1) if self.failed else traces
+
+    def _kept(self, node: str) -> str:
+        path = self._find(node)
+        if path not in self.nodes:
+            raise ScenarioError(f"'{node}' was not kept; name it in 'nodes'. Kept are {', '.join(self.nodes)}.", self.title)
+        if len(self.failed) == self.members:
+            raise ScenarioError(f"no member reached the end. Member 0: {self.failed[0]}", self.title)
+        return path
+
+    def __str__(self) -> str:
+        """Return the end of the runs as a short table."""
+        lines = [f"{self.title}, {self.scenario}: {self.members} members, {len(self.failed)} failed"]
+        width = max(len(n) for n in self.nodes)
+        for n in self.nodes if len(self.failed) < self.members else ():
+            lines.append(f"  {n:<{width}}  end {self.mean(n)[-1] - ICE_POINT:9.3f} +/- {self.sd(n)[-1]:.3f} degC")
+        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+
+
+def spread_of(values: Array) -> Array:
+    """Return the standard deviation (times,) over members (times, members); zero for one member. [K]"""
+    return values.std(axis=1, ddof=1) if values.shape[1] > 1 else np.zeros(values.shape[0])
+
+
+def check_shares(shares: Array, where: str) -> None:
+    """Refuse quantiles that are none.
+
+    Raises
+    ------
+    ScenarioError   When a share does not lie between 0 and 1.
+    """
+    if shares.ndim != 1 or shares.size == 0 or not ((shares >= 0.0) & (shares <= 1.0)).all():
+        raise ScenarioError("a quantile is a share between 0 and 1, such as 0.95.", where)
+
+
+def ensemble(
+    model: Model,
+    scenario: Scenario,
+    draws: Mapping[str, Any],
+    *,
+    every: str | float | None = None,
+    times: Any = None,
+    nodes: Any = None,
+    quantiles: Any = None,
+    threads: int = 1,
+    options: Options | None = None,
+    simd: str = "auto",
+) -> Ensemble:
+    """Return the runs of a model at many sets of values.
+
+    The same draws and options give the same result bit for bit, with one thread and with many.
+
+    Parameters
+    ----------
+    model, scenario, every, times, options    As in `simulate`.
+    draws : dict            Name -> value of every member (members,): parameters, boundaries (a constant added to their signal),
+                            ``initial.<node>``, and ``scale.<load>`` (a factor on its power). See `draw`, and the `draws` of fitted values. [SI]
+    nodes : list of str     Nodes to keep; all of them when not given.
+    quantiles : list        Shares of the quantiles to keep in place of every trace, such as ``(0.05, 0.5, 0.95)``; saves memory. [-]
+    threads : int           How many may compute at once.
+    simd : str              Instruction set of the lanes; the widest of the machine unless one is named, for a comparison.
+
+    Raises
+    ------
+    ScenarioError   As in `simulate`, or when the names do not have equally many values.
+    NameNotFoundError   When a name does not exist.
+    """
+    from thermid.simulation.simulator import prepare
+
+    ready = prepare(model, scenario, tuple(draws), every=every, times=times, options=options)
+    return ready.ensemble(draws, nodes=nodes, quantiles=quantiles, threads=threads, simd=simd)

@@ -1,0 +1,206 @@
+"""The members of an ensemble run by the kernel, all traces kept or quantiles taken chunk by chunk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import ScenarioError, SolverError
+from thermid.model.signal import Constant
+from thermid.simulation.engine import Engine, Options
+from thermid.simulation.ensemble import Summary, check_shares, spread_of
+from thermid.simulation.many import MembersNumbers, assemble_members
+
+__all__ = ["run_members"]
+
+Array = NDArray[np.float64]
+CHUNK = 64_000_000
+"""Bytes of traces held at once while quantiles are taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Recovery:
+    """From the nodes that the kernel stored to any node or boundary."""
+
+    engine: Engine
+    numbers: MembersNumbers
+    kept: tuple[str, ...]
+
+    def temperature(self, stored: Array, times: Array, name: str) -> Array:
+        """Return the temperature (times, members) of a node, from what was stored (times, kept, members). [K]"""
+        wiring = self.engine.wiring
+        if name in self.kept:
+            return stored[:, self.kept.index(name), :]
+        if name in wiring.network.boundaries:
+            signal = wiring.signals[f"boundary {name}"]
+            varying = np.zeros(times.shape) if isinstance(signal, Constant) else signal.at(times)
+            return varying[:, None] + self.numbers.offsets[name][None, :]
+        parts = (w[None, :] * self.temperature(stored, times, n) for n, w in self.numbers.weights[name].items())
+        return np.asarray(sum(parts))
+
+
+def run_members(
+    engine: Engine,
+    draws: Mapping[str, Any],
+    times: Array,
+    options: Options,
+    nodes: Sequence[str] | None,
+    quantiles: Any,
+    threads: int,
+    simd: str,
+) -> tuple[Any, ...]:
+    """Return the fields of an `Ensemble` that follow its times, up to its warnings.
+
+    Raises
+    ------
+    ScenarioError   When names do not have equally many values, or there are no threads.
+    """
+    wiring, network = engine.wiring, engine.wiring.network
+    where = f"{network.title}, {wiring.scenario.title}"
+    values, members = _columns(draws, where)
+    if threads < 1:
+        raise ScenarioError("an ensemble needs at least one thread.", where)
+    shares = () if quantiles is None else tuple(float(q) for q in quantiles)
+    if quantiles is not None:
+        check_shares(np.array(shares), where)
+    wanted = tuple(dict.fromkeys(network.find(n) for n in nodes)) if nodes is not None else (*network.nodes, *network.boundaries)
+    numbers = _started(engine, assemble_members(wiring, values, members))
+    kept = _needed(engine, wanted, numbers)
+    recovery = _Recovery(engine, numbers, kept)
+    run = partial(_run, engine, numbers, times, kept, options, simd)
+    if not shares:
+        kernel = run({})
+        stored = kernel.advance(times.size, threads)
+        failed = _failed(engine, kernel, numbers, options)
+        stored[:, :, list(failed)] = np.nan
+        traces: Callable[[str], Array] = partial(_masked, recovery, stored, times, tuple(failed))
+        return wanted, members, values, failed, shares, _statistics(kernel), network.find, traces, {}
+    failed = {}
+    while True:
+        # statistics must not hold the early part of a run that fails later: such members are found in one pass and left out of the next
+        kernel = run(failed)
+        summaries = _summarised(_chunks(kernel, times, len(kept), members, threads), recovery, wanted, shares, failed, members)
+        found = _failed(engine, kernel, numbers, options) | failed
+        if len(found) in (len(failed), members):
+            return wanted, members, values, found, shares, _statistics(kernel), network.find, _no_traces, summaries
+        failed = found
+
+
+def _columns(draws: Mapping[str, Any], where: str) -> tuple[dict[str, Array], int]:
+    """Return the values of each name as arrays, and how many members there are."""
+    values = {name: np.array(v, dtype=float) for name, v in draws.items()}
+    sizes = {v.shape for v in values.values()}
+    if len(sizes) != 1 or any(len(s) != 1 or s[0] == 0 for s in sizes):
+        found = ", ".join(f"'{n}' {v.shape}" for n, v in values.items()) or "nothing is drawn"
+        raise ScenarioError(f"every name needs one value per member, in a list: {found}.", where)
+    for v in values.values():
+        v.flags.writeable = False
+    return values, sizes.pop()[0]
+
+
+def _started(engine: Engine, numbers: MembersNumbers) -> MembersNumbers:
+    """Return the numbers with a steady start where it was asked for."""
+    waiting = [m for m in np.flatnonzero(np.isnan(numbers.initial).any(axis=0)).tolist() if m not in numbers.refused]
+    if not waiting:
+        return numbers
+    initial, refused, like = numbers.initial.copy(), dict(numbers.refused), engine.wiring.assemble()
+    for member in waiting:
+        try:
+            initial[:, member] = engine.started(numbers.one(member, like)).initial
+        except SolverError as error:
+            refused[member] = str(error)
+    return MembersNumbers(numbers.coefficients, initial, numbers.weights, numbers.offsets, refused)
+
+
+def _needed(engine: Engine, wanted: Sequence[str], numbers: MembersNumbers) -> tuple[str, ...]:
+    """Return the nodes that the kernel must store so that the wanted ones can be had."""
+    queue, out = list(wanted), {}  # type: tuple[list[str], dict[str, None]]
+    while queue:
+        node = queue.pop(0)
+        if node in numbers.weights:
+            queue += numbers.weights[node]
+        elif node in engine.nodes:
+            out[node] = None
+    return tuple(out)
+
+
+def _run(
+    engine: Engine, numbers: MembersNumbers, times: Array, kept: Sequence[str], options: Options, simd: str, left_out: Mapping[int, str]
+) -> Any:
+    """Return the kernel's ensemble; members that are left out, and those without numbers, are given none."""
+    coefficients = numbers.coefficients
+    if left_out:
+        coefficients = coefficients.copy()
+        coefficients[:, list(left_out)] = np.nan
+    return engine.members(coefficients, numbers.initial, times, kept, engine.wiring.scenario.seconds, options, simd)
+
+
+def _failed(engine: Engine, kernel: Any, numbers: MembersNumbers, options: Options) -> dict[int, str]:
+    """Return member -> why it did not reach the end."""
+    status, node, time = kernel.status, kernel.node, kernel.time
+    out = dict(numbers.refused)
+    for m in np.flatnonzero(status).tolist():
+        ended = _Ended(int(status[m]), int(node[m]), float(time[m]))
+        out.setdefault(m, engine.message(ended, options, engine.wiring.scenario.seconds))
+    return dict(sorted(out.items()))
+
+
+@dataclass(frozen=True)
+class _Ended:
+    status: int
+    node: int
+    time: float
+
+
+def _statistics(kernel: Any) -> dict[str, Any]:
+    return {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd}
+
+
+def _masked(recovery: _Recovery, stored: Array, times: Array, failed: tuple[int, ...], name: str) -> Array:
+    out = recovery.temperature(stored, times, name)
+    if failed and name not in recovery.kept:
+        out[:, list(failed)] = np.nan
+    return out
+
+
+def _no_traces(name: str) -> Array:
+    raise ScenarioError(f"no trace of '{name}' was kept.")
+
+
+def _chunks(kernel: Any, times: Array, kept: int, members: int, threads: int) -> Iterator[tuple[int, Array, Array]]:
+    """Yield (first row, times, stored temperatures) of parts of the time."""
+    rows = max(1, CHUNK // (8 * members * max(kept, 1)))
+    for first in range(0, times.size, rows):
+        yield first, times[first : first + rows], kernel.advance(rows, threads)
+
+
+def _summarised(
+    chunks: Iterator[tuple[int, Array, Array]],
+    recovery: _Recovery,
+    wanted: Sequence[str],
+    shares: tuple[float, ...],
+    failed: Mapping[int, str],
+    members: int,
+) -> dict[str, Summary]:
+    """Return node -> quantiles, mean and spread at every time, and the highest temperature of every member."""
+    parts: dict[str, list[tuple[Array, Array, Array]]] = {n: [] for n in wanted}
+    highest = {n: np.full(members, -np.inf) for n in wanted}
+    good = np.setdiff1d(np.arange(members), [*failed, *recovery.numbers.refused])
+    for _, times, stored in chunks:
+        for n in wanted:
+            values = recovery.temperature(stored, times, n)[:, good]
+            if good.size:
+                parts[n].append((np.quantile(values, shares, axis=1), values.mean(axis=1), spread_of(values)))
+                highest[n][good] = np.maximum(highest[n][good], values.max(axis=0))
+    out = {}
+    for n in wanted:
+        highest[n][np.isinf(highest[n])] = np.nan
+        if parts[n]:
+            q, mean, sd = (np.concatenate(x, axis=-1) for x in zip(*parts[n], strict=True))
+            out[n] = Summary(q, mean, sd, highest[n])
+    return out
