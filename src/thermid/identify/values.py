@@ -140,7 +140,7 @@ class FittedValues(Mapping[str, FittedValue]):
         return FittedValues(self.stage, self.parameters, self.covariance[np.ix_(kept, kept)], self.provenance)
 
     def draws(self, members: int, seed: int) -> dict[str, Array]:
-        """Return path -> value of every member (members,) for `ensemble`: normal in the fitted forms, with what the fit knows of them jointly.
+        """Return path -> value of every member (members,) for `ensemble`, normal in the fitted forms with their covariance.
 
         Paths of instances that share a value get the same draws; constant errors of instruments are left out. [SI]
 
@@ -157,7 +157,7 @@ class FittedValues(Mapping[str, FittedValue]):
         sizes, vectors = np.linalg.eigh(found.covariance)
         root = vectors * np.sqrt(np.clip(sizes, 0.0, None))
         deviations = root @ np.random.default_rng(seed).standard_normal((len(found), members))
-        out = {}
+        out: dict[str, Array] = {}
         for row, (path, v) in zip(deviations, found.items(), strict=True):
             values = v.value * np.exp(row) if v.log else v.value + row
             out |= dict.fromkeys((path, *v.also), values)

@@ -107,10 +107,10 @@ class Ensemble:
                 if s not in self.shares:
                     kept = ", ".join(f"{k:g}" for k in self.shares)
                     raise ScenarioError(f"the quantile {s:g} was not kept, only {kept}. Ask for it in 'quantiles'.", self.title)
-            found = self._summaries[path].quantiles[[self.shares.index(s) for s in wanted.tolist()]]
+            found: Array = self._summaries[path].quantiles[[self.shares.index(s) for s in wanted.tolist()]]
         else:
             found = np.quantile(self._whole(path), wanted, axis=1)
-        return found if np.ndim(share) else found[0]
+        return found if np.ndim(share) else np.asarray(found[0])
 
     def mean(self, node: str) -> Array:
         """Return the mean temperature (times,) over the members. [K]"""
@@ -132,7 +132,7 @@ class Ensemble:
 
         Members that are above it at any stored time: ``(ensemble.highest(node) > limit).mean()``.
         """
-        return (self._whole_or_refuse(node) > limit + ICE_POINT).mean(axis=1)
+        return np.asarray((self._whole_or_refuse(node) > limit + ICE_POINT).mean(axis=1))
 
     def _whole_or_refuse(self, node: str) -> Array:
         self.temperatures(node)
@@ -197,7 +197,7 @@ def ensemble(
     ----------
     model, scenario, every, times, options    As in `simulate`.
     draws : dict            Name -> value of every member (members,): parameters, boundaries (a constant added to their signal),
-                            ``initial.<node>``, and ``scale.<load>`` (a factor on its power). See `draw`, and the `draws` of fitted values. [SI]
+                            ``initial.<node>``, and ``scale.<load>`` (a factor on its power). See `draw` and `FittedValues.draws`. [SI]
     nodes : list of str     Nodes to keep; all of them when not given.
     quantiles : list        Shares of the quantiles to keep in place of every trace, such as ``(0.05, 0.5, 0.95)``; saves memory. [-]
     threads : int           How many may compute at once.

@@ -23,7 +23,7 @@ __all__ = ["Many", "MembersNumbers", "assemble_members"]
 Array = NDArray[np.float64]
 
 
-class _Apart(Exception):
+class _ApartError(Exception):
     """A check holds for some members only: those of the mask (members,)."""
 
     def __init__(self, mask: NDArray[np.bool_]) -> None:
@@ -36,12 +36,12 @@ def _all_alike(mask: NDArray[np.bool_]) -> bool:
 
     Raises
     ------
-    _Apart   When it says different things of them.
+    _ApartError   When it says different things of them.
     """
     if mask.all():
         return True
     if mask.any():
-        raise _Apart(mask)
+        raise _ApartError(mask)
     return False
 
 
@@ -61,12 +61,12 @@ class Many(Dual):
         object.__setattr__(self, "values", values)
 
     @property
-    def value(self) -> Any:  # type: ignore[override]
+    def value(self) -> Any:
         """Itself: checks look at all members."""
         return self
 
     @property
-    def gradient(self) -> Array:  # type: ignore[override]
+    def gradient(self) -> Array:
         """None of them."""
         return np.zeros(0)
 
@@ -227,7 +227,7 @@ class _Collector:
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 self._store(self.wiring.assembled_at({n: Many(v[share]) for n, v in self.values.items()}), share)
-        except _Apart as apart:
+        except _ApartError as apart:
             self.fill(share[apart.mask])
             self.fill(share[~apart.mask])
         except ThermidError:

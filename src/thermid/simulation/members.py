@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from thermid.errors import ScenarioError, SolverError
 from thermid.model.signal import Constant
 from thermid.simulation.engine import Engine, Options
-from thermid.simulation.ensemble import Summary, check_shares, spread_of
+from thermid.simulation.ensemble import Ensemble, Summary, check_shares, spread_of
 from thermid.simulation.many import MembersNumbers, assemble_members
 
 __all__ = ["run_members"]
@@ -53,15 +53,17 @@ def run_members(
     quantiles: Any,
     threads: int,
     simd: str,
-) -> tuple[Any, ...]:
-    """Return the fields of an `Ensemble` that follow its times, up to its warnings.
+    warnings: tuple[str, ...],
+) -> Ensemble:
+    """Return the runs of all members.
 
     Raises
     ------
     ScenarioError   When names do not have equally many values, or there are no threads.
     """
     wiring, network = engine.wiring, engine.wiring.network
-    where = f"{network.title}, {wiring.scenario.title}"
+    titles = (network.title, wiring.scenario.title)
+    where = ", ".join(titles)
     values, members = _columns(draws, where)
     if threads < 1:
         raise ScenarioError("an ensemble needs at least one thread.", where)
@@ -79,7 +81,8 @@ def run_members(
         failed = _failed(engine, kernel, numbers, options)
         stored[:, :, list(failed)] = np.nan
         traces: Callable[[str], Array] = partial(_masked, recovery, stored, times, tuple(failed))
-        return wanted, members, values, failed, shares, _statistics(kernel), network.find, traces, {}
+        statistics = _statistics(kernel)
+        return Ensemble(*titles, times, wanted, members, values, failed, shares, statistics, network.find, traces, {}, warnings)
     failed = {}
     while True:
         # statistics must not hold the early part of a run that fails later: such members are found in one pass and left out of the next
@@ -87,7 +90,10 @@ def run_members(
         summaries = _summarised(_chunks(kernel, times, len(kept), members, threads), recovery, wanted, shares, failed, members)
         found = _failed(engine, kernel, numbers, options) | failed
         if len(found) in (len(failed), members):
-            return wanted, members, values, found, shares, _statistics(kernel), network.find, _no_traces, summaries
+            statistics = _statistics(kernel)
+            return Ensemble(
+                *titles, times, wanted, members, values, found, shares, statistics, network.find, _no_traces, summaries, warnings
+            )
         failed = found
 
 
@@ -172,15 +178,15 @@ def _no_traces(name: str) -> Array:
     raise ScenarioError(f"no trace of '{name}' was kept.")
 
 
-def _chunks(kernel: Any, times: Array, kept: int, members: int, threads: int) -> Iterator[tuple[int, Array, Array]]:
-    """Yield (first row, times, stored temperatures) of parts of the time."""
+def _chunks(kernel: Any, times: Array, kept: int, members: int, threads: int) -> Iterator[tuple[Array, Array]]:
+    """Yield times and stored temperatures of parts of the time."""
     rows = max(1, CHUNK // (8 * members * max(kept, 1)))
     for first in range(0, times.size, rows):
-        yield first, times[first : first + rows], kernel.advance(rows, threads)
+        yield times[first : first + rows], kernel.advance(rows, threads)
 
 
 def _summarised(
-    chunks: Iterator[tuple[int, Array, Array]],
+    chunks: Iterator[tuple[Array, Array]],
     recovery: _Recovery,
     wanted: Sequence[str],
     shares: tuple[float, ...],
@@ -191,7 +197,7 @@ def _summarised(
     parts: dict[str, list[tuple[Array, Array, Array]]] = {n: [] for n in wanted}
     highest = {n: np.full(members, -np.inf) for n in wanted}
     good = np.setdiff1d(np.arange(members), [*failed, *recovery.numbers.refused])
-    for _, times, stored in chunks:
+    for times, stored in chunks:
         for n in wanted:
             values = recovery.temperature(stored, times, n)[:, good]
             if good.size:

@@ -193,8 +193,7 @@ class Simulator:
                 raise NameNotFoundError(f"'{name}' was not freed when the simulator was prepared.{nearest(name, self.free)}", self.title)
         if len(given) < len(draws):
             raise ScenarioError("one name is drawn twice, under its path and under an alias.", self.title)
-        found = run_members(self._engine, given, self.times, self.options, nodes, quantiles, threads, simd)
-        return Ensemble(self.title, self._wiring.scenario.title, self.times, *found, warnings=self._remarks)
+        return run_members(self._engine, given, self.times, self.options, nodes, quantiles, threads, simd, self._remarks)
 
     def slots(self, name: str) -> tuple[str, str]:
         """Return the units that a value of a free name, and a difference of two, are written in."""
