@@ -32,8 +32,8 @@ void make_ensemble(Ensemble* self, const Problem& p, In<double, 2> coef, In<doub
 
 nb::object advance(Ensemble& e, long rows, int threads) {
     need(rows > 0 && threads > 0, "rows and threads must be positive");
-    const size_t m = std::min<long>(rows, static_cast<long>(e.setup.times.size()) - e.done), nodes = e.setup.observed.size(), members = e.setup.members;
-    std::unique_ptr<double[]> out(new double[m * nodes * members + 1]);
+    const size_t m = std::min<long>(rows, static_cast<long>(e.setup.times.size()) - e.done), nodes = e.setup.observed.size(), groups = (e.setup.members + LANES - 1) / LANES;
+    std::unique_ptr<double[]> out(new double[groups * m * nodes * LANES + 1]);
     {
         nb::gil_scoped_release free;
         e.advance(rows, threads, out.get(), [] {
@@ -41,7 +41,7 @@ nb::object advance(Ensemble& e, long rows, int threads) {
             poll_interrupt();
         });
     }
-    return array(std::move(out), {m, nodes, members});
+    return array(std::move(out), {groups, m, nodes, LANES});
 }
 
 }  // namespace

@@ -78,10 +78,12 @@ void Ensemble::run_alone(Block& b, long member) {
 // The outputs first to last of one group.
 void Ensemble::work(Block& b, long first, long last, double* out) {
     const long at = LANES * static_cast<long>(&b - blocks_.data()), end = std::min(setup.members, at + LANES);
+    const size_t nobs = setup.observed.size();
+    double* own = out + at * (last - first) * nobs;
     std::vector<long> fallen;
     if (setup.network.supported) {
         if (!b.group) b.group = std::make_unique<Group>(setup, at);
-        b.group->advance(first, last, out, stop_);
+        b.group->advance(first, last, own, stop_);
         fallen = b.group->dropped;
     } else {
         for (long m = at; m < end; ++m) fallen.push_back(m);
@@ -90,10 +92,9 @@ void Ensemble::work(Block& b, long first, long last, double* out) {
         if (stop_) return;
         if (!alone[m]) run_alone(b, m);
     }
-    const size_t nobs = setup.observed.size();
     for (size_t k = 0; k < b.alone.size(); ++k)
         for (long r = first; r < last; ++r)
-            for (size_t j = 0; j < nobs; ++j) out[((r - first) * nobs + j) * setup.members + b.alone[k]] = b.traces[k][r * nobs + j];
+            for (size_t j = 0; j < nobs; ++j) own[((r - first) * nobs + j) * LANES + b.alone[k] - at] = b.traces[k][r * nobs + j];
     if (last < static_cast<long>(setup.times.size())) return;
     if (b.group) {
         b.steps += b.group->steps;

@@ -22,6 +22,7 @@ class LaneNetwork {
     explicit LaneNetwork(const Problem& p);
     bool supported = true;  // thermostats, massless nodes and inputs in an exponent are left to the integrator
     LanePlan plan{};
+    std::vector<int> varying;  // the inputs that change in time; the lane code knows no others
 
   private:
     LaneNetwork(const LaneNetwork&) = delete;
@@ -30,7 +31,7 @@ class LaneNetwork {
     std::vector<LaneLoad> loads_;
     std::vector<LaneTable> tables_;
     std::vector<LaneEntry> con_u_, load_u_;
-    std::vector<int> timed_input_, row_of_, column_of_;
+    std::vector<int> timed_, timed_input_, row_of_, column_of_;
     std::vector<LanePivot> pivots_;
     std::vector<LaneLower> lower_;
     std::vector<LaneUpdate> updates_;
@@ -59,7 +60,7 @@ struct EnsembleSetup {
 class Group {
   public:
     Group(const EnsembleSetup& s, long first);
-    // Steps until the outputs up to `last` are written to out (outputs from `from`, observed, members).
+    // Steps until the outputs up to `last` are written to out (outputs from `from`, observed, LANES).
     void advance(long from, long last, double* out, const std::atomic<bool>& stop);
     std::vector<long> dropped;  // members that the lane code gave up
     long steps = 0, rejected = 0;
@@ -94,6 +95,7 @@ class Group {
     bool too_fast(double& next);
     bool failed(unsigned lanes, double& next, double factor);
     double input_error();
+    const Input& input(int k) const { return s_.p.inputs[s_.network.varying[k]]; }
     double mean_square(int k) const;
     unsigned check_state();
     void drop(unsigned lanes);
@@ -104,7 +106,7 @@ class Ensemble {
   public:
     Ensemble(const Problem& p, const std::string& simd, const Options& o, std::vector<double> coef, std::vector<double> start, long members, double t0,
              double t_end, std::vector<double> times, std::vector<int> observed);
-    // The next `rows` outputs of all members: out (rows, observed, members). poll is called now and then by the calling thread and may throw.
+    // The next `rows` outputs of all members: out (groups, rows, observed, LANES). poll is called now and then by the calling thread and may throw.
     void advance(long rows, int threads, double* out, const std::function<void()>& poll);
     const EnsembleSetup setup;
     std::vector<int> status, node;  // of each member

@@ -55,6 +55,8 @@ void Group::layout() {
 void Group::fill(int lane, long member) {
     const Problem& p = s_.p;
     for (int j = 0; j < p.nc; ++j) g_.coef[j * LANES + lane] = g_.ceff[j * LANES + lane] = s_.coef[static_cast<size_t>(j) * s_.members + member];
+    for (int j : p.timed)  // those that follow an input which does not change; the others are set with it
+        g_.ceff[j * LANES + lane] *= p.inputs[p.coef_input[j]].at(s_.t0);
     g_.coef[p.nc * LANES + lane] = g_.ceff[p.nc * LANES + lane] = 0.0;
     g_.coef[(p.nc + 1) * LANES + lane] = g_.ceff[(p.nc + 1) * LANES + lane] = std::numeric_limits<double>::infinity();
     for (int i = 0; i < p.n; ++i) {
@@ -69,7 +71,7 @@ void Group::fill(int lane, long member) {
 void Group::initial() {
     const Problem& p = s_.p;
     unsigned bad = 0;
-    for (int k = 0; k < g_.plan->nk; ++k) u_[k] = p.inputs[k].at(t_);
+    for (int k = 0; k < g_.plan->nk; ++k) u_[k] = input(k).at(t_);
     for (int l = 0; l < LANES; ++l) {
         bool ok = true;
         for (int i = 0; i < p.n; ++i) {
@@ -83,13 +85,13 @@ void Group::initial() {
     if (bad) drop(bad);
     for (int r = p.kind_begin[POWER]; r < p.kind_begin[POWER + 1]; ++r) {
         quarter_[r] = 1;
-        for (int l = 0; l < LANES; ++l) quarter_[r] = quarter_[r] && g_.coef[p.con.c1[r] * LANES + l] == 0.25;
+        for (int l = 0; l < LANES; ++l) quarter_[r] = quarter_[r] && g_.ceff[p.con.c1[r] * LANES + l] == 0.25;
     }
 }
 
 void Group::inputs_at(double s) {
     for (int k = 0; k < g_.plan->nk; ++k) {
-        const Input& in = s_.p.inputs[k];
+        const Input& in = input(k);
         u_[k] = in.sampled() ? in_[k].at(s) : in.at(t_ + s);
     }
 }
@@ -99,7 +101,7 @@ void Group::project() {
     for (int k = 0; k < g_.plan->nk; ++k) {
         worst_[k] = 0.0;
         active_[k] = 0;
-        const Input& in = s_.p.inputs[k];
+        const Input& in = input(k);
         if (!in.sampled()) continue;
         worst_[k] = in_[k].project(in, t_, end_, hint_[k]);
         active_[k] = !in_[k].exact;
@@ -109,10 +111,10 @@ void Group::project() {
 
 // Mean square of what is left of an input: that of the input less that of its projection, which is orthogonal to the rest.
 double Group::mean_square(int k) const {
-    const auto& seg = s_.p.inputs[k].seg;
-    const std::vector<double>& sums = s_.squares[k];
+    const auto& seg = input(k).seg;
+    const std::vector<double>& sums = s_.squares[s_.network.varying[k]];
     auto up_to = [&](double t, int hint) {  // integral of (u - mean)^2 from the first knot
-        const int i = s_.p.inputs[k].segment(t, hint);
+        const int i = input(k).segment(t, hint);
         if (i < 0) return (t - seg[0].t) * seg[0].u * seg[0].u;
         const double l = t - seg[i].t, u = seg[i].u, s = seg[i].s;
         return sums[i] + l * (u * u + l * (u * s + l * s * s / 3.0));
@@ -204,7 +206,7 @@ bool Group::attempt(double& next) {
     g_.h = end_ - t_;
     project();
     inputs_at(0.0);
-    for (int k = 0; k < g_.plan->nk; ++k) slopes_[k] = s_.p.inputs[k].sampled() ? in_[k].slope(0.0) : s_.p.inputs[k].slope(t_);
+    for (int k = 0; k < g_.plan->nk; ++k) slopes_[k] = input(k).sampled() ? in_[k].slope(0.0) : input(k).slope(t_);
     code.start(g_);
     if (g_.bad) {
         drop(g_.bad);
@@ -227,7 +229,7 @@ bool Group::attempt(double& next) {
         tolerance[l] = leftover_ ? std::max(tol, 0.1 * s_.options.input_atol) : tol;
         least = std::min(least, tolerance[l]);
     }
-    g_.close = std::min(1e-8, std::max(2e-10, 1e-3 * least));
+    g_.close = std::min(1e-7, std::max(2e-10, 1e-2 * least));
     code.matrix(g_);
     if (g_.bad) return failed(g_.bad, next, 0.25);
     for (int s = 1; s < STAGES; ++s) {
@@ -272,7 +274,7 @@ void Group::choose(double& next) {
     if (hold_ < h) {
         knot = std::numeric_limits<double>::infinity();
         for (int k = 0; k < g_.plan->nk; ++k)
-            if (s_.p.inputs[k].sampled()) knot = std::min(knot, s_.p.inputs[k].next_knot(t_, hint_[k]));
+            if (input(k).sampled()) knot = std::min(knot, input(k).next_knot(t_, hint_[k]));
         h = hold_ < 2.0 * (knot - t_) ? std::min(h, knot - t_) : hold_;
         clipped_ = h < wish_;
     }
@@ -290,8 +292,6 @@ void Group::choose(double& next) {
 
 void Group::emit(long from, long last, double* out) {
     const size_t nobs = s_.observed.size();
-    const long stride = s_.members;
-    alignas(64) double part[LANES];
     for (; out_next_ < last && s_.times[out_next_] <= end_; ++out_next_) {
         const double time = s_.times[out_next_], s = time - origin_, x = g_.h > 0.0 ? (time == end_ ? 1.0 : s / g_.h) : 0.0;
         weights_[0] = s;
@@ -302,15 +302,7 @@ void Group::emit(long from, long last, double* out) {
             weights_[2 + 3 * k] = in_[k].ww(s, cursor_[k].sum);
             weights_[3 + 3 * k] = in_[k].www(s, cursor_[k].sum);
         }
-        double* to = out + (static_cast<size_t>(out_next_ - from) * nobs) * stride + first_;
-        if (count_ == LANES) {
-            s_.code.output(g_, x, weights_.data(), s_.observed.data(), static_cast<int>(nobs), to, stride);
-            continue;
-        }
-        for (size_t j = 0; j < nobs; ++j) {
-            s_.code.output(g_, x, weights_.data(), s_.observed.data() + j, 1, part, 0);
-            std::copy(part, part + count_, to + j * stride);
-        }
+        s_.code.output(g_, x, weights_.data(), s_.observed.data(), static_cast<int>(nobs), out + (out_next_ - from) * nobs * LANES);
     }
 }
 
@@ -340,7 +332,7 @@ void Group::advance(long from, long last, double* out, const std::atomic<bool>& 
         if (s_.times[out_next_] <= end_) {
             inputs_at(g_.h);
             for (int k = 0; k < g_.plan->nk; ++k) {
-                const Input& in = s_.p.inputs[k];
+                const Input& in = input(k);
                 slopes_[k] = in.sampled() ? in_[k].slope(g_.h) : in.slope(end_);
                 if (in.sampled()) cursor_[k].begin(&in, t_);
             }

@@ -24,7 +24,7 @@ struct LaneUpper { int node, entry; };
 
 // A network as flat arrays; the same for all groups.
 struct LanePlan {
-    int n, nb, nc, nk, entries, matrix;  // unknowns, boundaries, coefficients, inputs, entries of the Jacobian, the same with fill
+    int n, nb, nc, nk, entries, matrix;  // unknowns, boundaries, coefficients, inputs that vary, entries of the Jacobian, the same with fill
     const LaneRow* rows;
     const int* kind_begin;
     const LaneLoad* loads;
@@ -69,7 +69,7 @@ struct LaneCode {
     bool (*stage)(LaneGroup&, int s);                    // one stage, inputs in u
     void (*error)(LaneGroup&);                           // lane: largest error estimate [K]
     void (*dense)(LaneGroup&);                           // polynomials of the step
-    void (*output)(const LaneGroup&, double x, const double* w, const int* obs, int nobs, double* out, long stride);
+    void (*output)(const LaneGroup&, double x, const double* w, const int* obs, int nobs, double* out);
 };
 
 extern const LaneCode LANES_BASELINE;

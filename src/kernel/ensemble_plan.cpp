@@ -41,9 +41,15 @@ LaneNetwork::LaneNetwork(const Problem& p) {
         loads_.push_back(x);
     }
     for (const Table& t : p.tables) tables_.push_back({t.x.data(), t.y.data(), t.d.data(), static_cast<int>(t.x.size())});
+    std::vector<int> place;
+    for (const Input& in : p.inputs) {
+        const bool varies = in.sampled() || (in.kind == SINE && in.amplitude != 0.0);
+        place.push_back(varies ? static_cast<int>(varying.size()) : -1);
+        if (varies) varying.push_back(static_cast<int>(place.size()) - 1);
+    }
     auto timed = [&](const std::vector<Entry>& from, std::vector<LaneEntry>& to) {
         for (const Entry& e : from) {
-            const int input = p.coef_input[e.coef];
+            const int input = p.coef_input[e.coef] < 0 ? -1 : place[p.coef_input[e.coef]];
             if (input < 0) continue;
             supported = supported && (e.what == 0 || e.what >= 4);
             to.push_back({e.row, e.what, e.coef, input});
@@ -51,11 +57,15 @@ LaneNetwork::LaneNetwork(const Problem& p) {
     };
     timed(p.con_entry, con_u_);
     timed(p.load_entry, load_u_);
-    for (int j : p.timed) timed_input_.push_back(p.coef_input[j]);
+    for (int j : p.timed)
+        if (const int input = place[p.coef_input[j]]; input >= 0) {
+            timed_.push_back(j);
+            timed_input_.push_back(input);
+        }
     plan.n = p.n;
     plan.nb = p.nb;
     plan.nc = p.nc;
-    plan.nk = static_cast<int>(p.inputs.size());
+    plan.nk = static_cast<int>(varying.size());
     plan.curved = false;
     for (int k : p.con.kind) plan.curved = plan.curved || (k != LINEAR && k != FLOW);
     for (int k : p.load.kind) plan.curved = plan.curved || k != SIGNAL;
@@ -65,9 +75,9 @@ LaneNetwork::LaneNetwork(const Problem& p) {
     plan.loads = loads_.data();
     plan.nloads = p.load.size();
     plan.tables = tables_.data();
-    plan.timed = p.timed.data();
+    plan.timed = timed_.data();
     plan.timed_input = timed_input_.data();
-    plan.ntimed = static_cast<int>(p.timed.size());
+    plan.ntimed = static_cast<int>(timed_.size());
     plan.gain = p.gain.data();
     plan.offset = p.offset.data();
     plan.con_u = con_u_.data();

@@ -32,10 +32,11 @@ class _Recovery:
     kept: tuple[str, ...]
 
     def temperature(self, stored: Array, times: Array, name: str) -> Array:
-        """Return the temperature (times, members) of a node, from what was stored (times, kept, members). [K]"""
+        """Return the temperature (times, members) of a node, from what was stored (groups, times, kept, lanes). [K]"""
         wiring = self.engine.wiring
         if name in self.kept:
-            return stored[:, self.kept.index(name), :]
+            members = self.numbers.coefficients.shape[1]
+            return np.moveaxis(stored[:, :, self.kept.index(name), :], 0, 1).reshape(times.size, -1)[:, :members]
         if name in wiring.network.boundaries:
             signal = wiring.signals[f"boundary {name}"]
             varying = np.zeros(times.shape) if isinstance(signal, Constant) else signal.at(times)
@@ -79,7 +80,6 @@ def run_members(
         kernel = run({})
         stored = kernel.advance(times.size, threads)
         failed = _failed(engine, kernel, numbers, options)
-        stored[:, :, list(failed)] = np.nan
         traces: Callable[[str], Array] = partial(_masked, recovery, stored, times, tuple(failed))
         statistics = _statistics(kernel)
         return Ensemble(*titles, times, wanted, members, values, failed, shares, statistics, network.find, traces, {}, warnings)
@@ -169,7 +169,7 @@ def _statistics(kernel: Any) -> dict[str, Any]:
 
 def _masked(recovery: _Recovery, stored: Array, times: Array, failed: tuple[int, ...], name: str) -> Array:
     out = recovery.temperature(stored, times, name)
-    if failed and name not in recovery.kept:
+    if failed:
         out[:, list(failed)] = np.nan
     return out
 
