@@ -71,7 +71,7 @@ class Group {
     const int count_;
     std::vector<double> memory_;
     std::vector<char> quarter_, active_;
-    std::vector<double> u_, slopes_, weights_, worst_;
+    std::vector<double> u_, slopes_, bends_, weights_, worst_;
     std::vector<StepInput> in_;
     std::vector<int> hint_;
     std::vector<Cursor> cursor_;

@@ -22,7 +22,7 @@ void Group::layout() {
     const Part parts[] = {{&g_.coef, size_t(p.nc) + 2}, {&g_.ceff, size_t(p.nc) + 2}, {&g_.cap, n}, {&g_.icap, n}, {&g_.T, n + p.nb},
                           {&g_.Tn, n}, {&g_.T1, n}, {&g_.f, n}, {&g_.qa, rows}, {&g_.qb, rows}, {&g_.phi, rows},
                           {&g_.slope, size_t(p.nloads)}, {&g_.power0, size_t(p.nloads)}, {&g_.J0, size_t(p.entries)}, {&g_.J1, size_t(p.entries)},
-                          {&g_.lu, size_t(p.matrix)}, {&g_.inv, n}, {&g_.F, STAGES * n}, {&g_.d0, n}, {&g_.dd0, n}, {&g_.d1, n}, {&g_.g, n},
+                          {&g_.lu, size_t(p.matrix)}, {&g_.inv, n}, {&g_.F, STAGES * n}, {&g_.d0, n}, {&g_.dd0, n}, {&g_.ddd0, n}, {&g_.d1, n}, {&g_.g, n},
                           {&g_.base, n}, {&g_.guess, n}, {&g_.bend, n}, {&g_.delta, n}, {&g_.err, n}, {&g_.fu, nk * n},
                           {&g_.poly, STAGES * n}, {&g_.b, nk * n}, {&g_.ab, nk * n}, {&g_.aab, nk * n}, {&g_.db, nk * n}, {&g_.c, nk * n}};
     size_t total = 1;
@@ -38,6 +38,7 @@ void Group::layout() {
     active_.assign(nk + 1, 0);
     u_.assign(nk + 1, 0.0);
     slopes_.assign(nk + 1, 0.0);
+    bends_.assign(nk + 1, 0.0);
     worst_.assign(nk + 1, 0.0);
     weights_.assign(1 + 3 * nk, 0.0);
     in_.resize(nk);
@@ -48,6 +49,7 @@ void Group::layout() {
     g_.active = active_.data();
     g_.u = u_.data();
     g_.slopes = slopes_.data();
+    g_.bends = bends_.data();
     g_.rho = 0.1;
 }
 
@@ -206,7 +208,11 @@ bool Group::attempt(double& next) {
     g_.h = end_ - t_;
     project();
     inputs_at(0.0);
-    for (int k = 0; k < g_.plan->nk; ++k) slopes_[k] = input(k).sampled() ? in_[k].slope(0.0) : input(k).slope(t_);
+    for (int k = 0; k < g_.plan->nk; ++k) {
+        const bool sampled = input(k).sampled();
+        slopes_[k] = sampled ? in_[k].slope(0.0) : input(k).slope(t_);
+        bends_[k] = sampled ? 2.0 * in_[k].p2 : 0.0;
+    }
     code.start(g_);
     if (g_.bad) {
         drop(g_.bad);
@@ -229,7 +235,7 @@ bool Group::attempt(double& next) {
         tolerance[l] = leftover_ ? std::max(tol, 0.1 * s_.options.input_atol) : tol;
         least = std::min(least, tolerance[l]);
     }
-    g_.close = std::min(1e-7, std::max(2e-10, 1e-2 * least));
+    g_.close = std::min(5e-7, std::max(2e-10, 5e-2 * least));
     code.matrix(g_);
     if (g_.bad) return failed(g_.bad, next, 0.25);
     for (int s = 1; s < STAGES; ++s) {

@@ -48,11 +48,11 @@ struct LaneGroup {
     double *coef, *ceff, *cap, *icap;
     double *T, *Tn, *T1, *f, *qa, *qb, *phi, *slope, *power0;  // T: all nodes; Tn, T1: at the step's start and end
     double *J0, *J1, *lu, *inv;
-    double *F, *d0, *dd0, *d1, *g, *base, *guess, *bend, *delta, *err;
+    double *F, *d0, *dd0, *ddd0, *d1, *g, *base, *guess, *bend, *delta, *err;
     double *fu, *poly, *b, *ab, *aab, *db, *c;  // of each input: fu, b to c
     const char* quarter;  // conductors whose exponent is 1/4 in all lanes
     const double* u;      // inputs at hand
-    const double* slopes; // their derivatives in time
+    const double *slopes, *bends;  // their first and second derivatives in time
     const char* active;   // inputs of which something is left over
     double h, close, rho;
     double lane[LANES];   // what a call found for each lane
