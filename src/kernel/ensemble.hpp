@@ -31,7 +31,7 @@ class LaneNetwork {
     std::vector<LaneLoad> loads_;
     std::vector<LaneTable> tables_;
     std::vector<LaneEntry> con_u_, load_u_;
-    std::vector<int> timed_, timed_input_, row_of_, column_of_;
+    std::vector<int> timed_, timed_input_, row_of_, column_of_, off_first_, off_entry_, off_column_;
     std::vector<LanePivot> pivots_;
     std::vector<LaneLower> lower_;
     std::vector<LaneUpdate> updates_;

@@ -34,7 +34,7 @@ struct LanePlan {
     int ntimed;
     const LaneEntry *con_u, *load_u;
     int ncon_u, nload_u;
-    const int *row_of, *column_of;  // of the matrix entries; the first n are the diagonal
+    const int *off_first, *off_entry, *off_column;  // entries of the Jacobian off its diagonal, row by row; the first n of all are the diagonal
     const LanePivot* pivots;
     const LaneLower* lower;
     const LaneUpdate* updates;

@@ -109,6 +109,18 @@ void LaneNetwork::matrix(const Problem& p) {
     for (LaneLoad& r : loads_)
         if (r.sensor < n && r.kind != SIGNAL) r.jac = entry(r.node, r.sensor);
     plan.entries = static_cast<int>(row_of_.size());
+    for (int i = 0; i < n; ++i) {
+        off_first_.push_back(static_cast<int>(off_entry_.size()));
+        for (int e = n; e < plan.entries; ++e)
+            if (row_of_[e] == i) {
+                off_entry_.push_back(e);
+                off_column_.push_back(column_of_[e]);
+            }
+    }
+    off_first_.push_back(static_cast<int>(off_entry_.size()));
+    plan.off_first = off_first_.data();
+    plan.off_entry = off_entry_.data();
+    plan.off_column = off_column_.data();
     std::vector<char> gone(n, 0);
     auto meets = [&](int i, int j) { return place[i][j] >= 0 || place[j][i] >= 0; };
     for (int step = 0; step < n; ++step) {
@@ -142,8 +154,6 @@ void LaneNetwork::matrix(const Problem& p) {
         pivots_.push_back(pivot);
     }
     plan.matrix = static_cast<int>(row_of_.size());
-    plan.row_of = row_of_.data();
-    plan.column_of = column_of_.data();
     plan.pivots = pivots_.data();
     plan.lower = lower_.data();
     plan.updates = updates_.data();
