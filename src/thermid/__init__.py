@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from thermid.measure import read_record as read_record
     from thermid.model.areas import ledger as ledger
     from thermid.model.law import law as law
+    from thermid.model.block import Block as Block
     from thermid.model.model import Model as Model
     from thermid.model.modelfile import load_model as load_model
     from thermid.model.modelfile import model_from_dict as model_from_dict
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
     from thermid.reporting.page import report as report
+    from thermid.simulation.block_solution import BlockSolution as BlockSolution
     from thermid.simulation.engine import Options as Options
     from thermid.simulation.scenario import Scenario as Scenario
     from thermid.simulation.scenario import load_scenario as load_scenario
@@ -59,6 +61,7 @@ _PUBLIC = {
     "save_model": "model.modelfile",
     "law": "model.law",
     "ledger": "model.areas",
+    "Block": "model.block",
     "compile_network": "network.network",
     "state_space": "network.linear",
     "modes": "network.linear",
@@ -71,6 +74,7 @@ _PUBLIC = {
     "Simulator": "simulation.simulator",
     "steady": "simulation.steady",
     "Solution": "simulation.solution",
+    "BlockSolution": "simulation.block_solution",
     "Channel": "measure",
     "Record": "measure",
     "read_record": "measure",

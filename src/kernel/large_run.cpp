@@ -1,0 +1,321 @@
+// The run around the steps: choice of method, inputs of a step, step control, outputs.
+#include <algorithm>
+#include <cmath>
+
+#include "integrator.hpp"
+#include "large.hpp"
+
+namespace thermid {
+
+namespace {
+// Cost of a step of length h, in sweeps: RKC2 sqrt(1.54 h largest rate); TR-BDF2 two solves of about three times sqrt(2 (1 + 0.29 h mean
+// rate)) gradients. They are equal at a ratio of rates of about 14.
+constexpr double RATIO = 14.0;
+constexpr double HOTTEST = 1e6;  // [K]
+constexpr long POLL_CELLS = 20000000;
+}  // namespace
+
+LargeRun::LargeRun(const LargeProblem& p, const LargeOptions& o)
+    : p_(p), o_(o), n_(p.n), inverse_c_(p.n), link_sum_(p.n), T_(p.links), T1_(p.links), G_(p.n), G1_(p.n), u_(p.inputs.size()),
+      in_(p.inputs.size()), hint_(p.inputs.size(), -1), start_(p), rows_(p), energy_(p.tags + p.nb), gain_(p.tags + p.nb) {
+    for (int i = 0; i < n_; ++i) {
+        massless_ = massless_ || p.capacity[i] == 0.0;
+        inverse_c_[i] = p.capacity[i] > 0.0 ? 1.0 / p.capacity[i] : 0.0;
+    }
+    p.links.sums(link_sum_.data());
+}
+
+void LargeRun::fail(int status) { throw Failure{status, r_->node}; }
+
+void LargeRun::polled() {
+    since_poll_ += n_;
+    if (since_poll_ < POLL_CELLS) return;
+    since_poll_ = 0;
+    if (o_.poll) o_.poll();
+}
+
+void LargeRun::inputs_at(double s) {
+    for (size_t k = 0; k < u_.size(); ++k) u_[k] = p_.inputs[k].sampled() ? in_[k].at(s) : p_.inputs[k].at(t_ + s);
+}
+
+void LargeRun::begin_inputs() {
+    for (size_t k = 0; k < u_.size(); ++k)
+        if (p_.inputs[k].sampled()) in_[k].project(p_.inputs[k], t_, t_ + h_, hint_[k]);
+}
+
+// The error inside a step that what is left of a sampled input causes, relative to its tolerance: rate of the quickest node that feels
+// it times the integral of the left-over. At the end of the step three moments agree, so that nothing is left of it.
+double LargeRun::leftover() {
+    double worst = 0.0;
+    for (size_t k = 0; k < u_.size(); ++k) {
+        if (!p_.inputs[k].sampled() || in_[k].exact) continue;
+        Cursor c;
+        c.begin(&p_.inputs[k], t_);
+        double w = 0.0, rate = 0.0;
+        for (int q = 1; q < 8; ++q) {
+            const double s = h_ * q / 8.0;
+            c.move(t_ + s);
+            w = std::max(w, std::fabs(in_[k].w(s, c.sum)));
+        }
+        const double scale = std::max(std::fabs(u_[k]), 1e-300);
+        for (const RowGroup& g : p_.rows) {
+            const bool by_boundary = g.boundary >= 0 && p_.boundary_input[g.boundary] == static_cast<int>(k);
+            if (!by_boundary && g.input != static_cast<int>(k)) continue;
+            for (int r = g.begin; r < g.end; ++r) {
+                const double felt = by_boundary ? std::fabs(start_.pair[r]) : std::fabs(start_.q[r]) / scale;
+                rate = std::max(rate, felt * inverse_c_[p_.a[r]]);
+            }
+        }
+        for (const LoadGroup& g : p_.loads)
+            if (g.input == static_cast<int>(k))
+                for (int r = g.begin; r < g.end; ++r) rate = std::max(rate, std::fabs(p_.c[0][r]) * inverse_c_[p_.node[r]]);
+        worst = std::max(worst, rate * w);
+    }
+    return worst / o_.input_atol;
+}
+
+void LargeRun::gather(RowHeat& rows, const double* t, const double* z) const {
+    const size_t m = p_.special.size();
+    for (size_t k = 0; k < m; ++k) rows.t[k] = t[p_.special[k]];
+    if (z)
+        for (size_t k = 0; k < m; ++k) rows.t[k] += z[p_.special[k]];
+}
+
+void LargeRun::full_rate(const Field& at, RowHeat& rows, std::vector<double>& g) {
+    gather(rows, at.data(), nullptr);
+    rows.evaluate(p_, u_.data(), true);
+    p_.links.flow(at.data(), g.data());
+    for (size_t k = 0; k < p_.special.size(); ++k) g[p_.special[k]] += rows.heat[k];
+    for (int i = 0; i < n_; ++i) g[i] *= inverse_c_[i];
+}
+
+// The inputs of this step at its start may differ from those at the end of the last one: rows again, links as they are.
+void LargeRun::refresh_start() {
+    inputs_at(0.0);
+    rows_.t = start_.t;
+    rows_.evaluate(p_, u_.data(), true);
+    for (size_t k = 0; k < p_.special.size(); ++k) G_[p_.special[k]] += inverse_c_[p_.special[k]] * (rows_.heat[k] - start_.heat[k]);
+    std::swap(start_, rows_);
+}
+
+// Largest rate that rows add to the links' [1/s].
+double LargeRun::row_rate() const {
+    double worst = 0.0;
+    for (size_t k = 0; k < p_.special.size(); ++k) worst = std::max(worst, start_.slope[k] * inverse_c_[p_.special[k]]);
+    for (const RowGroup& g : p_.rows)
+        if (g.boundary < 0)
+            for (int r = g.begin; r < g.end; ++r)
+                worst = std::max(worst, 2.0 * std::fabs(start_.pair[r]) * std::max(inverse_c_[p_.a[r]], inverse_c_[p_.b[r]]));
+    return worst;
+}
+
+// Largest rate of decay by the links alone: Lanczos in the inner product of the capacities, 1.05 times the largest Ritz value plus its
+// residual, never above Gershgorin's bound.
+double LargeRun::lanczos() {
+    double bound = 0.0;
+    for (int i = 0; i < n_; ++i) bound = std::max(bound, 2.0 * link_sum_[i] * inverse_c_[i]);
+    Field v(p_.links);
+    std::vector<double> before(n_, 0.0), w(n_), alpha, beta;
+    unsigned long long seed = 88172645463325252ULL;
+    double norm = 0.0;
+    for (int i = 0; i < n_; ++i) {  // xorshift, alternating enough to meet the roughest mode
+        seed ^= seed << 13;
+        seed ^= seed >> 7;
+        seed ^= seed << 17;
+        v[i] = static_cast<double>(seed >> 11) / 9007199254740992.0 - 0.5;
+        norm += p_.capacity[i] * v[i] * v[i];
+    }
+    for (int i = 0; i < n_; ++i) v[i] /= std::sqrt(norm);
+    double top = 0.0, left = 0.0;
+    for (int k = 0; k < 40 && k < n_; ++k) {
+        p_.links.flow(v.data(), w.data());
+        polled();
+        double a = 0.0, b = 0.0;
+        for (int i = 0; i < n_; ++i) a -= v[i] * w[i];
+        alpha.push_back(a);
+        for (int i = 0; i < n_; ++i) {
+            w[i] = -w[i] * inverse_c_[i] - a * v[i] - (k ? beta.back() * before[i] : 0.0);
+            b += p_.capacity[i] * w[i] * w[i];
+        }
+        b = std::sqrt(b);
+        // Largest eigenvalue of the tridiagonal matrix by bisection on the signs of its pivots.
+        double low = top, high = bound + 1e-300;
+        for (int it = 0; it < 50; ++it) {
+            const double x = 0.5 * (low + high);
+            double d = 1.0;
+            bool above = true;
+            for (size_t j = 0; j < alpha.size() && above; ++j) {
+                d = x - alpha[j] - (j ? beta[j - 1] * beta[j - 1] / d : 0.0);
+                above = d > 0.0;
+            }
+            (above ? high : low) = x;
+        }
+        left = high - top;
+        top = high;
+        if (b <= 1e-10 * bound || (k > 10 && left < 1e-3 * top)) break;
+        beta.push_back(b);
+        for (int i = 0; i < n_; ++i) {
+            before[i] = v[i];
+            v[i] = w[i] / b;
+        }
+    }
+    return std::min(bound, 1.05 * (top + left));
+}
+
+void LargeRun::choose() {
+    double links = 0.0, capacity = 0.0, worst = 0.0;
+    for (int i = 0; i < n_; ++i) {
+        links += link_sum_[i];
+        capacity += p_.capacity[i];
+        worst = std::max(worst, link_sum_[i] * inverse_c_[i]);
+    }
+    for (size_t k = 0; k < p_.special.size(); ++k) links += start_.slope[k];
+    mean_rate_ = capacity > 0.0 ? links / capacity : 0.0;
+    r_->method = o_.method;
+    if (o_.method == AUTO) {
+        link_rate_ = massless_ ? 0.0 : lanczos();
+        r_->method = massless_ || link_rate_ + row_rate() > RATIO * mean_rate_ ? TRBDF2 : RKC2;
+    } else if (o_.method == RKC2) {
+        if (massless_) fail(SINGULAR_NODE);
+        link_rate_ = lanczos();
+    }
+    if (r_->method == RKC2) {
+        z1_ = Field(p_.links);
+        z2_ = Field(p_.links);
+        return;
+    }
+    if (link_rate_ == 0.0) link_rate_ = 2.0 * worst;
+    x_ = Field(p_.links);
+    p1_ = Field(p_.links);
+    for (auto* v : {&heat0_, &heat1_, &heat2_, &z_, &base_, &r_v_, &w_, &diag_}) v->assign(n_, 0.0);
+}
+
+double LargeRun::first_step() const {
+    double fastest = 0.0;
+    for (int i = 0; i < n_; ++i) fastest = std::max(fastest, std::fabs(G_[i]));
+    const double span = t_end_ - t_, by_rate = 1.0 / std::max(row_rate() + link_rate_, 1.0 / span);
+    return std::min({o_.max_step, span, std::max(std::min(o_.tolerance / std::max(fastest, 1e-300), 0.1 * span), 0.25 * by_rate)});
+}
+
+double LargeRun::between(size_t i, double s) const {
+    const double x = s / h_, a = T_[i], b = T1_[i];
+    if (p_.capacity[i] == 0.0) return a + x * (b - a);
+    const double y = 1.0 - x;
+    return y * a + x * b + x * y * (y * (h_ * G_[i] - (b - a)) - x * (h_ * G1_[i] - (b - a)));
+}
+
+void LargeRun::write(const std::vector<double>& times, size_t& next, const Observed& seen) {
+    for (; next < times.size() && times[next] <= t_ + h_; ++next) {
+        const double s = times[next] - t_;
+        for (int k = 0; k < seen.size(); ++k) {
+            const bool all = seen.indptr[k] == seen.indptr[k + 1];
+            double sum = 0.0, low = HOTTEST, high = -HOTTEST;
+            const int from = all ? 0 : seen.indptr[k], to = all ? n_ : seen.indptr[k + 1];
+            for (int j = from; j < to; ++j) {
+                const double v = between(all ? j : seen.indices[j], s);
+                if (seen.kind[k] == 0) sum += all ? v / n_ : seen.weights[j] * v;
+                low = std::min(low, v);
+                high = std::max(high, v);
+            }
+            r_->traces[next * seen.size() + k] = seen.kind[k] == 0 ? sum : (seen.kind[k] == 1 ? high : low);
+        }
+    }
+}
+
+void LargeRun::write_fields(const std::vector<double>& times, size_t& next) {
+    for (; next < times.size() && times[next] <= t_ + h_; ++next)
+        for (int i = 0; i < n_; ++i) r_->fields[next * n_ + i] = between(i, times[next] - t_);
+}
+
+// Tries a step of length h_; true when it is accepted. `next`: the length to try afterwards.
+bool LargeRun::advance(double end, double& next) {
+    h_ = std::min({next, o_.max_step, end - t_});
+    if (end - t_ - h_ < 1e-9 * (end - t_)) h_ = end - t_;
+    else if (end - t_ < 2.0 * h_) h_ = 0.5 * (end - t_);  // no sliver before a break
+    const double least = 1e-13 * std::max(std::fabs(t_), t_end_ - t_);
+    for (begin_inputs(); leftover() > 1.0; begin_inputs()) {
+        h_ *= 0.5;
+        next = h_;
+        if (h_ < least) fail(STEP_UNDERFLOW);
+    }
+    refresh_start();
+    const double error = r_->method == RKC2 ? rkc() : trbdf();
+    const double order = 1.0 / 3.0;
+    if (!(error <= 1.0)) {
+        ++r_->rejected;
+        rejected_ = true;
+        next = h_ * (std::isfinite(error) ? std::max(0.1, 0.8 * std::pow(error, -order)) : 0.1);
+        if (next < least || next < 1e-9 / std::max(r_->rate, 1e-300)) fail(std::isfinite(error) ? STEP_UNDERFLOW : NON_FINITE);
+        return false;
+    }
+    double grow = 0.8 * std::pow(std::max(error, 1e-10), -order);
+    if (error > 1e-10 && r_->steps > 0) grow = std::min(grow, grow * std::pow(old_error_ / error, order) + 0.5);
+    next = h_ * std::min(rejected_ ? 1.0 : 10.0, std::max(0.2, grow));
+    old_error_ = std::max(error, 1e-10);
+    rejected_ = false;
+    for (int i = 0; i < n_; ++i)
+        if (!(T1_[i] > 0.0 && T1_[i] < HOTTEST)) {
+            r_->node = i;
+            fail(RUN_AWAY);
+        }
+    return true;
+}
+
+void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::vector<double>& times, const Observed& seen,
+                   const std::vector<double>& field_times, LargeResult& r) {
+    r_ = &r;
+    t_ = t0;
+    t_end_ = t_end;
+    std::vector<double> stops(o_.breaks);
+    stops.push_back(t_end);
+    size_t next_time = 0, next_field = 0;
+    try {
+        for (int i = 0; i < n_; ++i) {
+            T_[i] = t0_nodes[i];
+            if (!(T_[i] > 0.0 && std::isfinite(T_[i]))) {
+                r.node = i;
+                fail(BAD_INPUT);
+            }
+        }
+        double next = 0.0;
+        for (double stop : stops) {
+            if (stop <= t_ && t_ < t_end) continue;
+            for (size_t k = 0; k < u_.size(); ++k) u_[k] = p_.inputs[k].at(t_);
+            full_rate(T_, start_, G_);
+            if (r.method == AUTO) choose();
+            if (massless_) {
+                if (!settle_massless()) fail(SINGULAR_NODE);
+                full_rate(T_, start_, G_);
+            }
+            if (stop > t_) next = first_step();
+            while (t_ < stop) {
+                if (r.steps + r.rejected >= o_.max_steps) fail(MAX_STEPS);
+                if (!advance(stop, next)) continue;
+                ++r.steps;
+                r.longest = std::max(r.longest, h_);
+                write(times, next_time, seen);
+                write_fields(field_times, next_field);
+                for (size_t k = 0; k < energy_.size(); ++k) energy_[k] += gain_[k];
+                t_ = h_ == stop - t_ ? stop : t_ + h_;
+                T_.swap(T1_);
+                G_.swap(G1_);
+                std::swap(start_, rows_);
+            }
+        }
+        h_ = 1.0;  // what is asked for at the very end, or of a run without duration
+        for (int i = 0; i < n_; ++i) T1_[i] = T_[i];
+        std::fill(G_.begin(), G_.end(), 0.0);
+        std::fill(G1_.begin(), G1_.end(), 0.0);
+        write(times, next_time, seen);
+        write_fields(field_times, next_field);
+    } catch (const Failure& f) {
+        r.status = f.status;
+        r.node = f.node;
+    }
+    r.time = t_;
+    r.final_t.assign(T_.data(), T_.data() + n_);
+    r.load_energy.assign(energy_.begin(), energy_.begin() + p_.tags);
+    r.boundary_energy.assign(energy_.begin() + p_.tags, energy_.end());
+}
+
+}  // namespace thermid
