@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.model.block import FACES, Block, Exchange
+from thermid.model.block_cells import exchange_cells, links
 from thermid.model.signal import Constant, Signal, literal
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation.block_solution import BlockSolution
@@ -115,7 +116,7 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
         coefficients[0] = (power.value if isinstance(power, Constant) else 1.0) / nodes.size
         loads.append(LoadGroup("signal", tag, nodes, coefficients, place(power)))
     names = tuple(block.heaters)
-    return SparseNetwork(block.capacities(), _links(block), rows, loads, names, boundaries, places, offsets, tuple(inputs))
+    return SparseNetwork(block.capacities(), (np.array(block.cells, dtype=np.int32), *links(block)), rows, loads, names, boundaries, places, offsets, tuple(inputs))
 
 
 def _check(block: Block, scenario: Scenario, where: str) -> None:
@@ -139,43 +140,13 @@ def _check(block: Block, scenario: Scenario, where: str) -> None:
             raise ScenarioError(f"boundary '{name}' has no temperature. Give it one in the scenario's boundaries.", where)
 
 
-def _links(block: Block) -> tuple[Ints, Array, Array, Array]:
-    """Return the conductance from every cell to the next in x, y, z, by the harmonic mean of conductivities. [W/K]"""
-    out = []
-    for axis in range(3):
-        found = np.zeros(block.cells)
-        step, area = block.steps[axis], _face_area(block, axis)
-        low: Any = tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))
-        high: Any = tuple(slice(1, None) if k == axis else slice(None) for k in range(3))
-        k = block.conductivity
-        found[low] = (2.0 * k[low] * k[high] / (k[low] + k[high]) if isinstance(k, np.ndarray) else k) * area / step
-        if block.link_factors is not None:
-            found[low] *= block.link_factors[axis]
-        out.append(found.ravel())
-    return np.array(block.cells, dtype=np.int32), out[0], out[1], out[2]
-
-
-def _face_area(block: Block, axis: int) -> float:
-    """Return the area of a cell across a direction. [m^2]"""
-    return float(np.prod([s for k, s in enumerate(block.steps) if k != axis]))
-
-
 def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list[RowGroup]:
     """Return the conductors of an exchange; a cell at an edge has one for all its faces."""
-    cells, areas, conductances = [], [], []
-    for face in exchange.faces:
-        axis, at = "xyz".index(face[1]), block.face_cells(face)
-        area = _face_area(block, axis)
-        k = block.conductivity.ravel()[at] if isinstance(block.conductivity, np.ndarray) else block.conductivity
-        cells.append(at)
-        areas.append(np.full(at.size, area))
-        conductances.append(np.broadcast_to(area / (0.5 * block.steps[axis] / k + 1.0 / exchange.contact), at.shape))
-    places, index = np.unique(np.concatenate(cells), return_inverse=True)
-    area = np.bincount(index, np.concatenate(areas))
+    places, area, conductance = exchange_cells(block, exchange)
     second = np.zeros_like(places)
     to = boundaries.index(exchange.to) if exchange.to in boundaries else NONE
     if exchange.held:
-        return [RowGroup("linear", to, places, second, np.bincount(index, np.concatenate(conductances)))]
+        return [RowGroup("linear", to, places, second, conductance)]
     out = []
     if exchange.htc:
         form = "power" if exchange.exponent else "linear"

@@ -17,7 +17,7 @@ from thermid.model.signal import Constant, Signal, Sine, Table
 from thermid.simulation.modal import Modal
 from thermid.simulation.wiring import Assembled, Wiring, curve_arrays
 
-__all__ = ["CONDUCTORS", "LOADS", "Answer", "Engine", "Options", "break_times", "kernel_input"]
+__all__ = ["CONDUCTORS", "LOADS", "Answer", "Engine", "Options", "break_times", "kernel_input", "load_places"]
 
 Array = NDArray[np.float64]
 
@@ -135,6 +135,10 @@ class Engine:
         SolverError     When the run ends before its time.
         ScenarioError   When the modal solution is asked for and there is none.
         """
+        from thermid.simulation.large_model import integrate_model, takes_over
+
+        if takes_over(self, options, gradients):
+            return integrate_model(self, a, times, nodes, end, options)
         index = {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
         why = self.modal.refusal(options.method, times, end, gradients)
         if not why:
@@ -259,10 +263,15 @@ def _ints(values: Any) -> NDArray[np.int32]:
     return np.ascontiguousarray(values, dtype=np.int32)
 
 
+def load_places(form: str) -> tuple[int, ...]:
+    """Return where the coefficients of a form stand among the kernel's four places."""
+    return PLACES.get(form, (0, 1, 2, 3))
+
+
 def _row(form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False) -> tuple[int, list[int], int]:
     """Return the kernel's kind, coefficient places and table of a row."""
     four = [-1, -1, -1, -1]
-    for place, coefficient in zip(PLACES.get(form, range(4)), places, strict=False):
+    for place, coefficient in zip(load_places(form), places, strict=False):
         four[place] = coefficient
     table = -1
     if curve is not None:

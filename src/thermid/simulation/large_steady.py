@@ -34,6 +34,7 @@ def settle_large(network: SparseNetwork, time: float, where: str, accuracy: floa
     SolverError   When a part has no path to a boundary, a power runs away, or the network needs pyamg, which is not installed.
     """
     from scipy.sparse.linalg import cg
+    from threadpoolctl import threadpool_limits
 
     problem, nodes = network.problem, network.capacities.size
     matrix = _Matrix(network)
@@ -54,8 +55,10 @@ def settle_large(network: SparseNetwork, time: float, where: str, accuracy: floa
             raise SolverError(_no_steady(network), where)
         # laws change by far in the first step from a guess that is uniform: the hierarchy is made anew once
         if precondition is None or k == 1:
-            precondition, made_by = _preconditioner(at, where)
-        change, failed = cg(at, heat, rtol=LOOSE, maxiter=2000, M=precondition, callback=count)
+            with threadpool_limits(limits=1):  # matrices of a few rows: threads would only wait for one another
+                precondition, made_by = _preconditioner(at, where)
+        with threadpool_limits(limits=1):
+            change, failed = cg(at, heat, rtol=LOOSE, maxiter=2000, M=precondition, callback=count)
         size = float(np.abs(change).max())
         if failed or not np.isfinite(size):
             raise SolverError(_no_steady(network), where)
