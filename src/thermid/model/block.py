@@ -189,7 +189,9 @@ class Block:
         coefficient = _number(table["coefficient"], "W/(m^2 K)", where) if table["coefficient"] else 0.0
         exponent, emits = float(table["exponent"]), float(emissivity)
         if coefficient < 0 or not 0.0 <= emits <= 1.0 or not 0.0 <= exponent <= 1.0 or not (coefficient or emits):
-            raise DeckError("faces exchange by a coefficient above zero, an emissivity from 0 to 1, or both; exponents go from 0 to 1.", where)
+            raise DeckError(
+                "faces exchange by a coefficient above zero, an emissivity from 0 to 1, or both; exponents go from 0 to 1.", where
+            )
         new = Exchange(_faces(faces, where), _boundary(to, where), coefficient, exponent, emits, radiates_to or to)
         return replace(self, exchanges=(*self.exchanges, new))
 
@@ -209,7 +211,8 @@ class Block:
     @property
     def steps(self) -> tuple[float, float, float]:
         """Edges of a cell in x, y, z. [m]"""
-        return tuple(s / n for s, n in zip(self.size, self.cells, strict=True))  # type: ignore[return-value]  # three of them
+        x, y, z = (s / n for s, n in zip(self.size, self.cells, strict=True))
+        return x, y, z
 
     @property
     def count(self) -> int:

@@ -43,7 +43,8 @@ def exchange_cells(block: Block, exchange: Exchange) -> tuple[Ints, Array, Array
         areas.append(np.full(at.size, area))
         conductances.append(np.broadcast_to(area / (0.5 * block.steps[axis] / k + 1.0 / exchange.contact), at.shape))
     places, index = np.unique(np.concatenate(cells), return_inverse=True)
-    return places, np.bincount(index, np.concatenate(areas)), np.bincount(index, np.concatenate(conductances))
+    area_of, conductance_of = (np.bincount(index, np.concatenate(v)).astype(np.float64) for v in (areas, conductances))
+    return places, area_of, conductance_of
 
 
 def _face_area(block: Block, axis: int) -> float:

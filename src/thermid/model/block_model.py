@@ -31,7 +31,8 @@ def block_model(block: Block, offers: tuple[str, ...]) -> Model:
     for name, heater in block.heaters.items():
         if not isinstance(heater.power, Constant):
             raise DeckError(
-                f"the power of '{name}' changes in time. Give the heater its full power and let the scenario command its loads.", block.title
+                f"the power of '{name}' changes in time. Give the heater its full power and let the scenario command its loads.",
+                block.title,
             )
     names = [f"c{'_'.join(str(i) for i in index)}" for index in np.ndindex(*block.cells)]
     parameters: dict[str, Any] = {}

@@ -16,10 +16,10 @@ from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation.block_solution import BlockSolution
 from thermid.simulation.engine import Options
 from thermid.simulation.inputs import product
-from thermid.simulation.large import METHODS, Watched, integrate
+from thermid.simulation.large import METHODS, LargeAnswer, Watched, integrate
 from thermid.simulation.scenario import STEADY, Scenario
 from thermid.simulation.simulator import output_times
-from thermid.simulation.sparse import NONE, LoadGroup, RowGroup, SparseNetwork
+from thermid.simulation.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
 from thermid.units import TEMPERATURE
 
 __all__ = ["compile_block", "simulate_block", "steady_block"]
@@ -59,7 +59,8 @@ def simulate_block(
         raise ScenarioError("times of fields must increase and lie within the duration.", where)
     initial = _start(block, scenario, network, where)
     answer = integrate(network, initial, scenario.seconds, wanted, watched, field_times, opts, where, block.name)
-    return BlockSolution.of(block, scenario, network, names, wanted, field_times, answer)
+    grid = {"fields": answer.fields.reshape(-1, *block.cells), "final_field": answer.final.reshape(block.cells), "field_times": field_times}
+    return _solution(block, scenario, network, names, wanted, answer.watched, answer.statistics, grid, answer)
 
 
 def steady_block(block: Block, scenario: Scenario, time: float = 0.0) -> BlockSolution:
@@ -68,7 +69,29 @@ def steady_block(block: Block, scenario: Scenario, time: float = 0.0) -> BlockSo
 
     network = compile_block(block, scenario)
     found, statistics = settle_large(network, time, f"{block.title}, {scenario.title}")
-    return BlockSolution.steady(block, scenario, network, (*EXTREMES, *block.heaters, *FACES), time, found, statistics)
+    cells, at = found.reshape(block.cells), np.array([float(time)])
+    names = (*EXTREMES, *block.heaters, *FACES)
+    means = [float(found[_watched(block, n).nodes].mean()) for n in names[len(EXTREMES) :]]
+    watched = np.array([[found.mean(), found.max(), found.min(), *means]])
+    grid = {"fields": cells[None], "final_field": cells, "field_times": at}
+    return _solution(block, scenario, network, names, at, watched, statistics, grid, None)
+
+
+def _solution(
+    block: Block,
+    scenario: Scenario,
+    network: SparseNetwork,
+    names: tuple[str, ...],
+    times: Array,
+    watched: Array,
+    statistics: Mapping[str, Any],
+    grid: Mapping[str, Array],
+    answer: LargeAnswer | None,
+) -> BlockSolution:
+    none: Any = None  # a block has no wiring of names
+    more: dict[str, Any] = {"_watched": watched, "_network": network, "_scenario": scenario, "_answer": answer, "block": block, **grid}
+    nodes = (*names, *network.boundaries)
+    return BlockSolution(block.title, scenario.title, times, nodes, (), "ok", statistics, (), none, **more)
 
 
 def _watched(block: Block, name: str) -> Watched:
@@ -116,7 +139,8 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
         coefficients[0] = (power.value if isinstance(power, Constant) else 1.0) / nodes.size
         loads.append(LoadGroup("signal", tag, nodes, coefficients, place(power)))
     names = tuple(block.heaters)
-    return SparseNetwork(block.capacities(), (np.array(block.cells, dtype=np.int32), *links(block)), rows, loads, names, boundaries, places, offsets, tuple(inputs))
+    grid = Grid(np.array(block.cells, dtype=np.int32), *links(block))
+    return SparseNetwork(block.capacities(), grid, rows, loads, names, boundaries, places, offsets, tuple(inputs))
 
 
 def _check(block: Block, scenario: Scenario, where: str) -> None:

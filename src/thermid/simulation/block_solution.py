@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,43 +43,6 @@ class BlockSolution(Solution):
     _network: SparseNetwork = field(repr=False, kw_only=True)
     _scenario: Scenario = field(repr=False, kw_only=True)
     _answer: LargeAnswer | None = field(repr=False, kw_only=True)
-
-    @classmethod
-    def of(
-        cls, block: Block, scenario: Scenario, network: SparseNetwork, names: tuple[str, ...], times: Array, field_times: Array, a: LargeAnswer
-    ) -> BlockSolution:
-        """Return the solution of a transient."""
-        grid = {"fields": a.fields.reshape(-1, *block.cells), "final_field": a.final.reshape(block.cells), "field_times": field_times}
-        return cls._with(block, scenario, network, names, times, a.watched, a.statistics, grid, a)
-
-    @classmethod
-    def steady(
-        cls, block: Block, scenario: Scenario, network: SparseNetwork, names: tuple[str, ...], time: float, found: Array, how: Mapping[str, Any]
-    ) -> BlockSolution:
-        """Return a steady state as a solution of one time."""
-        cells = found.reshape(block.cells)
-        values = {"mean": found.mean(), "hottest": found.max(), "coldest": found.min()}
-        watched = [values[n] if n in values else found[_cells(block, n)].mean() for n in names]
-        grid = {"fields": cells[None], "final_field": cells, "field_times": np.array([time])}
-        return cls._with(block, scenario, network, names, np.array([time]), np.array([watched]), how, grid, None)
-
-    @classmethod
-    def _with(
-        cls,
-        block: Block,
-        scenario: Scenario,
-        network: SparseNetwork,
-        names: tuple[str, ...],
-        times: Array,
-        watched: Array,
-        statistics: Mapping[str, Any],
-        grid: Mapping[str, Array],
-        answer: LargeAnswer | None,
-    ) -> BlockSolution:
-        nodes = (*names, *network.boundaries)
-        none: Any = None  # a block has no wiring of names
-        more: dict[str, Any] = {"_watched": watched, "_network": network, "_scenario": scenario, "_answer": answer, "block": block, **grid}
-        return cls(block.title, scenario.title, times, nodes, (), "ok", statistics, (), none, **more)
 
     def __getitem__(self, name: str) -> Trace:
         """Return the trace of what was watched, or of a boundary."""
@@ -126,9 +88,9 @@ class BlockSolution(Solution):
         if self._answer is None:
             raise SolverError("a steady state has no heat balance over time.", self.title)
         a, capacities = self._answer, self._network.capacities
-        loads, boundaries = float(a.load_energy.sum()), float(a.boundary_energy.sum())
-        stored = float(capacities @ (a.final - a.initial))
-        gross = max(float(np.abs(a.load_energy).sum()), float(np.abs(a.boundary_energy).sum()), float(capacities @ np.abs(a.final - a.initial)))
+        loads, boundaries, moved = float(a.load_energy.sum()), float(a.boundary_energy.sum()), a.final - a.initial
+        stored = float(capacities @ moved)
+        gross = max(float(np.abs(part).sum()) for part in (a.load_energy, a.boundary_energy, capacities * moved))
         residual = loads - boundaries - stored
         return HeatBalance(loads, boundaries, stored, residual, abs(residual) / max(gross, 1e-300))
 
@@ -149,7 +111,3 @@ class BlockSolution(Solution):
     def sensitivity(self, node: str, name: str) -> Array:
         """Refused: methods of large networks carry no derivatives."""
         raise NameNotFoundError(f"the solution holds no sensitivity of '{node}' to '{name}': large networks carry none.", self.title)
-
-
-def _cells(block: Block, name: str) -> NDArray[np.int32]:
-    return block.heater_cells(name) if name in block.heaters else block.face_cells(name)

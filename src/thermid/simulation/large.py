@@ -133,7 +133,7 @@ def _message(found: Any, options: Options, end: float, name: Any) -> str:
     words = {
         _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger large_tolerance.",
         _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise large_tolerance.",
-        _kernel.NON_FINITE: f"a step could not be solved {when}. Look for a power that grows too fast with temperature, or a number without bound.",
+        _kernel.NON_FINITE: f"a step could not be solved {when}. Look for a power that grows too fast with temperature.",
         _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave."
         " Where it falls below 0 K, a negative power takes more than there is.",
         _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined;"

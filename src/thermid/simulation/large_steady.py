@@ -74,7 +74,7 @@ class _Matrix:
     def __init__(self, network: SparseNetwork) -> None:
         from scipy.sparse import coo_array
 
-        first, second, values = network.link_list()
+        first, second, values = network.links.pairs()
         self.size = network.capacities.size
         between = [g for g in network.rows if g.boundary == NONE]
         self.between = np.concatenate([np.zeros(0, dtype=bool), *(np.full(g.first.size, g.boundary == NONE) for g in network.rows)])
@@ -127,7 +127,8 @@ def _preconditioner(matrix: Any, where: str) -> tuple[Any, str]:
     except ImportError:
         if matrix.shape[0] > WITHOUT_MULTIGRID:
             raise SolverError(
-                f"the steady state of {matrix.shape[0]} nodes would take minutes without pyamg. Install it: pip install thermid[large].", where
+                f"the steady state of {matrix.shape[0]} nodes would take minutes without pyamg. Install it: pip install thermid[large].",
+                where,
             ) from None
         return diags_array(1.0 / matrix.diagonal()), "Jacobi (pyamg is not installed)"
     from scipy.sparse import csr_matrix

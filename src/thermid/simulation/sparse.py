@@ -16,12 +16,64 @@ from thermid.model.signal import Signal
 from thermid.simulation.engine import CONDUCTORS, LOADS, kernel_input
 from thermid.simulation.wiring import curve_arrays
 
-__all__ = ["LoadGroup", "RowGroup", "SparseNetwork", "link_arrays"]
+__all__ = ["Csr", "Grid", "LoadGroup", "RowGroup", "SparseNetwork", "link_arrays"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
-Links = tuple[Ints, Array, Array, Array] | tuple[Ints, Ints, Array]
 NONE = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Links of a regular grid of cells, the last direction running fastest.
+
+    Parameters
+    ----------
+    shape : array (3,)          Cells in x, y, z.
+    x, y, z : array (cells,)    Conductance from every cell to the next, zero at the last. [W/K]
+    """
+
+    shape: Ints
+    x: Array
+    y: Array
+    z: Array
+
+    def kernel(self) -> tuple[Any, ...]:
+        """Return the kernel's form."""
+        return self.shape, self.x, self.y, self.z
+
+    def pairs(self) -> tuple[Ints, Ints, Array]:
+        """Return the ends and the conductance of every link, each once. [W/K]"""
+        steps = (int(self.shape[1] * self.shape[2]), int(self.shape[2]), 1)
+        first = [np.flatnonzero(g).astype(np.int32) for g in (self.x, self.y, self.z)]
+        second = [i + np.int32(step) for i, step in zip(first, steps, strict=True)]
+        values = [g[i] for g, i in zip((self.x, self.y, self.z), first, strict=True)]
+        return joined(first, np.int32), joined(second, np.int32), joined(values, np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Csr:
+    """Links of any network, both directions of each, row by row.
+
+    Parameters
+    ----------
+    indptr, indices : array     Where each node's neighbours stand, and which they are.
+    values : array              [W/K]
+    """
+
+    indptr: Ints
+    indices: Ints
+    values: Array
+
+    def kernel(self) -> tuple[Any, ...]:
+        """Return the kernel's form."""
+        return self.indptr, self.indices, self.values
+
+    def pairs(self) -> tuple[Ints, Ints, Array]:
+        """Return the ends and the conductance of every link, each once. [W/K]"""
+        first = np.repeat(np.arange(self.indptr.size - 1, dtype=np.int32), np.diff(self.indptr))
+        once = first < self.indices
+        return first[once], self.indices[once], self.values[once]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +130,7 @@ class SparseNetwork:
     Parameters
     ----------
     capacities : array (nodes,)     Zero for a massless node. [J/K]
-    links : tuple                   Constant conductances between nodes [W/K]: of a grid, its shape and for each cell those to the next
-                                    one in x, y, z (zero at the last); else CSR (indptr, indices, values), both directions of each link.
+    links : Grid or Csr             Constant conductances between nodes. [W/K]
     rows : sequence of RowGroup     All other conductors.
     loads : sequence of LoadGroup
     load_names, boundaries : tuple of str
@@ -89,7 +140,7 @@ class SparseNetwork:
     """
 
     capacities: Array
-    links: Links
+    links: Grid | Csr
     rows: Sequence[RowGroup]
     loads: Sequence[LoadGroup]
     load_names: tuple[str, ...]
@@ -118,7 +169,7 @@ class SparseNetwork:
             done += h.nodes.size
         return _kernel.LargeProblem(
             self.capacities,
-            self.links,
+            self.links.kernel(),
             np.array(rows, dtype=np.int32).reshape(-1, 6),
             np.array([g.exponent for g in self.rows], dtype=float),
             joined([g.first for g in self.rows], np.int32),
@@ -138,21 +189,7 @@ class SparseNetwork:
         """Return the temperature (times,) of a boundary. [K]"""
         given = self.boundary_inputs[k]
         varying = self.inputs[given].at(times) if given != NONE else np.zeros(times.shape)
-        return varying + self.offsets[k]
-
-    def link_list(self) -> tuple[Ints, Ints, Array]:
-        """Return the ends and the conductance of every constant link, each once. [W/K]"""
-        if len(self.links) == 3:
-            indptr, second, values = self.links
-            first = np.repeat(np.arange(indptr.size - 1, dtype=np.int32), np.diff(indptr))
-            once = first < second
-            return first[once], second[once], values[once]
-        shape, *directions = self.links
-        steps = (int(shape[1] * shape[2]), int(shape[2]), 1)
-        first = [np.flatnonzero(g).astype(np.int32) for g in directions]
-        second = [i + np.int32(step) for i, step in zip(first, steps, strict=True)]
-        values = [g[i] for g, i in zip(directions, first, strict=True)]
-        return joined(first, np.int32), joined(second, np.int32), joined(values, np.float64)
+        return np.asarray(varying + self.offsets[k], dtype=np.float64)
 
 
 def _conductor(group: RowGroup) -> int:
@@ -166,11 +203,11 @@ def joined(parts: Sequence[NDArray[Any]], kind: Any) -> NDArray[Any]:
     return np.concatenate([np.zeros(0, dtype=kind), *parts]).astype(kind, copy=False)
 
 
-def link_arrays(first: Ints, second: Ints, conductances: Array, nodes: int) -> tuple[Ints, Ints, Array]:
+def link_arrays(first: Ints, second: Ints, conductances: Array, nodes: int) -> Csr:
     """Return links as CSR arrays, both directions of each; links between the same nodes are summed. [W/K]"""
     from scipy.sparse import coo_array
 
     ends = (np.concatenate((first, second)), np.concatenate((second, first)))
     table = coo_array((np.concatenate((conductances, conductances)), ends), shape=(nodes, nodes)).tocsr()
     table.sum_duplicates()
-    return table.indptr.astype(np.int32), table.indices.astype(np.int32), table.data.astype(np.float64)
+    return Csr(table.indptr.astype(np.int32), table.indices.astype(np.int32), table.data.astype(np.float64))
