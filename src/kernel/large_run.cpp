@@ -272,7 +272,7 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
     try {
         for (int i = 0; i < n_; ++i) {
             T_[i] = t0_nodes[i];
-            if (!(T_[i] > 0.0 && std::isfinite(T_[i]))) {
+            if (!(T_[i] > 0.0 && T_[i] < HOTTEST)) {
                 r.node = i;
                 fail(BAD_INPUT);
             }

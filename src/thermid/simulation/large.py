@@ -138,6 +138,6 @@ def _message(found: Any, options: Options, end: float, name: Any) -> str:
         " Where it falls below 0 K, a negative power takes more than there is.",
         _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined;"
         " RKC2 takes no massless nodes at all, TR-BDF2 does.",
-        _kernel.BAD_INPUT: f"a temperature must lie above 0 K and every number be finite, which does not hold {when}. Look there.",
+        _kernel.BAD_INPUT: f"a temperature must lie above 0 K and below 1e6 K, which does not hold {when}. Look there.",
     }
     return words.get(found.status, f"the run stopped {when}.")
