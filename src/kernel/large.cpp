@@ -8,7 +8,7 @@
 
 // The sweeps are compiled twice where the compiler can choose at run time; everywhere else once, for the portable baseline.
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__) && !defined(__SANITIZE_ADDRESS__)
-#define THERMID_CLONES __attribute__((target_clones("arch=haswell", "default")))
+#define THERMID_CLONES __attribute__((target_clones("avx2", "default")))
 #else
 #define THERMID_CLONES
 #endif
@@ -56,11 +56,42 @@ THERMID_CLONES void radiation(const double* THERMID_RESTRICT t, const double* TH
     for (int k = 0; k < m; ++k) q[k] = f * c[k] * (t[k] * t[k] + tb * tb) * (t[k] + tb) * (t[k] - tb);
 }
 
+// Eight values at a time, so that none waits for the one before it.
+THERMID_CLONES void summarise(const double* THERMID_RESTRICT t, const double* THERMID_RESTRICT t1, const double* THERMID_RESTRICT g,
+                              const double* THERMID_RESTRICT g1, int n, double a, double b, double c, double d, double* THERMID_RESTRICT sum,
+                              double* THERMID_RESTRICT low, double* THERMID_RESTRICT high) {
+    for (int i = 0; i + 8 <= n; i += 8)
+        for (int k = 0; k < 8; ++k) {
+            const double v = a * t[i + k] + b * t1[i + k] + c * g[i + k] + d * g1[i + k];
+            sum[k] += v;
+            low[k] = v < low[k] ? v : low[k];
+            high[k] = v > high[k] ? v : high[k];
+        }
+}
+
 void require(bool ok, const std::string& message) {
     if (!ok) throw std::invalid_argument(message);
 }
 
 }  // namespace
+
+Summary summary(const double* t, const double* t1, const double* g, const double* g1, int n, const Hermite& w) {
+    Summary s;
+    double sum[8] = {}, low[8], high[8];
+    std::fill(low, low + 8, s.low);
+    std::fill(high, high + 8, s.high);
+    summarise(t, t1, g, g1, n, w.a, w.b, w.c, w.d, sum, low, high);
+    for (int i = n - n % 8; i < n; ++i) {
+        const double v = w.a * t[i] + w.b * t1[i] + w.c * g[i] + w.d * g1[i];
+        sum[0] += v;
+        low[0] = std::min(low[0], v);
+        high[0] = std::max(high[0], v);
+    }
+    for (int k = 0; k < 8; ++k) s.sum += sum[k];
+    s.low = *std::min_element(low, low + 8);
+    s.high = *std::max_element(high, high + 8);
+    return s;
+}
 
 void Links::flow(const double* x, double* y) const {
     if (plane) {
@@ -140,13 +171,26 @@ void LargeProblem::prepare() {
         require(g.kind >= 0 && g.kind < LOAD_KINDS && g.kind != THERMOSTAT, "loads: no such kind");
         require(g.input >= -1 && g.input < inputs_n && g.tag >= 0 && g.tag < tags, "loads: no such input or tag");
         require(g.kind != TABLE || (g.table >= 0 && g.table < tables_n), "loads: no such table");
-        for (int r = g.begin; r < g.end; ++r) {
-            require(node[r] >= 0 && node[r] < n, "loads: no such node");
-            node_slot[r] = place(node[r]);
-        }
+        for (int r = g.begin; r < g.end; ++r) require(node[r] >= 0 && node[r] < n, "loads: no such node");
         done = g.end;
     }
     require(done == static_cast<int>(node.size()), "loads: some belong to no group");
+    for (const bool constant : {false, true}) {  // nodes with constant heat alone come last: stages pass them over
+        for (LoadGroup& g : loads) {
+            if (g.constant() != constant) continue;
+            for (int r = g.begin; r < g.end; ++r) node_slot[r] = place(node[r]);
+        }
+        if (!constant) moving = static_cast<int>(special.size());
+    }
+    constant_heat.assign(special.size(), 0.0);
+    for (LoadGroup& g : loads) {
+        if (!g.constant()) continue;
+        g.total = 0.0;
+        for (int r = g.begin; r < g.end; ++r) {
+            constant_heat[node_slot[r]] += c[0][r];
+            g.total += c[0][r];
+        }
+    }
 }
 
 RowHeat::RowHeat(const LargeProblem& p)
@@ -159,6 +203,17 @@ void RowHeat::evaluate(const LargeProblem& p, const double* u, bool slopes) {
     std::fill(outflow.begin(), outflow.end(), 0.0);
     for (const RowGroup& g : p.rows) row_group(p, g, u, slopes);
     for (const LoadGroup& g : p.loads) load_group(p, g, u, slopes);
+}
+
+void RowHeat::evaluate_moving(const LargeProblem& p, const double* u) {
+    std::fill(heat.begin(), heat.begin() + p.moving, 0.0);
+    std::fill(power.begin(), power.end(), 0.0);
+    std::fill(outflow.begin(), outflow.end(), 0.0);
+    for (const RowGroup& g : p.rows) row_group(p, g, u, false);
+    for (const LoadGroup& g : p.loads) {
+        if (g.constant()) power[g.tag] += g.total;
+        else load_group(p, g, u, false);
+    }
 }
 
 void RowHeat::row_group(const LargeProblem& p, const RowGroup& g, const double* u, bool slopes) {

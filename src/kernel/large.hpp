@@ -44,7 +44,11 @@ class Field {
 // Rows of one law, one boundary (-1: between two nodes) and one input (-1: none) that multiplies their conductance.
 struct RowGroup { int kind, boundary, input, table; double c1; int begin, end; };
 // Loads of one law and one input; `tag` names the load that their energy belongs to.
-struct LoadGroup { int kind, input, table, tag, begin, end; };
+struct LoadGroup {
+    int kind, input, table, tag, begin, end;
+    double total = 0.0;  // of a constant one [W]
+    bool constant() const { return kind == SIGNAL && input < 0; }
+};
 
 struct LargeProblem {
     int n = 0, nb = 0, tags = 0;
@@ -62,7 +66,10 @@ struct LargeProblem {
     std::vector<Input> inputs;
 
     // Derived: nodes with a row or a load, and the place of each row's ends among them.
+    // Places from `moving` on have constant heat alone.
     std::vector<int> special, a_slot, b_slot, node_slot;
+    int moving = 0;
+    std::vector<double> constant_heat;  // (special) [W]
     void prepare();  // checks, derives; throws std::invalid_argument
 };
 
@@ -74,11 +81,20 @@ struct RowHeat {
     explicit RowHeat(const LargeProblem& p);
     // Evaluates at t; slopes on request. u: value of every input.
     void evaluate(const LargeProblem& p, const double* u, bool slopes);
+    // The same without constant heat, at the moving places only.
+    void evaluate_moving(const LargeProblem& p, const double* u);
 
   private:
     void row_group(const LargeProblem& p, const RowGroup& g, const double* u, bool slopes);
     void load_group(const LargeProblem& p, const LoadGroup& g, const double* u, bool slopes);
 };
+
+// Weights of the temperatures and rates at both ends of a step; sum, smallest and largest of all nodes with them.
+struct Hermite { double a, b, c, d; };
+struct Summary {
+    double sum = 0.0, low = std::numeric_limits<double>::infinity(), high = -std::numeric_limits<double>::infinity();
+};
+Summary summary(const double* t, const double* t1, const double* g, const double* g1, int n, const Hermite& w);
 
 enum Method { AUTO = 0, RKC2, TRBDF2 };
 
@@ -134,7 +150,7 @@ class LargeRun {
     double leftover();
     void refresh_start();
     void full_rate(const Field& at, RowHeat& rows, std::vector<double>& g);
-    void gather(RowHeat& rows, const double* t, const double* z) const;
+    void gather(RowHeat& rows, const double* t) const;
     double row_rate() const;
     double lanczos();
     void choose();
@@ -142,7 +158,8 @@ class LargeRun {
     bool advance(double end, double& next);
     void write(const std::vector<double>& times, size_t& next, const Observed& seen);
     void write_fields(const std::vector<double>& times, size_t& next);
-    double between(size_t i, double s) const;
+    Hermite hermite(double s) const;
+    double between(size_t i, const Hermite& w) const { return w.a * T_[i] + w.b * T1_[i] + w.c * G_[i] + w.d * G1_[i]; }
     void fail(int status);
     void polled();
     long since_poll_ = 0;
@@ -151,6 +168,7 @@ class LargeRun {
 
     // large_rkc.cpp
     Field z1_, z2_;
+    std::vector<double> moving_heat_, moving_c_;  // (moving): heat at the start without what is constant; inverse capacity
     double rkc();
     double rkc_finish();
 

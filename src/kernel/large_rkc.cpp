@@ -29,11 +29,12 @@ double LargeRun::rkc() {
     b[0] = b[1] = b[2];
     const double w1 = D[s] / DD[s];
 
-    const size_t m = p_.special.size(), k = energy_.size(), tags = p_.tags;
+    const size_t m = p_.moving, k = energy_.size(), tags = p_.tags;
     std::vector<double> e1(k), e2(k, 0.0);
     auto flux = [&](const RowHeat& r, size_t i) { return i < tags ? r.power[i] : r.outflow[i - tags]; };
     double* z1 = z1_.data();
     double* z2 = z2_.data();
+    for (size_t i = 0; i < m; ++i) moving_heat_[i] = start_.heat[i] - p_.constant_heat[i];
     const double first = b[1] * w1 * h;
     for (int i = 0; i < n_; ++i) {
         z1[i] = first * G_[i];
@@ -45,13 +46,13 @@ double LargeRun::rkc() {
         const double mu = 2.0 * b[j] * w0 / b[j - 1], nu = -b[j] / b[j - 2], mut = 2.0 * b[j] * w1 / b[j - 1] * h;
         const double gat = -(1.0 - b[j - 1] * T[j - 1]) * mut;
         inputs_at(c * h);
-        gather(rows_, T_.data(), z1_.data());
-        rows_.evaluate(p_, u_.data(), false);
+        const double* at = z1_.data();
+        for (size_t i = 0; i < m; ++i) rows_.t[i] = start_.t[i] + at[p_.special[i]];
+        rows_.evaluate_moving(p_, u_.data());
         p_.links.stage(z1_.data(), z2_.data(), G_.data(), inverse_c_.data(), mu, nu, mut, mut + gat);
         z2 = z2_.data();
         for (size_t i = 0; i < m; ++i) {
-            const int node = p_.special[i];
-            z2[node] += mut * inverse_c_[node] * (rows_.heat[i] - start_.heat[i]);
+            z2[p_.special[i]] += mut * moving_c_[i] * (rows_.heat[i] - moving_heat_[i]);
         }
         for (size_t i = 0; i < k; ++i) e2[i] = mu * e1[i] + nu * e2[i] + mut * flux(rows_, i) + gat * flux(start_, i);
         e1.swap(e2);

@@ -74,15 +74,12 @@ double LargeRun::leftover() {
     return worst / o_.input_atol;
 }
 
-void LargeRun::gather(RowHeat& rows, const double* t, const double* z) const {
-    const size_t m = p_.special.size();
-    for (size_t k = 0; k < m; ++k) rows.t[k] = t[p_.special[k]];
-    if (z)
-        for (size_t k = 0; k < m; ++k) rows.t[k] += z[p_.special[k]];
+void LargeRun::gather(RowHeat& rows, const double* t) const {
+    for (size_t k = 0; k < p_.special.size(); ++k) rows.t[k] = t[p_.special[k]];
 }
 
 void LargeRun::full_rate(const Field& at, RowHeat& rows, std::vector<double>& g) {
-    gather(rows, at.data(), nullptr);
+    gather(rows, at.data());
     rows.evaluate(p_, u_.data(), true);
     p_.links.flow(at.data(), g.data());
     for (size_t k = 0; k < p_.special.size(); ++k) g[p_.special[k]] += rows.heat[k];
@@ -182,6 +179,9 @@ void LargeRun::choose() {
     if (r_->method == RKC2) {
         z1_ = Field(p_.links);
         z2_ = Field(p_.links);
+        moving_heat_.resize(p_.moving);
+        moving_c_.resize(p_.moving);
+        for (int k = 0; k < p_.moving; ++k) moving_c_[k] = inverse_c_[p_.special[k]];
         return;
     }
     if (link_rate_ == 0.0) link_rate_ = 2.0 * worst;
@@ -197,34 +197,42 @@ double LargeRun::first_step() const {
     return std::min({o_.max_step, span, std::max(std::min(o_.tolerance / std::max(fastest, 1e-300), 0.1 * span), 0.25 * by_rate)});
 }
 
-double LargeRun::between(size_t i, double s) const {
-    const double x = s / h_, a = T_[i], b = T1_[i];
-    if (p_.capacity[i] == 0.0) return a + x * (b - a);
-    const double y = 1.0 - x;
-    return y * a + x * b + x * y * (y * (h_ * G_[i] - (b - a)) - x * (h_ * G1_[i] - (b - a)));
+// Cubic Hermite over the step: weights of the temperatures and rates at its ends.
+Hermite LargeRun::hermite(double s) const {
+    const double x = s / h_, y = 1.0 - x, bend = x * y * (y - x);
+    return {y + bend, x - bend, x * y * y * h_, -x * x * y * h_};
 }
 
 void LargeRun::write(const std::vector<double>& times, size_t& next, const Observed& seen) {
     for (; next < times.size() && times[next] <= t_ + h_; ++next) {
-        const double s = times[next] - t_;
+        const Hermite w = hermite(times[next] - t_);
+        Summary whole;
+        bool known = false;
         for (int k = 0; k < seen.size(); ++k) {
-            const bool all = seen.indptr[k] == seen.indptr[k + 1];
-            double sum = 0.0, low = HOTTEST, high = -HOTTEST;
-            const int from = all ? 0 : seen.indptr[k], to = all ? n_ : seen.indptr[k + 1];
-            for (int j = from; j < to; ++j) {
-                const double v = between(all ? j : seen.indices[j], s);
-                if (seen.kind[k] == 0) sum += all ? v / n_ : seen.weights[j] * v;
-                low = std::min(low, v);
-                high = std::max(high, v);
+            const int from = seen.indptr[k], to = seen.indptr[k + 1];
+            Summary s;
+            if (from == to) {
+                if (!known) whole = summary(T_.data(), T1_.data(), G_.data(), G1_.data(), n_, w);
+                known = true;
+                s = whole;
+                s.sum /= n_;
             }
-            r_->traces[next * seen.size() + k] = seen.kind[k] == 0 ? sum : (seen.kind[k] == 1 ? high : low);
+            for (int j = from; j < to; ++j) {
+                const double v = between(seen.indices[j], w);
+                s.sum += seen.weights[j] * v;
+                s.low = std::min(s.low, v);
+                s.high = std::max(s.high, v);
+            }
+            r_->traces[next * seen.size() + k] = seen.kind[k] == 0 ? s.sum : (seen.kind[k] == 1 ? s.high : s.low);
         }
     }
 }
 
 void LargeRun::write_fields(const std::vector<double>& times, size_t& next) {
-    for (; next < times.size() && times[next] <= t_ + h_; ++next)
-        for (int i = 0; i < n_; ++i) r_->fields[next * n_ + i] = between(i, times[next] - t_);
+    for (; next < times.size() && times[next] <= t_ + h_; ++next) {
+        const Hermite w = hermite(times[next] - t_);
+        for (int i = 0; i < n_; ++i) r_->fields[next * n_ + i] = between(i, w);
+    }
 }
 
 // Tries a step of length h_; true when it is accepted. `next`: the length to try afterwards.
@@ -293,6 +301,8 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
                 if (!advance(stop, next)) continue;
                 ++r.steps;
                 r.longest = std::max(r.longest, h_);
+                for (int i = 0; massless_ && i < n_; ++i)
+                    if (p_.capacity[i] == 0.0) G_[i] = G1_[i] = (T1_[i] - T_[i]) / h_;  // straight lines
                 write(times, next_time, seen);
                 write_fields(field_times, next_field);
                 for (size_t k = 0; k < energy_.size(); ++k) energy_[k] += gain_[k];

@@ -97,7 +97,7 @@ bool LargeRun::solve_stage(Field& at, const std::vector<double>& base, double dh
     const double fine = 0.01 * o_.tolerance;
     double before = 0.0;
     for (int k = 0; k < MOST_NEWTON; ++k) {
-        gather(rows_, at.data(), nullptr);
+        gather(rows_, at.data());
         rows_.evaluate(p_, u_.data(), true);
         ++r_->evaluations;
         p_.links.flow(at.data(), r_v_.data());
@@ -140,7 +140,7 @@ double LargeRun::trbdf() {
     };
     auto settled = [&](std::vector<double>& heat) {  // the stage's heat by its own equation, and its rows at what was found
         for (int i = 0; i < n_; ++i) heat[i] = p_.capacity[i] > 0.0 ? (p_.capacity[i] * (T1_[i] - T_[i]) - base_[i]) / dh : 0.0;
-        gather(rows_, T1_.data(), nullptr);
+        gather(rows_, T1_.data());
         rows_.evaluate(p_, u_.data(), true);
     };
     add(start_, WEIGHT_1 * h);
@@ -174,7 +174,7 @@ double LargeRun::trbdf() {
 // Massless nodes at the start, and after a jump of the inputs: F = 0 with the others held.
 bool LargeRun::settle_massless() {
     for (int k = 0; k < 5 * MOST_NEWTON; ++k) {
-        gather(rows_, T_.data(), nullptr);
+        gather(rows_, T_.data());
         rows_.evaluate(p_, u_.data(), true);
         p_.links.flow(T_.data(), r_v_.data());
         for (size_t i = 0; i < p_.special.size(); ++i) r_v_[p_.special[i]] += rows_.heat[i];
