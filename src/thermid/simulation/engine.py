@@ -55,7 +55,7 @@ class Options:
     max_step: float = float("inf")
     max_steps: int = 1_000_000
     method: str = "auto"
-    large_tolerance: float = 1e-3
+    large_tolerance: float = 3e-3
 
 
 @dataclass(frozen=True, eq=False)
