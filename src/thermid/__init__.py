@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from thermid.measure import Record as Record
     from thermid.measure import read_record as read_record
     from thermid.model.areas import ledger as ledger
-    from thermid.model.law import law as law
     from thermid.model.block import Block as Block
+    from thermid.model.law import law as law
     from thermid.model.model import Model as Model
     from thermid.model.modelfile import load_model as load_model
     from thermid.model.modelfile import model_from_dict as model_from_dict
