@@ -132,7 +132,8 @@ class LargeRun {
     const LargeOptions& o_;
     LargeResult* r_ = nullptr;
     int n_;
-    bool massless_ = false;
+    bool linear_ = true;
+    std::vector<int> massless_;
     double t_ = 0.0, h_ = 0.0, t_end_ = 0.0;
     std::vector<double> inverse_c_, link_sum_;
     Field T_, T1_;              // at the start of the step, at its end
@@ -174,6 +175,7 @@ class LargeRun {
 
     // large_trbdf.cpp
     Field x_, p1_;  // Newton's change; search direction
+    std::vector<double> bend_;  // (massless): how far the middle of the step lies off a straight line, times four [K]
     std::vector<double> heat0_, heat1_, heat2_, z_, base_, r_v_, w_, diag_;
     double trbdf();
     bool solve_stage(Field& at, const std::vector<double>& base, double dh);

@@ -12,6 +12,7 @@ namespace {
 // rate)) gradients. They are equal at a ratio of rates of about 14.
 constexpr double RATIO = 14.0;
 constexpr double HOTTEST = 1e6;  // [K]
+constexpr int MOST_KINKS = 200;
 constexpr long POLL_CELLS = 20000000;
 }  // namespace
 
@@ -19,9 +20,11 @@ LargeRun::LargeRun(const LargeProblem& p, const LargeOptions& o)
     : p_(p), o_(o), n_(p.n), inverse_c_(p.n), link_sum_(p.n), T_(p.links), T1_(p.links), G_(p.n), G1_(p.n), u_(p.inputs.size()),
       in_(p.inputs.size()), hint_(p.inputs.size(), -1), start_(p), rows_(p), energy_(p.tags + p.nb), gain_(p.tags + p.nb) {
     for (int i = 0; i < n_; ++i) {
-        massless_ = massless_ || p.capacity[i] == 0.0;
+        if (p.capacity[i] == 0.0) massless_.push_back(i);
         inverse_c_[i] = p.capacity[i] > 0.0 ? 1.0 / p.capacity[i] : 0.0;
     }
+    for (const RowGroup& g : p.rows) linear_ = linear_ && g.kind == LINEAR;
+    for (const LoadGroup& g : p.loads) linear_ = linear_ && g.kind == SIGNAL;
     p.links.sums(link_sum_.data());
 }
 
@@ -43,33 +46,40 @@ void LargeRun::begin_inputs() {
         if (p_.inputs[k].sampled()) in_[k].project(p_.inputs[k], t_, t_ + h_, hint_[k]);
 }
 
-// The error inside a step that what is left of a sampled input causes, relative to its tolerance: rate of the quickest node that feels
-// it times the integral of the left-over. At the end of the step three moments agree, so that nothing is left of it.
+// The error inside a step that what is left of a sampled input causes, relative to its tolerance. A node feels it through its rate times
+// the integral of the left-over, and never by more than three times its root mean square; a massless one at once. At the end of the
+// step three moments agree, so that nothing is left of it there.
 double LargeRun::leftover() {
     double worst = 0.0;
     for (size_t k = 0; k < u_.size(); ++k) {
         if (!p_.inputs[k].sampled() || in_[k].exact) continue;
         Cursor c;
         c.begin(&p_.inputs[k], t_);
-        double w = 0.0, rate = 0.0;
+        double w = 0.0;
         for (int q = 1; q < 8; ++q) {
             const double s = h_ * q / 8.0;
             c.move(t_ + s);
             w = std::max(w, std::fabs(in_[k].w(s, c.sum)));
         }
+        const double most = 3.0 * std::sqrt(in_[k].mean_square(p_.inputs[k], t_, t_ + h_, hint_[k]));
         const double scale = std::max(std::fabs(u_[k]), 1e-300);
+        auto felt = [&](int node, int place, double heat) {  // heat per unit of the input
+            const double all = std::max(link_sum_[node] + start_.slope[place], heat);
+            const double at_once = all > 0.0 ? heat / all * most : 0.0, slowly = heat * inverse_c_[node] * w;
+            worst = std::max(worst, p_.capacity[node] > 0.0 ? std::min(slowly, at_once) : at_once);
+        };
         for (const RowGroup& g : p_.rows) {
             const bool by_boundary = g.boundary >= 0 && p_.boundary_input[g.boundary] == static_cast<int>(k);
             if (!by_boundary && g.input != static_cast<int>(k)) continue;
             for (int r = g.begin; r < g.end; ++r) {
-                const double felt = by_boundary ? std::fabs(start_.pair[r]) : std::fabs(start_.q[r]) / scale;
-                rate = std::max(rate, felt * inverse_c_[p_.a[r]]);
+                const double heat = by_boundary ? std::fabs(start_.pair[r]) : std::fabs(start_.q[r]) / scale;
+                felt(p_.a[r], p_.a_slot[r], heat);
+                if (g.boundary < 0) felt(p_.b[r], p_.b_slot[r], heat);
             }
         }
         for (const LoadGroup& g : p_.loads)
             if (g.input == static_cast<int>(k))
-                for (int r = g.begin; r < g.end; ++r) rate = std::max(rate, std::fabs(p_.c[0][r]) * inverse_c_[p_.node[r]]);
-        worst = std::max(worst, rate * w);
+                for (int r = g.begin; r < g.end; ++r) felt(p_.node[r], p_.node_slot[r], std::fabs(p_.c[0][r]));
     }
     return worst / o_.input_atol;
 }
@@ -170,10 +180,10 @@ void LargeRun::choose() {
     mean_rate_ = capacity > 0.0 ? links / capacity : 0.0;
     r_->method = o_.method;
     if (o_.method == AUTO) {
-        link_rate_ = massless_ ? 0.0 : lanczos();
-        r_->method = massless_ || link_rate_ + row_rate() > RATIO * mean_rate_ ? TRBDF2 : RKC2;
+        link_rate_ = massless_.empty() ? lanczos() : 0.0;
+        r_->method = !massless_.empty() || link_rate_ + row_rate() > RATIO * mean_rate_ ? TRBDF2 : RKC2;
     } else if (o_.method == RKC2) {
-        if (massless_) fail(SINGULAR_NODE);
+        if (!massless_.empty()) fail(SINGULAR_NODE);
         link_rate_ = lanczos();
     }
     if (r_->method == RKC2) {
@@ -188,6 +198,7 @@ void LargeRun::choose() {
     x_ = Field(p_.links);
     p1_ = Field(p_.links);
     for (auto* v : {&heat0_, &heat1_, &heat2_, &z_, &base_, &r_v_, &w_, &diag_}) v->assign(n_, 0.0);
+    bend_.assign(massless_.size(), 0.0);
 }
 
 double LargeRun::first_step() const {
@@ -276,7 +287,11 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
     t_end_ = t_end;
     std::vector<double> stops(o_.breaks);
     stops.push_back(t_end);
-    size_t next_time = 0, next_field = 0;
+    std::vector<double> kinks;  // of sampled inputs, where they are few: steps end there
+    for (const Input& in : p_.inputs) in.breaks(t0, t_end, MOST_KINKS, kinks);
+    kinks.push_back(t_end);
+    std::sort(kinks.begin(), kinks.end());
+    size_t next_time = 0, next_field = 0, kink = 0;
     try {
         for (int i = 0; i < n_; ++i) {
             T_[i] = t0_nodes[i];
@@ -291,22 +306,27 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
             for (size_t k = 0; k < u_.size(); ++k) u_[k] = p_.inputs[k].at(t_);
             full_rate(T_, start_, G_);
             if (r.method == AUTO) choose();
-            if (massless_) {
+            if (!massless_.empty()) {
                 if (!settle_massless()) fail(SINGULAR_NODE);
                 full_rate(T_, start_, G_);
             }
             if (stop > t_) next = first_step();
             while (t_ < stop) {
                 if (r.steps + r.rejected >= o_.max_steps) fail(MAX_STEPS);
-                if (!advance(stop, next)) continue;
+                while (kinks[kink] <= t_ && kinks[kink] < t_end) ++kink;
+                const double until = std::min(stop, kinks[kink]);
+                if (!advance(until, next)) continue;
                 ++r.steps;
                 r.longest = std::max(r.longest, h_);
-                for (int i = 0; massless_ && i < n_; ++i)
-                    if (p_.capacity[i] == 0.0) G_[i] = G1_[i] = (T1_[i] - T_[i]) / h_;  // straight lines
+                for (size_t k = 0; k < massless_.size(); ++k) {  // a parabola through the stages
+                    const int i = massless_[k];
+                    G_[i] = (T1_[i] - T_[i] + bend_[k]) / h_;
+                    G1_[i] = (T1_[i] - T_[i] - bend_[k]) / h_;
+                }
                 write(times, next_time, seen);
                 write_fields(field_times, next_field);
                 for (size_t k = 0; k < energy_.size(); ++k) energy_[k] += gain_[k];
-                t_ = h_ == stop - t_ ? stop : t_ + h_;
+                t_ = h_ == until - t_ ? until : t_ + h_;
                 T_.swap(T1_);
                 G_.swap(G1_);
                 std::swap(start_, rows_);

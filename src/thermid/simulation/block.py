@@ -91,7 +91,8 @@ def _solution(
     none: Any = None  # a block has no wiring of names
     more: dict[str, Any] = {"_watched": watched, "_network": network, "_scenario": scenario, "_answer": answer, "block": block, **grid}
     nodes = (*names, *network.boundaries)
-    return BlockSolution(block.title, scenario.title, times, nodes, (), "ok", statistics, (), none, **more)
+    remarks = () if network.boundaries else ("the block has no path to a boundary: it warms or cools without limit as it is heated",)
+    return BlockSolution(block.title, scenario.title, times, nodes, (), "ok", statistics, remarks, none, **more)
 
 
 def _watched(block: Block, name: str) -> Watched:

@@ -56,6 +56,11 @@ class BlockSolution(Solution):
         outer = [self._network.boundary(k, self.times) for k in range(len(self._network.boundaries))]
         return np.column_stack([self._watched, *outer])
 
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader must know."""
+        return self._remarks
+
     def field(self, time: float) -> Array:
         """Return all temperatures (nx, ny, nz) at a time for which they were stored. [K]
 

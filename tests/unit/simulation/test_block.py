@@ -140,6 +140,19 @@ def test_what_is_watched() -> None:
     np.testing.assert_allclose(run.load_powers["heater"], 5.0)
 
 
+def test_the_end_of_a_run_as_text() -> None:
+    lines = str(td.simulate(warm_block(), warming_room())).splitlines()
+    assert lines[0] == "block, room: 1 h, ok"
+    assert [line.split()[0] for line in lines[1:]] == ["mean", "hottest", "coldest", "heater", "air"]
+
+
+def test_a_block_that_nothing_holds_says_so() -> None:
+    block = td.Block(("10 [mm]",) * 3, (2, 2, 2), "15 [W/(m K)]", "4000 [kg/m^3]", "500 [J/(kg K)]").heated("h", "2 [W]", cells=np.s_[:, :, :])
+    run = td.simulate(block, td.Scenario(start="300 [K]", duration="10 [s]"))
+    assert run["mean"].rise == pytest.approx(2.0 * 10.0 / 2.0)
+    assert run.warnings == ("the block has no path to a boundary: it warms or cools without limit as it is heated",)
+
+
 def test_commands_and_loads_of_the_scenario_drive_heaters() -> None:
     half = warming_room().with_(commands={"heater": 0.5})
     assert td.simulate(warm_block(), half).heat_balance().loads == pytest.approx(2.5 * 3600)
