@@ -114,6 +114,7 @@ def integrate(
         raise SolverError(_message(found, options, end, name), where)
     statistics = {
         "method": NAMES[found.method],
+        "reason": "",
         "steps": found.steps,
         "rejected": found.rejected,
         "evaluations": found.evaluations,

@@ -147,7 +147,9 @@ def test_the_end_of_a_run_as_text() -> None:
 
 
 def test_a_block_that_nothing_holds_says_so() -> None:
-    block = td.Block(("10 [mm]",) * 3, (2, 2, 2), "15 [W/(m K)]", "4000 [kg/m^3]", "500 [J/(kg K)]").heated("h", "2 [W]", cells=np.s_[:, :, :])
+    block = td.Block(("10 [mm]",) * 3, (2, 2, 2), "15 [W/(m K)]", "4000 [kg/m^3]", "500 [J/(kg K)]").heated(
+        "h", "2 [W]", cells=np.s_[:, :, :]
+    )
     run = td.simulate(block, td.Scenario(start="300 [K]", duration="10 [s]"))
     assert run["mean"].rise == pytest.approx(2.0 * 10.0 / 2.0)
     assert run.warnings == ("the block has no path to a boundary: it warms or cools without limit as it is heated",)
