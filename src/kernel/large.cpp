@@ -151,7 +151,7 @@ void LargeProblem::prepare() {
     a_slot.resize(a.size());
     b_slot.assign(b.size(), -1);
     int done = 0;
-    for (const RowGroup& g : rows) {
+    for (RowGroup& g : rows) {
         require(g.begin == done && g.end >= g.begin && g.end <= static_cast<int>(a.size()), "rows: groups must follow one another");
         require(g.kind >= 0 && g.kind < CONDUCTOR_KINDS && g.kind != FLOW, "rows: no such kind");
         require(g.boundary >= -1 && g.boundary < nb && g.input >= -1 && g.input < inputs_n, "rows: no such boundary or input");
@@ -161,6 +161,8 @@ void LargeProblem::prepare() {
             a_slot[r] = place(a[r]);
             if (g.boundary < 0) b_slot[r] = place(b[r]);
         }
+        g.consecutive = true;
+        for (int r = g.begin; r < g.end; ++r) g.consecutive = g.consecutive && a_slot[r] == a_slot[g.begin] + r - g.begin;
         done = g.end;
     }
     require(done == static_cast<int>(a.size()), "rows: some belong to no group");
@@ -232,8 +234,7 @@ void RowHeat::row_group(const LargeProblem& p, const RowGroup& g, const double* 
     const int input = p.boundary_input[g.boundary], m = g.end - g.begin;
     const double tb = p.boundary_offset[g.boundary] + (input >= 0 ? u[input] : 0.0);
     const int first = m ? p.a_slot[g.begin] : 0;
-    bool fast = !slopes && (g.kind == RADIATION || (g.kind == POWER && g.c1 == 0.25)) && first + m <= static_cast<int>(t.size());
-    if (fast) fast = p.a_slot[g.end - 1] == first + m - 1 && std::is_sorted(p.a_slot.begin() + g.begin, p.a_slot.begin() + g.end);
+    const bool fast = !slopes && g.consecutive && (g.kind == RADIATION || (g.kind == POWER && g.c1 == 0.25));
     double total = 0.0;
     if (fast) {
         (g.kind == POWER ? quarter_power : radiation)(t.data() + first, p.c0.data() + g.begin, q.data() + g.begin, m, tb, f);

@@ -42,7 +42,12 @@ class Field {
 };
 
 // Rows of one law, one boundary (-1: between two nodes) and one input (-1: none) that multiplies their conductance.
-struct RowGroup { int kind, boundary, input, table; double c1; int begin, end; };
+struct RowGroup {
+    int kind, boundary, input, table;
+    double c1;
+    int begin, end;
+    bool consecutive = false;  // ends at consecutive places among the special nodes, each once
+};
 // Loads of one law and one input; `tag` names the load that their energy belongs to.
 struct LoadGroup {
     int kind, input, table, tag, begin, end;
@@ -152,10 +157,11 @@ class LargeRun {
     void refresh_start();
     void full_rate(const Field& at, RowHeat& rows, std::vector<double>& g);
     void gather(RowHeat& rows, const double* t) const;
-    double row_rate() const;
+    double row_rate();
+    std::vector<double> rates_;  // (special)
     double lanczos();
     void choose();
-    double first_step() const;
+    double first_step();
     bool advance(double end, double& next);
     void write(const std::vector<double>& times, size_t& next, const Observed& seen);
     void write_fields(const std::vector<double>& times, size_t& next);

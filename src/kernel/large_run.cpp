@@ -105,14 +105,16 @@ void LargeRun::refresh_start() {
     std::swap(start_, rows_);
 }
 
-// Largest rate that rows add to the links' [1/s].
-double LargeRun::row_rate() const {
+// Bound of the rate that rows add to the links', by Gershgorin [1/s].
+double LargeRun::row_rate() {
+    rates_ = start_.slope;
+    for (const RowGroup& g : p_.rows) {
+        if (g.boundary >= 0) continue;
+        for (int r = g.begin; r < g.end; ++r)
+            for (int place : {p_.a_slot[r], p_.b_slot[r]}) rates_[place] += 2.0 * std::fabs(start_.pair[r]);
+    }
     double worst = 0.0;
-    for (size_t k = 0; k < p_.special.size(); ++k) worst = std::max(worst, start_.slope[k] * inverse_c_[p_.special[k]]);
-    for (const RowGroup& g : p_.rows)
-        if (g.boundary < 0)
-            for (int r = g.begin; r < g.end; ++r)
-                worst = std::max(worst, 2.0 * std::fabs(start_.pair[r]) * std::max(inverse_c_[p_.a[r]], inverse_c_[p_.b[r]]));
+    for (size_t k = 0; k < p_.special.size(); ++k) worst = std::max(worst, rates_[k] * inverse_c_[p_.special[k]]);
     return worst;
 }
 
@@ -201,7 +203,7 @@ void LargeRun::choose() {
     bend_.assign(massless_.size(), 0.0);
 }
 
-double LargeRun::first_step() const {
+double LargeRun::first_step() {
     double fastest = 0.0;
     for (int i = 0; i < n_; ++i) fastest = std::max(fastest, std::fabs(G_[i]));
     const double span = t_end_ - t_, by_rate = 1.0 / std::max(row_rate() + link_rate_, 1.0 / span);

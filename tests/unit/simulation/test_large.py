@@ -61,6 +61,17 @@ def test_a_method_can_be_forced(method: str) -> None:
     np.testing.assert_allclose(run.temperatures, small.temperatures, atol=1e-4)
 
 
+def test_several_conductors_from_one_node_to_one_boundary_all_count() -> None:
+    """Nodes 0, 1 and 1 radiate to one boundary: as many rows as the kernel counts nodes from the first to the last of them."""
+    radiation = {"kind": "radiation", "area": "0.05 [m^2]", "emissivity": 0.8}
+    ends_of = {"r0": ["n0", "left"], "r1": ["n1", "left"], "r2": ["n1", "left"]}
+    more = {name: {**radiation, "between": pair} for name, pair in ends_of.items()}
+    model = chain(3, conductors={"z": {"kind": "conduction", "between": ["n1", "left"], "conductance": "1 [W/K]"}, **more})
+    scenario = ends(start="350 [K]")
+    run = td.simulate(model, scenario, options=td.Options(method="RKC2", large_tolerance=1e-6, max_steps=2000))
+    np.testing.assert_allclose(run.temperatures, td.simulate(model, scenario).temperatures, atol=1e-4)
+
+
 def test_rates_of_very_different_size_take_the_implicit_method() -> None:
     even = td.simulate(chain(20), ends(), options=td.Options(method="large"))
     tiny = chain(20, nodes={"n5": {"capacitance": "0.01 [J/K]"}})
