@@ -66,7 +66,7 @@ def test_several_conductors_from_one_node_to_one_boundary_all_count() -> None:
     radiation = {"kind": "radiation", "area": "0.05 [m^2]", "emissivity": 0.8}
     ends_of = {"r0": ["n0", "left"], "r1": ["n1", "left"], "r2": ["n1", "left"]}
     more = {name: {**radiation, "between": pair} for name, pair in ends_of.items()}
-    model = chain(3, conductors={"z": {"kind": "conduction", "between": ["n1", "left"], "conductance": "1 [W/K]"}, **more})
+    model = chain(3, conductors={"z": {"kind": "conduction", "between": ["n1", "right"], "conductance": "1 [W/K]"}, **more})
     scenario = ends(start="350 [K]")
     run = td.simulate(model, scenario, options=td.Options(method="RKC2", large_tolerance=1e-6, max_steps=2000))
     np.testing.assert_allclose(run.temperatures, td.simulate(model, scenario).temperatures, atol=1e-4)
