@@ -61,7 +61,7 @@ double LargeRun::leftover() {
             c.move(t_ + s);
             w = std::max(w, std::fabs(in_[k].w(s, c.sum)));
         }
-        const double most = 3.0 * std::sqrt(in_[k].mean_square(p_.inputs[k], t_, t_ + h_, hint_[k]));
+        const double most = 3.0 * std::sqrt(in_[k].variance);
         const double scale = std::max(std::fabs(u_[k]), 1e-300);
         auto felt = [&](int node, int place, double heat) {  // heat per unit of the input
             const double all = std::max(link_sum_[node] + start_.slope[place], heat);
