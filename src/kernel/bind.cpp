@@ -7,6 +7,10 @@ namespace thermid { void bind_ensemble(nanobind::module_& m); }  // bind_ensembl
 using namespace thermid;
 using namespace nb::literals;
 
+namespace thermid {
+void bind_large(nb::module_& m);  // bind_large.cpp
+}
+
 namespace {
 
 struct PyResult {
@@ -49,36 +53,8 @@ void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints
         p->load.sensor.push_back(lsensor(r) < 0 ? lnode(r) : lsensor(r));
         for (int k = 0; k < 4; ++k) p->load.c[k].push_back(lcoef(r, k));
     }
-    for (nb::handle h : tables) {
-        auto [x, y, d] = nb::cast<std::tuple<Reals, Reals, Reals>>(h);
-        need(x.size() > 0 && x.size() == y.size() && x.size() == d.size(), "tables: knots, values and slopes differ in length");
-        for (size_t i = 1; i < x.size(); ++i) need(x(i) > x(i - 1), "tables: knots must increase");
-        p->tables.push_back({copy<double>(x), copy<double>(y), copy<double>(d)});
-    }
-    for (nb::handle h : inputs) {
-        auto [kind, a, b] = nb::cast<std::tuple<int, Reals, Reals>>(h);
-        need(kind >= 0 && kind < INPUT_KINDS, "inputs: no such kind");
-        Input in;
-        in.kind = kind;
-        if (in.sampled()) {
-            need(a.size() > 0 && a.size() == b.size(), "inputs: times and values differ in length, or are empty");
-            for (size_t i = 0; i < a.size(); ++i) {
-                need(std::isfinite(a(i)) && std::isfinite(b(i)), "inputs: times and values must be finite");
-                need(i == 0 || a(i) > a(i - 1), "inputs: times must increase");
-            }
-            in.set_samples(a.data(), b.data(), static_cast<int>(a.size()));
-        } else {
-            need(a.size() == (kind == SINE ? 4u : 1u), "inputs: SINE takes mean, amplitude, period, phase; CONSTANT takes its value");
-            in.mean = a(0);
-            if (kind == SINE) {
-                in.amplitude = a(1);
-                in.period = a(2);
-                in.phase = a(3);
-                need(in.period > 0.0, "inputs: the period must be positive");
-            }
-        }
-        p->inputs.push_back(std::move(in));
-    }
+    p->tables = read_tables(tables);
+    p->inputs = read_inputs(inputs);
     p->prepare();
     new (self) Problem(std::move(*p));
 }
@@ -233,6 +209,7 @@ NB_MODULE(_kernel, m) {
     bind_ensemble(m);
     m.def("tableau", &tableau);
     bind_modal(m);
+    bind_large(m);
     const char* con[] = {"LINEAR", "POWER", "RADIATION", "FLOW", "TABLE_MEAN", "TABLE_DIFF"};
     for (int k = 0; k < CONDUCTOR_KINDS; ++k) m.attr(con[k]) = k;
     const char* ld[] = {"SIGNAL", "POLY", "EXP", "TABLE", "THERMOSTAT", "PROPORTIONAL"};

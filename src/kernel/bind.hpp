@@ -7,6 +7,7 @@
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -69,6 +70,46 @@ inline CoefJacobian jacobian_of(const Problem& p, const std::optional<Csr>& csr)
 }
 
 void bind_modal(nb::module_& m);
+
+inline std::vector<Table> read_tables(const nb::list& tables) {
+    std::vector<Table> out;
+    for (nb::handle h : tables) {
+        auto [x, y, d] = nb::cast<std::tuple<Reals, Reals, Reals>>(h);
+        need(x.size() > 0 && x.size() == y.size() && x.size() == d.size(), "tables: knots, values and slopes differ in length");
+        for (size_t i = 1; i < x.size(); ++i) need(x(i) > x(i - 1), "tables: knots must increase");
+        out.push_back({copy<double>(x), copy<double>(y), copy<double>(d)});
+    }
+    return out;
+}
+
+inline std::vector<Input> read_inputs(const nb::list& inputs) {
+    std::vector<Input> out;
+    for (nb::handle h : inputs) {
+        auto [kind, a, b] = nb::cast<std::tuple<int, Reals, Reals>>(h);
+        need(kind >= 0 && kind < INPUT_KINDS, "inputs: no such kind");
+        Input in;
+        in.kind = kind;
+        if (in.sampled()) {
+            need(a.size() > 0 && a.size() == b.size(), "inputs: times and values differ in length, or are empty");
+            for (size_t i = 0; i < a.size(); ++i) {
+                need(std::isfinite(a(i)) && std::isfinite(b(i)), "inputs: times and values must be finite");
+                need(i == 0 || a(i) > a(i - 1), "inputs: times must increase");
+            }
+            in.set_samples(a.data(), b.data(), static_cast<int>(a.size()));
+        } else {
+            need(a.size() == (kind == SINE ? 4u : 1u), "inputs: SINE takes mean, amplitude, period, phase; CONSTANT takes its value");
+            in.mean = a(0);
+            if (kind == SINE) {
+                in.amplitude = a(1);
+                in.period = a(2);
+                in.phase = a(3);
+                need(in.period > 0.0, "inputs: the period must be positive");
+            }
+        }
+        out.push_back(std::move(in));
+    }
+    return out;
+}
 
 // Lets the interrupt key end a long run.
 inline void poll_interrupt() {

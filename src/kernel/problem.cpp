@@ -56,15 +56,22 @@ void Problem::prepare() {
     for (int k = 0; k <= CONDUCTOR_KINDS; ++k)
         kind_begin[k] = static_cast<int>(std::lower_bound(con.kind.begin(), con.kind.end(), k) - con.kind.begin());
 
+    // Rows that meet at each node, in the order of rows: counted, then filled.
+    auto meets = [&](int r, int i) { return i < n && (con.b[r] == i || con.kind[r] != FLOW); };
     meet_begin.assign(n + 1, 0);
-    for (int i = 0; i < n; ++i) {
-        for (int r = 0; r < m; ++r) {
-            if (con.b[r] != i && (con.a[r] != i || con.kind[r] == FLOW)) continue;
-            meet_row.push_back(r);
-            meet_sign.push_back(con.b[r] == i ? 1.0 : -1.0);
+    for (int r = 0; r < m; ++r)
+        for (int i : {con.a[r], con.b[r]})
+            if (meets(r, i)) ++meet_begin[i + 1];
+    for (int i = 0; i < n; ++i) meet_begin[i + 1] += meet_begin[i];
+    meet_row.resize(meet_begin[n]);
+    meet_sign.resize(meet_begin[n]);
+    std::vector<int> filled(meet_begin.begin(), meet_begin.end() - 1);
+    for (int r = 0; r < m; ++r)
+        for (int i : {con.a[r], con.b[r]}) {
+            if (!meets(r, i)) continue;
+            meet_sign[filled[i]] = con.b[r] == i ? 1.0 : -1.0;
+            meet_row[filled[i]++] = r;
         }
-        meet_begin[i + 1] = static_cast<int>(meet_row.size());
-    }
 
     auto boundary_entries = [&](std::vector<Entry>& list, int row, int node, int what) {
         if (node < n) return;

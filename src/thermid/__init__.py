@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from thermid.measure import Record as Record
     from thermid.measure import read_record as read_record
     from thermid.model.areas import ledger as ledger
+    from thermid.model.block import Block as Block
     from thermid.model.law import law as law
     from thermid.model.model import Model as Model
     from thermid.model.modelfile import load_model as load_model
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
     from thermid.reporting.page import report as report
+    from thermid.simulation.block_solution import BlockSolution as BlockSolution
     from thermid.simulation.draws import draw as draw
     from thermid.simulation.engine import Options as Options
     from thermid.simulation.ensemble import Ensemble as Ensemble
@@ -62,6 +64,7 @@ _PUBLIC = {
     "save_model": "model.modelfile",
     "law": "model.law",
     "ledger": "model.areas",
+    "Block": "model.block",
     "compile_network": "network.network",
     "state_space": "network.linear",
     "modes": "network.linear",
@@ -77,6 +80,7 @@ _PUBLIC = {
     "ensemble": "simulation.ensemble",
     "Ensemble": "simulation.ensemble",
     "Solution": "simulation.solution",
+    "BlockSolution": "simulation.block_solution",
     "Channel": "measure",
     "Record": "measure",
     "read_record": "measure",

@@ -171,3 +171,80 @@ class Ensemble:
     def simd(self) -> str: ...
 
 def instruction_sets() -> list[str]: ...
+
+# Large networks
+LARGE_AUTO: Final[int]
+LARGE_RKC2: Final[int]
+LARGE_TRBDF2: Final[int]
+
+class LargeResult:
+    @property
+    def status(self) -> int: ...
+    @property
+    def node(self) -> int: ...
+    @property
+    def method(self) -> int: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def rate(self) -> float: ...
+    @property
+    def longest(self) -> float: ...
+    @property
+    def steps(self) -> int: ...
+    @property
+    def rejected(self) -> int: ...
+    @property
+    def evaluations(self) -> int: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def traces(self) -> _Reals: ...
+    @property
+    def fields(self) -> _Reals: ...
+    @property
+    def final_temperatures(self) -> _Reals: ...
+    @property
+    def load_energy(self) -> _Reals: ...
+    @property
+    def boundary_energy(self) -> _Reals: ...
+
+class LargeProblem:
+    def __init__(
+        self,
+        capacity: _Reals,
+        links: tuple[_Ints, _Reals, _Reals, _Reals] | tuple[_Ints, _Ints, _Reals],
+        row_groups: _Ints,
+        row_exponents: _Reals,
+        row_a: _Ints,
+        row_b: _Ints,
+        row_coef: _Reals,
+        load_groups: _Ints,
+        load_node: _Ints,
+        load_coef: _Reals,
+        tags: int,
+        boundary_input: _Ints,
+        boundary_offset: _Reals,
+        tables: Sequence[tuple[_Reals, _Reals, _Reals]],
+        inputs: Sequence[tuple[int, _Reals, _Reals]],
+    ) -> None: ...
+    def integrate(
+        self,
+        T0: _Reals,
+        t0: float,
+        t_end: float,
+        times: _Reals,
+        observed_kind: _Ints,
+        observed_indptr: _Ints,
+        observed_indices: _Ints,
+        observed_weights: _Reals,
+        field_times: _Reals,
+        *,
+        method: int = ...,
+        tolerance: float = ...,
+        input_atol: float = ...,
+        max_step: float = ...,
+        max_steps: int = ...,
+        breaks: _Reals,
+    ) -> LargeResult: ...
+    def heat(self, T: _Reals, t: float) -> tuple[_Reals, _Reals, _Reals, _Reals, _Reals]: ...

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from thermid.model.signal import Constant, Signal, Sine, Table
 from thermid.simulation.modal import Modal
 from thermid.simulation.wiring import Assembled, Wiring, curve_arrays
 
-__all__ = ["Answer", "Engine", "Options"]
+__all__ = ["CONDUCTORS", "LOADS", "Answer", "Engine", "Options", "break_times", "kernel_input", "load_places"]
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,8 @@ class Options:
     input_tolerance : float     Error that what is left of a sampled input within a step may cause. [K]
     max_step : float            [s]
     max_steps : int             Steps after which the run is given up.
-    method : str                ``modal`` (exact, for linear networks), ``integrator``, or ``auto``: whichever costs less.
+    method : str                ``modal`` (exact, for linear networks), ``integrator``, ``large``, or ``auto``: whichever costs less.
+    large_tolerance : float     Local error that a step of the methods of large networks may make; they are of second order. [K]
     """
 
     tolerance: float = 2e-7
@@ -54,6 +55,7 @@ class Options:
     max_step: float = float("inf")
     max_steps: int = 1_000_000
     method: str = "auto"
+    large_tolerance: float = 3e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +122,7 @@ class Engine:
             load_sensor=_ints([r[2] for r in s["loads"]]),
             load_table=_ints([r[2] for r in loads]),
             tables=tables,
-            inputs=[_input(wiring.signals[name]) for name in wiring.used],
+            inputs=[kernel_input(wiring.signals[name]) for name in wiring.used],
         )
         self.nodes: tuple[str, ...] = s["nodes"]
         self.modal = Modal(wiring, self.problem)
@@ -133,6 +135,10 @@ class Engine:
         SolverError     When the run ends before its time.
         ScenarioError   When the modal solution is asked for and there is none.
         """
+        from thermid.simulation.large_model import integrate_model, takes_over
+
+        if takes_over(self, options, gradients):
+            return integrate_model(self, a, times, nodes, end, options)
         index = {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
         why = self.modal.refusal(options.method, times, end, gradients)
         if not why:
@@ -153,7 +159,7 @@ class Engine:
             input_atol=options.input_tolerance,
             max_step=options.max_step,
             max_steps=options.max_steps,
-            breaks=self._breaks(end),
+            breaks=break_times([self.wiring.signals[name] for name in self.wiring.used], end),
             **more,
         )
         if found.status != _kernel.OK:
@@ -206,19 +212,9 @@ class Engine:
             input_atol=options.input_tolerance,
             max_step=options.max_step,
             max_steps=options.max_steps,
-            breaks=self._breaks(end),
+            breaks=break_times([self.wiring.signals[name] for name in self.wiring.used], end),
             simd=simd,
         )
-
-    def _breaks(self, end: float) -> Array:
-        """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
-        jumps = [s.times[1:][np.diff(s.values) != 0] for s in self._used_tables() if s.hold]
-        times = np.unique(np.concatenate(jumps)) if jumps else np.zeros(0)
-        times = times[(times > 0) & (times < end)]
-        return times if times.size <= 5000 else np.zeros(0)
-
-    def _used_tables(self) -> list[Table]:
-        return [s for s in (self.wiring.signals[name] for name in self.wiring.used) if isinstance(s, Table)]
 
     def message(self, found: Any, options: Options, end: float) -> str:
         """Return what ran out, when, where and what to change."""
@@ -284,14 +280,27 @@ class Engine:
         return out
 
 
+def break_times(signals: Iterable[Signal], end: float) -> Array:
+    """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
+    jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, Table) and s.hold]
+    times = np.unique(np.concatenate(jumps)) if jumps else np.zeros(0)
+    times = times[(times > 0) & (times < end)]
+    return times if times.size <= 5000 else np.zeros(0)
+
+
 def _ints(values: Any) -> NDArray[np.int32]:
     return np.ascontiguousarray(values, dtype=np.int32)
+
+
+def load_places(form: str) -> tuple[int, ...]:
+    """Return where the coefficients of a form stand among the kernel's four places."""
+    return PLACES.get(form, (0, 1, 2, 3))
 
 
 def _row(form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False) -> tuple[int, list[int], int]:
     """Return the kernel's kind, coefficient places and table of a row."""
     four = [-1, -1, -1, -1]
-    for place, coefficient in zip(PLACES.get(form, range(4)), places, strict=False):
+    for place, coefficient in zip(load_places(form), places, strict=False):
         four[place] = coefficient
     table = -1
     if curve is not None:
@@ -304,7 +313,7 @@ def _row(form: str, places: Sequence[int], curve: Curve | None, tables: list[Any
     return CONDUCTORS[form], four, table
 
 
-def _input(given: Signal) -> tuple[int, Array, Array]:
+def kernel_input(given: Signal) -> tuple[int, Array, Array]:
     """Return the kernel's form of a signal."""
     none = np.zeros(0)
     if isinstance(given, Constant):

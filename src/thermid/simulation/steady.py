@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
+from thermid.model.block import Block
 from thermid.model.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
+    from thermid.simulation.block_solution import BlockSolution
     from thermid.simulation.engine import Engine
     from thermid.simulation.wiring import Assembled
 
@@ -33,6 +35,11 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
     ------
     SolverError   When there is no steady state: a part without a path to a boundary, or a power that runs away.
     """
+    from thermid.simulation.large_model import settle_model
+
+    found = None if gradients else settle_model(engine, a, time)
+    if found is not None:
+        return found, np.zeros((found.size, 0))
     network = engine.wiring.network
     where = f"{network.title}, {engine.wiring.scenario.title}"
     given = [float(engine.wiring.boundary(b, np.array([time]), a.offsets)[0]) for b in network.boundaries]
@@ -86,12 +93,22 @@ def _columns(engine: Engine, a: Assembled) -> Array:
     return np.array([[outer[0] if outer else ICE_POINT] * len(engine.nodes) + outer])
 
 
-def steady(model: Model, scenario: Scenario, time: float = 0.0) -> dict[str, float]:
+@overload
+def steady(model: Model, scenario: Scenario, time: float = 0.0) -> dict[str, float]: ...
+
+
+@overload
+def steady(model: Block, scenario: Scenario, time: float = 0.0) -> BlockSolution: ...
+
+
+def steady(model: Model | Block, scenario: Scenario, time: float = 0.0) -> dict[str, float] | BlockSolution:
     """Return node -> steady temperature with the inputs of one time held, boundaries and massless nodes included. [K]
+
+    Of a block, return a solution of that one time.
 
     Parameters
     ----------
-    model : Model           What the hardware is.
+    model : Model or Block  What the hardware is.
     scenario : Scenario     What is done to it.
     time : float            Time whose inputs are held. [s]
 
@@ -99,6 +116,10 @@ def steady(model: Model, scenario: Scenario, time: float = 0.0) -> dict[str, flo
     ------
     SolverError   When there is no steady state; the message names the part and its rate.
     """
+    if isinstance(model, Block):
+        from thermid.simulation.block import steady_block
+
+        return steady_block(model, scenario, time)
     from thermid.simulation.engine import Engine
     from thermid.simulation.simulator import network_for
     from thermid.simulation.traces import Traces

@@ -2,38 +2,74 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, overload
 
+from thermid.errors import ScenarioError
+from thermid.model.block import Block
 from thermid.model.model import Model
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import prepare
 from thermid.simulation.solution import Solution
 
+if TYPE_CHECKING:
+    from thermid.simulation.block_solution import BlockSolution
+
 __all__ = ["simulate"]
 
 
+@overload
 def simulate(
-    model: Model,
+    model: Model, scenario: Scenario, *, every: str | float | None = None, times: Any = None, options: Options | None = None
+) -> Solution: ...
+
+
+@overload
+def simulate(
+    model: Block,
     scenario: Scenario,
     *,
     every: str | float | None = None,
     times: Any = None,
     options: Options | None = None,
+    watch: Iterable[str] | None = None,
+    fields: Iterable[float] = (),
+) -> BlockSolution: ...
+
+
+def simulate(
+    model: Model | Block,
+    scenario: Scenario,
+    *,
+    every: str | float | None = None,
+    times: Any = None,
+    options: Options | None = None,
+    watch: Iterable[str] | None = None,
+    fields: Iterable[float] = (),
 ) -> Solution:
     """Return the temperatures of a model in a scenario.
 
     Parameters
     ----------
-    model : Model           What the hardware is.
+    model : Model or Block  What the hardware is.
     scenario : Scenario     What is done to it.
     every : str or float    Interval at which the solution is stored; 301 samples when neither this nor `times` is given. [s]
     times : array           Times at which it is stored. [s]
     options : Options       Tolerances and limits of the integrator.
+    watch : iterable        Of a block, what is stored: ``mean``, ``hottest``, ``coldest``, a face (``+x``: its mean), a heater (its mean),
+                            a cell (``cell[0,0,0]``); by default the first three and the heaters.
+    fields : iterable       Of a block, times at which all temperatures are stored. [s]
 
     Raises
     ------
     ScenarioError   When the scenario does not fit the model, or vacuum is asked of a coefficient that contains radiation.
     SolverError     When the run ends before its time; the message says at what time, at which node and what to change.
     """
+    if isinstance(model, Block):
+        from thermid.simulation.block import simulate_block
+
+        return simulate_block(model, scenario, every=every, times=times, options=options, watch=watch, fields=fields)
+    if watch is not None or tuple(fields):
+        raise ScenarioError("'watch' and 'fields' belong to blocks; the solution of a model holds every node.", model.title)
     return prepare(model, scenario, every=every, times=times, options=options).run()

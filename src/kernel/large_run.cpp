@@ -1,0 +1,353 @@
+// The run around the steps: choice of method, inputs of a step, step control, outputs.
+#include <algorithm>
+#include <cmath>
+
+#include "integrator.hpp"
+#include "large.hpp"
+
+namespace thermid {
+
+namespace {
+// Cost of a step of length h, in sweeps: RKC2 sqrt(1.54 h largest rate); TR-BDF2 two solves of about three times sqrt(2 (1 + 0.29 h mean
+// rate)) gradients. They are equal at a ratio of rates of about 14.
+constexpr double RATIO = 14.0;
+constexpr double HOTTEST = 1e6;  // [K]
+constexpr int MOST_KINKS = 200;
+constexpr long POLL_CELLS = 20000000;
+}  // namespace
+
+LargeRun::LargeRun(const LargeProblem& p, const LargeOptions& o)
+    : p_(p), o_(o), n_(p.n), inverse_c_(p.n), link_sum_(p.n), T_(p.links), T1_(p.links), G_(p.n), G1_(p.n), u_(p.inputs.size()),
+      in_(p.inputs.size()), hint_(p.inputs.size(), -1), start_(p), rows_(p), energy_(p.tags + p.nb), gain_(p.tags + p.nb) {
+    for (int i = 0; i < n_; ++i) {
+        if (p.capacity[i] == 0.0) massless_.push_back(i);
+        inverse_c_[i] = p.capacity[i] > 0.0 ? 1.0 / p.capacity[i] : 0.0;
+    }
+    for (const RowGroup& g : p.rows) linear_ = linear_ && g.kind == LINEAR;
+    for (const LoadGroup& g : p.loads) linear_ = linear_ && g.kind == SIGNAL;
+    p.links.sums(link_sum_.data());
+}
+
+void LargeRun::fail(int status) { throw Failure{status, r_->node}; }
+
+void LargeRun::polled() {
+    since_poll_ += n_;
+    if (since_poll_ < POLL_CELLS) return;
+    since_poll_ = 0;
+    if (o_.poll) o_.poll();
+}
+
+void LargeRun::inputs_at(double s) {
+    for (size_t k = 0; k < u_.size(); ++k) u_[k] = p_.inputs[k].sampled() ? in_[k].at(s) : p_.inputs[k].at(t_ + s);
+}
+
+void LargeRun::begin_inputs() {
+    for (size_t k = 0; k < u_.size(); ++k)
+        if (p_.inputs[k].sampled()) in_[k].project(p_.inputs[k], t_, t_ + h_, hint_[k]);
+}
+
+// The error inside a step that what is left of a sampled input causes, relative to its tolerance. A node feels it through its rate times
+// the integral of the left-over, and never by more than three times its root mean square; a massless one at once. At the end of the
+// step three moments agree, so that nothing is left of it there.
+double LargeRun::leftover() {
+    double worst = 0.0;
+    for (size_t k = 0; k < u_.size(); ++k) {
+        if (!p_.inputs[k].sampled() || in_[k].exact) continue;
+        Cursor c;
+        c.begin(&p_.inputs[k], t_);
+        double w = 0.0;
+        for (int q = 1; q < 8; ++q) {
+            const double s = h_ * q / 8.0;
+            c.move(t_ + s);
+            w = std::max(w, std::fabs(in_[k].w(s, c.sum)));
+        }
+        const double most = 3.0 * std::sqrt(in_[k].variance);
+        const double scale = std::max(std::fabs(u_[k]), 1e-300);
+        auto felt = [&](int node, int place, double heat) {  // heat per unit of the input
+            const double all = std::max(link_sum_[node] + start_.slope[place], heat);
+            const double at_once = all > 0.0 ? heat / all * most : 0.0, slowly = heat * inverse_c_[node] * w;
+            worst = std::max(worst, p_.capacity[node] > 0.0 ? std::min(slowly, at_once) : at_once);
+        };
+        for (const RowGroup& g : p_.rows) {
+            const bool by_boundary = g.boundary >= 0 && p_.boundary_input[g.boundary] == static_cast<int>(k);
+            if (!by_boundary && g.input != static_cast<int>(k)) continue;
+            for (int r = g.begin; r < g.end; ++r) {
+                const double heat = by_boundary ? std::fabs(start_.pair[r]) : std::fabs(start_.q[r]) / scale;
+                felt(p_.a[r], p_.a_slot[r], heat);
+                if (g.boundary < 0) felt(p_.b[r], p_.b_slot[r], heat);
+            }
+        }
+        for (const LoadGroup& g : p_.loads)
+            if (g.input == static_cast<int>(k))
+                for (int r = g.begin; r < g.end; ++r) felt(p_.node[r], p_.node_slot[r], std::fabs(p_.c[0][r]));
+    }
+    return worst / o_.input_atol;
+}
+
+void LargeRun::gather(RowHeat& rows, const double* t) const {
+    for (size_t k = 0; k < p_.special.size(); ++k) rows.t[k] = t[p_.special[k]];
+}
+
+void LargeRun::full_rate(const Field& at, RowHeat& rows, std::vector<double>& g) {
+    gather(rows, at.data());
+    rows.evaluate(p_, u_.data(), true);
+    p_.links.flow(at.data(), g.data());
+    for (size_t k = 0; k < p_.special.size(); ++k) g[p_.special[k]] += rows.heat[k];
+    for (int i = 0; i < n_; ++i) g[i] *= inverse_c_[i];
+}
+
+// The inputs of this step at its start may differ from those at the end of the last one: rows again, links as they are.
+void LargeRun::refresh_start() {
+    inputs_at(0.0);
+    rows_.t = start_.t;
+    rows_.evaluate(p_, u_.data(), true);
+    for (size_t k = 0; k < p_.special.size(); ++k) G_[p_.special[k]] += inverse_c_[p_.special[k]] * (rows_.heat[k] - start_.heat[k]);
+    std::swap(start_, rows_);
+}
+
+// Bound of the rate that rows add to the links', by Gershgorin [1/s].
+double LargeRun::row_rate() {
+    rates_ = start_.slope;
+    for (const RowGroup& g : p_.rows) {
+        if (g.boundary >= 0) continue;
+        for (int r = g.begin; r < g.end; ++r)
+            for (int place : {p_.a_slot[r], p_.b_slot[r]}) rates_[place] += 2.0 * std::fabs(start_.pair[r]);
+    }
+    double worst = 0.0;
+    for (size_t k = 0; k < p_.special.size(); ++k) worst = std::max(worst, rates_[k] * inverse_c_[p_.special[k]]);
+    return worst;
+}
+
+// Largest rate of decay by the links alone: Lanczos in the inner product of the capacities, 1.05 times the largest Ritz value plus its
+// residual, never above Gershgorin's bound.
+double LargeRun::lanczos() {
+    double bound = 0.0;
+    for (int i = 0; i < n_; ++i) bound = std::max(bound, 2.0 * link_sum_[i] * inverse_c_[i]);
+    Field v(p_.links);
+    std::vector<double> before(n_, 0.0), w(n_), alpha, beta;
+    unsigned long long seed = 88172645463325252ULL;
+    double norm = 0.0;
+    for (int i = 0; i < n_; ++i) {  // xorshift, alternating enough to meet the roughest mode
+        seed ^= seed << 13;
+        seed ^= seed >> 7;
+        seed ^= seed << 17;
+        v[i] = static_cast<double>(seed >> 11) / 9007199254740992.0 - 0.5;
+        norm += p_.capacity[i] * v[i] * v[i];
+    }
+    for (int i = 0; i < n_; ++i) v[i] /= std::sqrt(norm);
+    double top = 0.0, left = 0.0;
+    for (int k = 0; k < 40 && k < n_; ++k) {
+        p_.links.flow(v.data(), w.data());
+        polled();
+        double a = 0.0, b = 0.0;
+        for (int i = 0; i < n_; ++i) a -= v[i] * w[i];
+        alpha.push_back(a);
+        for (int i = 0; i < n_; ++i) {
+            w[i] = -w[i] * inverse_c_[i] - a * v[i] - (k ? beta.back() * before[i] : 0.0);
+            b += p_.capacity[i] * w[i] * w[i];
+        }
+        b = std::sqrt(b);
+        // Largest eigenvalue of the tridiagonal matrix by bisection on the signs of its pivots.
+        double low = top, high = bound + 1e-300;
+        for (int it = 0; it < 50; ++it) {
+            const double x = 0.5 * (low + high);
+            double d = 1.0;
+            bool above = true;
+            for (size_t j = 0; j < alpha.size() && above; ++j) {
+                d = x - alpha[j] - (j ? beta[j - 1] * beta[j - 1] / d : 0.0);
+                above = d > 0.0;
+            }
+            (above ? high : low) = x;
+        }
+        left = high - top;
+        top = high;
+        if (b <= 1e-10 * bound || (k > 10 && left < 1e-3 * top)) break;
+        beta.push_back(b);
+        for (int i = 0; i < n_; ++i) {
+            before[i] = v[i];
+            v[i] = w[i] / b;
+        }
+    }
+    return std::min(bound, 1.05 * (top + left));
+}
+
+void LargeRun::choose() {
+    double links = 0.0, capacity = 0.0, worst = 0.0;
+    for (int i = 0; i < n_; ++i) {
+        links += link_sum_[i];
+        capacity += p_.capacity[i];
+        worst = std::max(worst, link_sum_[i] * inverse_c_[i]);
+    }
+    for (size_t k = 0; k < p_.special.size(); ++k) links += start_.slope[k];
+    mean_rate_ = capacity > 0.0 ? links / capacity : 0.0;
+    r_->method = o_.method;
+    if (o_.method == AUTO) {
+        link_rate_ = massless_.empty() ? lanczos() : 0.0;
+        r_->method = !massless_.empty() || link_rate_ + row_rate() > RATIO * mean_rate_ ? TRBDF2 : RKC2;
+    } else if (o_.method == RKC2) {
+        if (!massless_.empty()) fail(SINGULAR_NODE);
+        link_rate_ = lanczos();
+    }
+    if (r_->method == RKC2) {
+        z1_ = Field(p_.links);
+        z2_ = Field(p_.links);
+        moving_heat_.resize(p_.moving);
+        moving_c_.resize(p_.moving);
+        for (int k = 0; k < p_.moving; ++k) moving_c_[k] = inverse_c_[p_.special[k]];
+        return;
+    }
+    if (link_rate_ == 0.0) link_rate_ = 2.0 * worst;
+    x_ = Field(p_.links);
+    p1_ = Field(p_.links);
+    for (auto* v : {&heat0_, &heat1_, &heat2_, &z_, &base_, &r_v_, &w_, &diag_}) v->assign(n_, 0.0);
+    bend_.assign(massless_.size(), 0.0);
+}
+
+double LargeRun::first_step() {
+    double fastest = 0.0;
+    for (int i = 0; i < n_; ++i) fastest = std::max(fastest, std::fabs(G_[i]));
+    const double span = t_end_ - t_, by_rate = 1.0 / std::max(row_rate() + link_rate_, 1.0 / span);
+    return std::min({o_.max_step, span, std::max(std::min(o_.tolerance / std::max(fastest, 1e-300), 0.1 * span), 0.25 * by_rate)});
+}
+
+// Cubic Hermite over the step: weights of the temperatures and rates at its ends.
+Hermite LargeRun::hermite(double s) const {
+    const double x = s / h_, y = 1.0 - x, bend = x * y * (y - x);
+    return {y + bend, x - bend, x * y * y * h_, -x * x * y * h_};
+}
+
+void LargeRun::write(const std::vector<double>& times, size_t& next, const Observed& seen) {
+    for (; next < times.size() && times[next] <= t_ + h_; ++next) {
+        const Hermite w = hermite(times[next] - t_);
+        Summary whole;
+        bool known = false;
+        for (int k = 0; k < seen.size(); ++k) {
+            const int from = seen.indptr[k], to = seen.indptr[k + 1];
+            Summary s;
+            if (from == to) {
+                if (!known) whole = summary(T_.data(), T1_.data(), G_.data(), G1_.data(), n_, w);
+                known = true;
+                s = whole;
+                s.sum /= n_;
+            }
+            for (int j = from; j < to; ++j) {
+                const double v = between(seen.indices[j], w);
+                s.sum += seen.weights[j] * v;
+                s.low = std::min(s.low, v);
+                s.high = std::max(s.high, v);
+            }
+            r_->traces[next * seen.size() + k] = seen.kind[k] == 0 ? s.sum : (seen.kind[k] == 1 ? s.high : s.low);
+        }
+    }
+}
+
+void LargeRun::write_fields(const std::vector<double>& times, size_t& next) {
+    for (; next < times.size() && times[next] <= t_ + h_; ++next) {
+        const Hermite w = hermite(times[next] - t_);
+        for (int i = 0; i < n_; ++i) r_->fields[next * n_ + i] = between(i, w);
+    }
+}
+
+// Tries a step of length h_; true when it is accepted. `next`: the length to try afterwards.
+bool LargeRun::advance(double end, double& next) {
+    h_ = std::min({next, o_.max_step, end - t_});
+    if (end - t_ - h_ < 1e-9 * (end - t_)) h_ = end - t_;
+    else if (end - t_ < 2.0 * h_) h_ = 0.5 * (end - t_);  // no sliver before a break
+    const double least = 1e-13 * std::max(std::fabs(t_), t_end_ - t_);
+    for (begin_inputs(); leftover() > 1.0; begin_inputs()) {
+        h_ *= 0.5;
+        next = h_;
+        if (h_ < least) fail(STEP_UNDERFLOW);
+    }
+    refresh_start();
+    const double error = r_->method == RKC2 ? rkc() : trbdf();
+    const double order = 1.0 / 3.0;
+    if (!(error <= 1.0)) {
+        ++r_->rejected;
+        rejected_ = true;
+        next = h_ * (std::isfinite(error) ? std::max(0.1, 0.8 * std::pow(error, -order)) : 0.1);
+        if (next < least || next < 1e-9 / std::max(r_->rate, 1e-300)) fail(std::isfinite(error) ? STEP_UNDERFLOW : NON_FINITE);
+        return false;
+    }
+    double grow = 0.8 * std::pow(std::max(error, 1e-10), -order);
+    if (error > 1e-10 && r_->steps > 0) grow = std::min(grow, grow * std::pow(old_error_ / error, order) + 0.5);
+    next = h_ * std::min(rejected_ ? 1.0 : 10.0, std::max(0.2, grow));
+    old_error_ = std::max(error, 1e-10);
+    rejected_ = false;
+    for (int i = 0; i < n_; ++i)
+        if (!(T1_[i] > 0.0 && T1_[i] < HOTTEST)) {
+            r_->node = i;
+            fail(RUN_AWAY);
+        }
+    return true;
+}
+
+void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::vector<double>& times, const Observed& seen,
+                   const std::vector<double>& field_times, LargeResult& r) {
+    r_ = &r;
+    t_ = t0;
+    t_end_ = t_end;
+    std::vector<double> stops(o_.breaks);
+    stops.push_back(t_end);
+    std::vector<double> kinks;  // of sampled inputs, where they are few: steps end there
+    for (const Input& in : p_.inputs) in.breaks(t0, t_end, MOST_KINKS, kinks);
+    kinks.push_back(t_end);
+    std::sort(kinks.begin(), kinks.end());
+    size_t next_time = 0, next_field = 0, kink = 0;
+    try {
+        for (int i = 0; i < n_; ++i) {
+            T_[i] = t0_nodes[i];
+            if (!(T_[i] > 0.0 && T_[i] < HOTTEST)) {
+                r.node = i;
+                fail(BAD_INPUT);
+            }
+        }
+        double next = 0.0;
+        for (double stop : stops) {
+            if (stop <= t_ && t_ < t_end) continue;
+            for (size_t k = 0; k < u_.size(); ++k) u_[k] = p_.inputs[k].at(t_);
+            full_rate(T_, start_, G_);
+            if (r.method == AUTO) choose();
+            if (!massless_.empty()) {
+                if (!settle_massless()) fail(SINGULAR_NODE);
+                full_rate(T_, start_, G_);
+            }
+            if (stop > t_) next = first_step();
+            while (t_ < stop) {
+                if (r.steps + r.rejected >= o_.max_steps) fail(MAX_STEPS);
+                while (kinks[kink] <= t_ && kinks[kink] < t_end) ++kink;
+                const double until = std::min(stop, kinks[kink]);
+                if (!advance(until, next)) continue;
+                ++r.steps;
+                r.longest = std::max(r.longest, h_);
+                for (size_t k = 0; k < massless_.size(); ++k) {  // a parabola through the stages
+                    const int i = massless_[k];
+                    G_[i] = (T1_[i] - T_[i] + bend_[k]) / h_;
+                    G1_[i] = (T1_[i] - T_[i] - bend_[k]) / h_;
+                }
+                write(times, next_time, seen);
+                write_fields(field_times, next_field);
+                for (size_t k = 0; k < energy_.size(); ++k) energy_[k] += gain_[k];
+                t_ = h_ == until - t_ ? until : t_ + h_;
+                T_.swap(T1_);
+                G_.swap(G1_);
+                std::swap(start_, rows_);
+            }
+        }
+        h_ = 1.0;  // what is asked for at the very end, or of a run without duration
+        for (int i = 0; i < n_; ++i) T1_[i] = T_[i];
+        std::fill(G_.begin(), G_.end(), 0.0);
+        std::fill(G1_.begin(), G1_.end(), 0.0);
+        write(times, next_time, seen);
+        write_fields(field_times, next_field);
+    } catch (const Failure& f) {
+        r.status = f.status;
+        r.node = f.node;
+    }
+    r.time = t_;
+    r.final_t.assign(T_.data(), T_.data() + n_);
+    r.load_energy.assign(energy_.begin(), energy_.begin() + p_.tags);
+    r.boundary_energy.assign(energy_.begin() + p_.tags, energy_.end());
+}
+
+}  // namespace thermid

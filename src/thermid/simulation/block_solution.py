@@ -1,0 +1,118 @@
+"""`BlockSolution`: what was watched of a block, its fields, its heat balance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import NameNotFoundError, SolverError, nearest
+from thermid.model.block import Block
+from thermid.model.signal import Constant
+from thermid.simulation.inputs import product
+from thermid.simulation.large import LargeAnswer
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.solution import HeatBalance, Solution, Trace
+from thermid.simulation.sparse import SparseNetwork
+
+__all__ = ["BlockSolution"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class BlockSolution(Solution):
+    """What came out of a block. `nodes` are what was watched, then the boundaries.
+
+    Parameters
+    ----------
+    block : Block
+    field_times : array (fields,)           Times at which all temperatures were stored. [s]
+    fields : array (fields, nx, ny, nz)     [K]
+    final_field : array (nx, ny, nz)        At the end. [K]
+    """
+
+    block: Block = field(repr=False, kw_only=True)
+    field_times: Array = field(repr=False, kw_only=True)
+    fields: Array = field(repr=False, kw_only=True)
+    final_field: Array = field(repr=False, kw_only=True)
+    _watched: Array = field(repr=False, kw_only=True)
+    _network: SparseNetwork = field(repr=False, kw_only=True)
+    _scenario: Scenario = field(repr=False, kw_only=True)
+    _answer: LargeAnswer | None = field(repr=False, kw_only=True)
+
+    def __getitem__(self, name: str) -> Trace:
+        """Return the trace of what was watched, or of a boundary."""
+        if name not in self.nodes:
+            raise NameNotFoundError(f"'{name}' was not watched.{nearest(name, self.nodes)} Name it in 'watch' of the run.", self.title)
+        return Trace(name, self.times, self.temperatures[:, self.nodes.index(name)])
+
+    @cached_property
+    def temperatures(self) -> Array:
+        """Temperatures (times, nodes) of what was watched and of the boundaries. [K]"""
+        outer = [self._network.boundary(k, self.times) for k in range(len(self._network.boundaries))]
+        return np.column_stack([self._watched, *outer])
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader must know."""
+        return self._remarks
+
+    def field(self, time: float) -> Array:
+        """Return all temperatures (nx, ny, nz) at a time for which they were stored. [K]
+
+        Raises
+        ------
+        NameNotFoundError   When they were not stored for that time.
+        """
+        close = np.flatnonzero(np.isclose(self.field_times, time, rtol=1e-12, atol=1e-9))
+        if not close.size:
+            raise NameNotFoundError(f"no field was stored at {time:g} s. Name the time in 'fields' of the run.", self.title)
+        return np.asarray(self.fields[close[0]])
+
+    @property
+    def load_powers(self) -> Mapping[str, Array]:
+        """Heater -> power (times,). [W]"""
+        out = {}
+        for name, heater in self.block.heaters.items():
+            given, command = self._scenario.loads.get(name, heater.power), self._scenario.commands.get(name, Constant(1.0))
+            signal = product(given, command, self._scenario.seconds)
+            out[name] = np.full(self.times.shape, signal.value) if isinstance(signal, Constant) else signal.at(self.times)
+        return out
+
+    def heat_balance(self) -> HeatBalance:
+        """Return where the heat of the run went, by the integrator's own weights.
+
+        Raises
+        ------
+        SolverError   For a steady state, which stores no heat.
+        """
+        if self._answer is None:
+            raise SolverError("a steady state has no heat balance over time.", self.title)
+        a, capacities = self._answer, self._network.capacities
+        loads, boundaries, moved = float(a.load_energy.sum()), float(a.boundary_energy.sum()), a.final - a.initial
+        stored = float(capacities @ moved)
+        gross = max(float(np.abs(part).sum()) for part in (a.load_energy, a.boundary_energy, capacities * moved))
+        residual = loads - boundaries - stored
+        return HeatBalance(loads, boundaries, stored, residual, abs(residual) / max(gross, 1e-300))
+
+    @property
+    def heat_flows(self) -> Mapping[str, Array]:
+        """Refused: a block has no conductors with names."""
+        raise SolverError("a block stores no heat flow of single conductors; heat_balance() has the sums.", self.title)
+
+    def heat_flow(self, conductor: str) -> Array:
+        """Refused: a block has no conductors with names."""
+        raise NameNotFoundError(f"a block has no conductor '{conductor}'; heat_balance() has the sums.", self.title)
+
+    @property
+    def time_constants(self) -> Array:
+        """Refused: they would need all modes."""
+        raise SolverError("time constants need all modes of a network; ask a block.model() of some hundred cells for them.", self.title)
+
+    def sensitivity(self, node: str, name: str) -> Array:
+        """Refused: methods of large networks carry no derivatives."""
+        raise NameNotFoundError(f"the solution holds no sensitivity of '{node}' to '{name}': large networks carry none.", self.title)

@@ -1,0 +1,144 @@
+"""Transients of large networks: the kernel's stabilised explicit or implicit steps, and what is stored of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid import _kernel
+from thermid.errors import SolverError
+from thermid.simulation.engine import Options, break_times
+from thermid.simulation.sparse import SparseNetwork
+
+__all__ = ["METHODS", "NAMES", "LargeAnswer", "Watched", "integrate"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+METHODS: Final[Mapping[str, int]] = {
+    "auto": _kernel.LARGE_AUTO,
+    "large": _kernel.LARGE_AUTO,
+    "RKC2": _kernel.LARGE_RKC2,
+    "TR-BDF2": _kernel.LARGE_TRBDF2,
+}
+"""Methods of large networks by the name that `Options.method` gives them."""
+NAMES: Final = {_kernel.LARGE_AUTO: "", _kernel.LARGE_RKC2: "RKC2", _kernel.LARGE_TRBDF2: "TR-BDF2 + CG"}
+KINDS: Final = {"mean": 0, "highest": 1, "lowest": 2}
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """One thing that is stored at every output time.
+
+    Parameters
+    ----------
+    kind : str                  mean, highest or lowest.
+    nodes : array (nodes,)      Over which nodes; empty for all.
+    weights : array (nodes,)    Of a mean; equal ones where empty. [-]
+    """
+
+    kind: str
+    nodes: Ints
+    weights: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LargeAnswer:
+    """What the kernel answered for a large network.
+
+    Parameters
+    ----------
+    watched : array (times, watched)        [K]
+    fields : array (field times, nodes)     [K]
+    initial, final : array (nodes,)         [K]
+    load_energy, boundary_energy            Per load and boundary. [J]
+    statistics : dict
+    """
+
+    watched: Array
+    fields: Array
+    initial: Array
+    final: Array
+    load_energy: Array
+    boundary_energy: Array
+    statistics: Mapping[str, Any]
+
+
+def integrate(
+    network: SparseNetwork,
+    initial: Array,
+    end: float,
+    times: Array,
+    watched: Sequence[Watched],
+    field_times: Array,
+    options: Options,
+    where: str,
+    name: Any,
+) -> LargeAnswer:
+    """Return temperatures of a large network from zero to `end` [s].
+
+    Parameters
+    ----------
+    initial : array (nodes,)    Massless nodes are solved for. [K]
+    where : str                 Title of the model and the scenario, for messages.
+    name : callable             Place of a node -> its name, for messages.
+
+    Raises
+    ------
+    SolverError   When the run ends before its time.
+    """
+    sizes = [w.nodes.size for w in watched]
+    weights = [w.weights if w.weights.size == w.nodes.size else np.full(w.nodes.size, 1.0 / max(w.nodes.size, 1)) for w in watched]
+    found = network.problem.integrate(
+        np.ascontiguousarray(initial),
+        0.0,
+        float(end),
+        np.ascontiguousarray(times, dtype=float),
+        np.array([KINDS[w.kind] for w in watched], dtype=np.int32),
+        np.concatenate(([0], np.cumsum(sizes))).astype(np.int32),
+        np.concatenate([np.zeros(0, dtype=np.int32), *(w.nodes for w in watched)]),
+        np.concatenate([np.zeros(0), *weights]),
+        np.ascontiguousarray(field_times, dtype=float),
+        method=METHODS[options.method],
+        tolerance=options.large_tolerance,
+        input_atol=options.input_tolerance,
+        max_step=options.max_step,
+        max_steps=options.max_steps,
+        breaks=break_times(network.inputs, end),
+    )
+    if found.status != _kernel.OK:
+        raise SolverError(_message(found, options, end, name), where)
+    statistics = {
+        "method": NAMES[found.method],
+        "reason": "",
+        "steps": found.steps,
+        "rejected": found.rejected,
+        "evaluations": found.evaluations,
+        "iterations": found.iterations,
+        "longest_step": found.longest,
+        "largest_rate": found.rate,
+        "switchings": [],
+    }
+    energies = (found.load_energy, found.boundary_energy)
+    return LargeAnswer(found.traces, found.fields, initial, found.final_temperatures, *energies, statistics)
+
+
+def _message(found: Any, options: Options, end: float, name: Any) -> str:
+    """Return what ran out, when, where and what to change."""
+    node = f" at '{name(found.node)}'" if found.node >= 0 else ""
+    when = f"at {found.time:.6g} s of {end:.6g} s{node}"
+    words = {
+        _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger large_tolerance.",
+        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise large_tolerance.",
+        _kernel.NON_FINITE: f"a step could not be solved {when}. Look for a power that grows too fast with temperature.",
+        _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave."
+        " Where it falls below 0 K, a negative power takes more than there is.",
+        _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined;"
+        " RKC2 takes no massless nodes at all, TR-BDF2 does.",
+        _kernel.BAD_INPUT: f"a temperature must lie above 0 K and below 1e6 K, which does not hold {when}. Look there.",
+    }
+    return words.get(found.status, f"the run stopped {when}.")

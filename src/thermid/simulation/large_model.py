@@ -1,0 +1,138 @@
+"""Ordinary models with many nodes on the integrator of large networks: when, and how their rows become flat arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import ScenarioError, nearest
+from thermid.simulation.large import METHODS, Watched, integrate
+from thermid.simulation.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
+
+if TYPE_CHECKING:
+    from thermid.simulation.engine import Answer, Engine, Options
+    from thermid.simulation.wiring import Assembled
+
+__all__ = ["LARGE_FROM", "integrate_model", "refusal", "settle_model", "takes_over"]
+
+Array = NDArray[np.float64]
+LARGE_FROM: Final = 500
+"""Nodes from which a model is run as a large network: the small integrator's dense matrices grow with the third power."""
+OTHERS: Final = ("auto", "integrator", "modal")
+STABLE: Final = frozenset({"signal", "proportional"})
+"""Loads that never grow with temperature, so that a balance is stable."""
+
+
+def takes_over(engine: Engine, options: Options, gradients: bool) -> bool:
+    """Return whether a model is run as a large network: asked for by name, or large and of a form that can be.
+
+    Raises
+    ------
+    ScenarioError   When the method does not exist, or cannot run this model.
+    """
+    method, where = options.method, f"{engine.wiring.network.title}, {engine.wiring.scenario.title}"
+    if method not in METHODS and method not in OTHERS:
+        known = (*OTHERS, *METHODS)
+        raise ScenarioError(f"there is no method '{method}'.{nearest(method, known)} There are {', '.join(dict.fromkeys(known))}.", where)
+    if method not in METHODS or (method == "auto" and len(engine.nodes) < LARGE_FROM):
+        return False
+    why = "sensitivities are asked for, which large networks do not carry" if gradients else refusal(engine)
+    if why and method != "auto":
+        raise ScenarioError(f"method '{method}' cannot run this model: {why}. Leave the method out.", where)
+    return not why
+
+
+def refusal(engine: Engine) -> str:
+    """Return why a model cannot be run as a large network; empty when it can."""
+    s = engine.wiring.structure()
+    follows, n = s["coefficient_input"], len(engine.nodes)
+    for form, a, _, places, curve, name in s["conductors"]:
+        if form == "flow":
+            return f"'{name}' carries heat one way"
+        if any(follows[p] >= 0 for p in places[1:]):
+            return f"the exponent of '{name}' changes in time"
+        if curve is not None and curve.over == "difference" and a >= n:
+            return f"'{name}' is a table over a difference that begins at a boundary"
+    for form, node, sensor, places, _, name in s["loads"]:
+        if form == "thermostat":
+            return f"'{name}' is a thermostat"
+        if form != "signal" and sensor != node:
+            return f"'{name}' follows the temperature of another node"
+        if any(follows[p] >= 0 for p in places[1:]):
+            return f"a coefficient of '{name}' changes in time"
+    return ""
+
+
+def sparse_of(engine: Engine, a: Assembled) -> SparseNetwork:
+    """Return a model's numbers as flat arrays."""
+    from thermid.simulation.engine import load_places
+
+    wiring = engine.wiring
+    s, c = wiring.structure(), a.coefficients
+    follows = s["coefficient_input"]
+    links, rows = _conductors(s["conductors"], c, follows, len(engine.nodes))
+    loads = []
+    for tag, (form, node, _, places, curve, _) in enumerate(s["loads"]):
+        four = np.array([[0.0], [0.0], [np.inf if form == "proportional" else 0.0], [0.0]])
+        for place, k in zip(load_places(form), places, strict=False):
+            four[place] = c[k]
+        loads.append(LoadGroup(form, tag, np.array([node], dtype=np.int32), four, follows[places[0]], curve))
+    gains = tuple(follows[g] if g >= 0 else NONE for g in s["gain"])
+    offsets = np.array([c[k] for k in s["offset"]], dtype=float)
+    signals = tuple(wiring.signals[name] for name in wiring.used)
+    names = tuple(r[5] for r in s["loads"])
+    return SparseNetwork(engine.capacities(a), links, rows, loads, names, wiring.network.boundaries, gains, offsets, signals)
+
+
+def _conductors(table: Sequence[Any], c: Array, follows: Sequence[int], n: int) -> tuple[Any, list[RowGroup]]:
+    """Return the constant links between nodes, and the other conductors in groups."""
+    links: list[tuple[int, int, float]] = []
+    groups: dict[tuple[Any, ...], list[tuple[int, int, float]]] = {}
+    curves = {}
+    for form, a, b, places, curve, _ in table:
+        if a >= n and b >= n:
+            continue  # heat between two given temperatures changes no unknown
+        first, second = (b, a) if a >= n else (a, b)
+        given = follows[places[0]]
+        if form == "linear" and second < n and given < 0:
+            links.append((first, second, c[places[0]]))
+            continue
+        exponent = c[places[1]] if form == "power" else 0.0
+        boundary = second - n if second >= n else NONE
+        groups.setdefault((form, boundary, given, id(curve), exponent), []).append((first, 0 if boundary >= 0 else second, c[places[0]]))
+        curves[id(curve)] = curve
+    ends = np.array([row[:2] for row in links], dtype=np.int32).reshape(-1, 2)
+    made = link_arrays(ends[:, 0], ends[:, 1], np.array([row[2] for row in links], dtype=float), n)
+    rows = []
+    for (form, boundary, given, curve_id, exponent), found in groups.items():
+        at = np.array([row[:2] for row in found], dtype=np.int32)
+        values = np.array([row[2] for row in found], dtype=float)
+        rows.append(RowGroup(form, boundary, at[:, 0], at[:, 1], values, float(exponent), given, curves[curve_id]))
+    return made, rows
+
+
+def integrate_model(engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options) -> Answer:
+    """Return what `Engine.integrate` does, by the integrator of large networks."""
+    from thermid.simulation.engine import Answer
+
+    network = sparse_of(engine, a)
+    index = {name: k for k, name in enumerate(engine.nodes)}
+    watched = [Watched("mean", np.array([index[n]], dtype=np.int32), np.ones(1)) for n in nodes]
+    where = f"{engine.wiring.network.title}, {engine.wiring.scenario.title}"
+    found = integrate(network, a.initial, end, times, watched, np.zeros(0), options, where, engine.nodes.__getitem__)
+    slopes = np.zeros((times.size, len(nodes), 0))
+    energies = (found.load_energy, found.boundary_energy, np.zeros(0))
+    on = np.zeros(len(engine.load_names), dtype=np.int32)
+    return Answer(found.watched, slopes, found.initial, found.final, *energies, end, found.statistics, on)
+
+
+def settle_model(engine: Engine, a: Assembled, time: float) -> Array | None:
+    """Return the steady temperatures (nodes,) [K] of a model with many nodes; None where the dense way is to be taken."""
+    if len(engine.nodes) < LARGE_FROM or refusal(engine) or any(r[0] not in STABLE for r in engine.wiring.structure()["loads"]):
+        return None
+    from thermid.simulation.large_steady import settle_large
+
+    return settle_large(sparse_of(engine, a), time, f"{engine.wiring.network.title}, {engine.wiring.scenario.title}")[0]

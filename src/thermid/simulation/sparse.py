@@ -1,0 +1,213 @@
+"""A large network as flat arrays, and the kernel's integrator for it; names come later, or never."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid import _kernel
+from thermid.model.curves import Curve
+from thermid.model.signal import Signal
+from thermid.simulation.engine import CONDUCTORS, LOADS, kernel_input
+from thermid.simulation.wiring import curve_arrays
+
+__all__ = ["Csr", "Grid", "LoadGroup", "RowGroup", "SparseNetwork", "link_arrays"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int32]
+NONE = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Links of a regular grid of cells, the last direction running fastest.
+
+    Parameters
+    ----------
+    shape : array (3,)          Cells in x, y, z.
+    x, y, z : array (cells,)    Conductance from every cell to the next, zero at the last. [W/K]
+    """
+
+    shape: Ints
+    x: Array
+    y: Array
+    z: Array
+
+    def kernel(self) -> tuple[Any, ...]:
+        """Return the kernel's form."""
+        return self.shape, self.x, self.y, self.z
+
+    def pairs(self) -> tuple[Ints, Ints, Array]:
+        """Return the ends and the conductance of every link, each once. [W/K]"""
+        steps = (int(self.shape[1] * self.shape[2]), int(self.shape[2]), 1)
+        first = [np.flatnonzero(g).astype(np.int32) for g in (self.x, self.y, self.z)]
+        second = [i + np.int32(step) for i, step in zip(first, steps, strict=True)]
+        values = [g[i] for g, i in zip((self.x, self.y, self.z), first, strict=True)]
+        return joined(first, np.int32), joined(second, np.int32), joined(values, np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Csr:
+    """Links of any network, both directions of each, row by row.
+
+    Parameters
+    ----------
+    indptr, indices : array     Where each node's neighbours stand, and which they are.
+    values : array              [W/K]
+    """
+
+    indptr: Ints
+    indices: Ints
+    values: Array
+
+    def kernel(self) -> tuple[Any, ...]:
+        """Return the kernel's form."""
+        return self.indptr, self.indices, self.values
+
+    def pairs(self) -> tuple[Ints, Ints, Array]:
+        """Return the ends and the conductance of every link, each once. [W/K]"""
+        first = np.repeat(np.arange(self.indptr.size - 1, dtype=np.int32), np.diff(self.indptr))
+        once = first < self.indices
+        return first[once], self.indices[once], self.values[once]
+
+
+@dataclass(frozen=True, eq=False)
+class RowGroup:
+    """Conductors of one law that end at one boundary, or between nodes.
+
+    Parameters
+    ----------
+    form : str                      linear, power, radiation or table.
+    boundary : int                  Place of the boundary; -1 where `second` names a node.
+    first, second : array (rows,)   Nodes.
+    coefficients : array (rows,)    What scales the heat flow. [SI]
+    exponent : float                Of the form power. [-]
+    input : int                     Place of the input that multiplies the coefficients; -1 for none.
+    curve : Curve or None           Of the form table.
+    """
+
+    form: str
+    boundary: int
+    first: Ints
+    second: Ints
+    coefficients: Array
+    exponent: float = 0.0
+    input: int = NONE
+    curve: Curve | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LoadGroup:
+    """Heat of one load.
+
+    Parameters
+    ----------
+    form : str                      signal, polynomial, exponential, table or proportional.
+    tag : int                       Place of the load's name.
+    nodes : array (rows,)           Nodes that are heated.
+    coefficients : array (4, rows)  In the places of the kernel. [SI]
+    input : int                     Place of the input that multiplies the first; -1 for none.
+    curve : Curve or None           Of the form table.
+    """
+
+    form: str
+    tag: int
+    nodes: Ints
+    coefficients: Array
+    input: int = NONE
+    curve: Curve | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SparseNetwork:
+    """A network as flat arrays.
+
+    Parameters
+    ----------
+    capacities : array (nodes,)     Zero for a massless node. [J/K]
+    links : Grid or Csr             Constant conductances between nodes. [W/K]
+    rows : sequence of RowGroup     All other conductors.
+    loads : sequence of LoadGroup
+    load_names, boundaries : tuple of str
+    boundary_inputs : tuple of int  Place of each boundary's input, -1 for none.
+    offsets : array (boundaries,)   Constant part of each boundary's temperature. [K]
+    inputs : tuple of Signal
+    """
+
+    capacities: Array
+    links: Grid | Csr
+    rows: Sequence[RowGroup]
+    loads: Sequence[LoadGroup]
+    load_names: tuple[str, ...]
+    boundaries: tuple[str, ...]
+    boundary_inputs: tuple[int, ...]
+    offsets: Array
+    inputs: tuple[Signal, ...]
+
+    @cached_property
+    def problem(self) -> _kernel.LargeProblem:
+        """The kernel's form of it."""
+        tables: list[Any] = []
+
+        def table(curve: Curve | None) -> int:
+            if curve is not None:
+                tables.append(curve_arrays(curve))
+            return len(tables) - 1 if curve is not None else NONE
+
+        rows, done = [], 0
+        for g in self.rows:
+            rows.append((_conductor(g), g.boundary, g.input, table(g.curve), done, done + g.first.size))
+            done += g.first.size
+        loads, done = [], 0
+        for h in self.loads:
+            loads.append((LOADS[h.form], h.input, table(h.curve), h.tag, done, done + h.nodes.size))
+            done += h.nodes.size
+        return _kernel.LargeProblem(
+            self.capacities,
+            self.links.kernel(),
+            np.array(rows, dtype=np.int32).reshape(-1, 6),
+            np.array([g.exponent for g in self.rows], dtype=float),
+            joined([g.first for g in self.rows], np.int32),
+            joined([g.second if g.boundary == NONE else np.zeros_like(g.first) for g in self.rows], np.int32),
+            joined([g.coefficients for g in self.rows], np.float64),
+            np.array(loads, dtype=np.int32).reshape(-1, 6),
+            joined([h.nodes for h in self.loads], np.int32),
+            np.hstack([np.zeros((4, 0)), *(h.coefficients for h in self.loads)]),
+            len(self.load_names),
+            np.array(self.boundary_inputs, dtype=np.int32),
+            self.offsets,
+            tables,
+            [kernel_input(s) for s in self.inputs],
+        )
+
+    def boundary(self, k: int, times: Array) -> Array:
+        """Return the temperature (times,) of a boundary. [K]"""
+        given = self.boundary_inputs[k]
+        varying = self.inputs[given].at(times) if given != NONE else np.zeros(times.shape)
+        return np.asarray(varying + self.offsets[k], dtype=np.float64)
+
+
+def _conductor(group: RowGroup) -> int:
+    if group.form == "table" and group.curve is not None:
+        return _kernel.TABLE_DIFF if group.curve.over == "difference" else _kernel.TABLE_MEAN
+    return CONDUCTORS[group.form]
+
+
+def joined(parts: Sequence[NDArray[Any]], kind: Any) -> NDArray[Any]:
+    """Return arrays put end to end; an empty one where there are none."""
+    return np.concatenate([np.zeros(0, dtype=kind), *parts]).astype(kind, copy=False)
+
+
+def link_arrays(first: Ints, second: Ints, conductances: Array, nodes: int) -> Csr:
+    """Return links as CSR arrays, both directions of each; links between the same nodes are summed. [W/K]"""
+    from scipy.sparse import coo_array
+
+    ends = (np.concatenate((first, second)), np.concatenate((second, first)))
+    table = coo_array((np.concatenate((conductances, conductances)), ends), shape=(nodes, nodes)).tocsr()
+    table.sum_duplicates()
+    return Csr(table.indptr.astype(np.int32), table.indices.astype(np.int32), table.data.astype(np.float64))

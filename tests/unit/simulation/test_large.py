@@ -1,0 +1,186 @@
+"""Ordinary models with many nodes: which method runs them, and what is left to the small integrator."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.simulation import large_model, large_steady
+from thermid.simulation.simulator import prepare
+
+from .large_cases import CELLS, NODES, warm_block, warming_room
+
+LARGE = ("RKC2", "TR-BDF2 + CG")
+
+
+def chain(count: int, **more: Any) -> td.Model:
+    """Nodes in a row between two boundaries, with radiation between some of them and a load."""
+    names = [f"n{k}" for k in range(count)]
+    ends = ["left", *names, "right"]
+    conductors: dict[str, Any] = {
+        f"g{k}": {"kind": "conduction", "between": [a, b], "conductance": "2 [W/K]"} for k, (a, b) in enumerate(pairwise(ends))
+    }
+    conductors["far"] = {"kind": "radiation", "between": ["n0", names[-1]], "area": "0.1 [m^2]", "emissivity": 0.9}
+    deck = {
+        "title": "chain",
+        "needs": ["left", "right"],
+        "nodes": {n: {"capacitance": "50 [J/K]"} for n in names},
+        "conductors": conductors,
+        "loads": {"heater": {"into": names[count // 3], "power": "5 [W]"}},
+    }
+    for table, entries in more.items():
+        deck[table] = {**deck.get(table, {}), **entries}
+    return td.model_from_dict(deck)
+
+
+def ends(**more: Any) -> td.Scenario:
+    right = {"mean": "310 [K]", "amplitude": "10 [K]", "period": "1 [h]"}
+    return td.Scenario("ends", boundaries={"left": "300 [K]", "right": right}, start=300.0, duration="1 [h]").with_(**more)
+
+
+def test_many_nodes_are_run_as_a_large_network_and_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    small = td.simulate(chain(40), ends())
+    assert small.statistics["method"] not in LARGE
+    monkeypatch.setattr(large_model, "LARGE_FROM", 40)
+    run = td.simulate(chain(40), ends(), options=td.Options(large_tolerance=1e-6))
+    assert run.statistics["method"] in LARGE
+    np.testing.assert_allclose(run.temperatures, small.temperatures, atol=1e-4)
+    assert run.heat_balance().relative < 1e-7
+    np.testing.assert_allclose(run.heat_flow("g3"), small.heat_flow("g3"), atol=1e-3)
+
+
+@pytest.mark.parametrize("method", ["RKC2", "TR-BDF2"])
+def test_a_method_can_be_forced(method: str) -> None:
+    small = td.simulate(chain(12), ends())
+    run = td.simulate(chain(12), ends(), options=td.Options(method=method, large_tolerance=1e-6))
+    assert run.statistics["method"].startswith(method)
+    np.testing.assert_allclose(run.temperatures, small.temperatures, atol=1e-4)
+
+
+def test_several_conductors_from_one_node_to_one_boundary_all_count() -> None:
+    """Nodes 0, 1 and 1 radiate to one boundary: as many rows as the kernel counts nodes from the first to the last of them."""
+    radiation = {"kind": "radiation", "area": "0.05 [m^2]", "emissivity": 0.8}
+    ends_of = {"r0": ["n0", "left"], "r1": ["n1", "left"], "r2": ["n1", "left"]}
+    more = {name: {**radiation, "between": pair} for name, pair in ends_of.items()}
+    model = chain(3, conductors={"z": {"kind": "conduction", "between": ["n1", "right"], "conductance": "1 [W/K]"}, **more})
+    scenario = ends(start="350 [K]")
+    run = td.simulate(model, scenario, options=td.Options(method="RKC2", large_tolerance=1e-6, max_steps=2000))
+    np.testing.assert_allclose(run.temperatures, td.simulate(model, scenario).temperatures, atol=1e-4)
+
+
+def test_rates_of_very_different_size_take_the_implicit_method() -> None:
+    even = td.simulate(chain(20), ends(), options=td.Options(method="large"))
+    tiny = chain(20, nodes={"n5": {"capacitance": "0.01 [J/K]"}})
+    uneven = td.simulate(tiny, ends(), options=td.Options(method="large", large_tolerance=1e-6))
+    assert even.statistics["method"] == "RKC2"
+    assert uneven.statistics["method"] == "TR-BDF2 + CG"
+    np.testing.assert_allclose(uneven.temperatures, td.simulate(tiny, ends()).temperatures, atol=1e-4)
+
+
+def massless() -> td.Model:
+    """A chain with a massless node that no star and mesh can remove: it radiates and is heated by a load that jumps."""
+    return chain(
+        8,
+        nodes={"skin": {}},
+        conductors={
+            "to_skin": {"kind": "conduction", "between": ["n2", "skin"], "conductance": "0.5 [W/K]"},
+            "skin_out": {"kind": "radiation", "between": ["skin", "left"], "area": "0.05 [m^2]", "emissivity": 0.9},
+        },
+        loads={"lamp": {"into": "skin", "power": "3 [W]"}},
+    )
+
+
+def test_massless_nodes_are_solved_with_the_others() -> None:
+    lamp = {"times": ["0 [s]", "1000 [s]"], "values": ["0 [W]", "6 [W]"], "hold": True}
+    scenario, times = ends(loads={"lamp": lamp}), np.array([0.0, 500.0, 999.0, 1500.0, 3600.0])
+    small = td.simulate(massless(), scenario, times=times)
+    run = td.simulate(massless(), scenario, times=times, options=td.Options(method="large", large_tolerance=1e-6))
+    assert run.statistics["method"] == "TR-BDF2 + CG"
+    np.testing.assert_allclose(run.temperatures, small.temperatures, atol=1e-4)
+    with pytest.raises(td.ThermidError, match="RKC2 takes no massless nodes"):
+        td.simulate(massless(), scenario, options=td.Options(method="RKC2"))
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (
+            {"loads": {"heater": {"into": "n1", "power": "5 [W]", "thermostat": {"on_below": "300 [K]", "off_above": "310 [K]"}}}},
+            "thermostat",
+        ),
+        (
+            {"conductors": {"pipe": {"kind": "flow", "between": ["n1", "n3"], "mass_flow": "1 [g/s]", "specific_heat": "4000 [J/(kg K)]"}}},
+            "one way",
+        ),
+        (
+            {
+                "loads": {
+                    "heater": {"into": "n1", "power": "5 [W]", "proportional": {"gain": "1 [W/K]", "setpoint": "310 [K]", "sensor": "n4"}},
+                }
+            },
+            "another node",
+        ),
+    ],
+)
+def test_what_large_networks_cannot_do_is_left_or_refused(monkeypatch: pytest.MonkeyPatch, more: dict[str, Any], words: str) -> None:
+    monkeypatch.setattr(large_model, "LARGE_FROM", 5)
+    model = chain(6, **more)
+    assert td.simulate(model, ends()).statistics["method"] not in LARGE
+    with pytest.raises(td.ThermidError, match=words):
+        td.simulate(model, ends(), options=td.Options(method="large"))
+
+
+def test_sensitivities_are_left_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(large_model, "LARGE_FROM", 5)
+    run = prepare(chain(6), ends(), ["g0.conductance"]).run(sensitivities=True)
+    assert np.abs(run.sensitivity("n0", "g0.conductance")).max() > 0
+    with pytest.raises(td.ThermidError, match="sensitivities"):
+        prepare(chain(6), ends(), ["g0.conductance"], options=td.Options(method="RKC2")).run(sensitivities=True)
+
+
+def test_an_unknown_method_is_refused() -> None:
+    with pytest.raises(td.ThermidError, match=r"no method .RKC.\. Did you mean .RKC2."):
+        td.simulate(chain(3), ends(), options=td.Options(method="RKC"))
+
+
+@pytest.mark.parametrize("multigrid", [True, False])
+def test_steady_states_of_a_block_and_its_model_agree(monkeypatch: pytest.MonkeyPatch, multigrid: bool) -> None:
+    if multigrid:
+        pytest.importorskip("pyamg")
+    else:
+        monkeypatch.setitem(__import__("sys").modules, "pyamg", None)
+    found = td.steady(warm_block(), warming_room(), time=1800.0)
+    model = td.steady(warm_block().model(), warming_room(), time=1800.0)
+    np.testing.assert_allclose(found.final_field, np.array([model[n] for n in NODES]).reshape(CELLS), atol=1e-6)
+    assert ("multigrid" in found.statistics["method"]) == multigrid
+    assert found["hottest"].kelvin[0] == found.final_field.max()
+
+
+def test_steady_states_of_many_nodes_take_the_sparse_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    dense = td.steady(massless(), ends())
+    monkeypatch.setattr(large_model, "LARGE_FROM", 5)
+    sparse = td.steady(massless(), ends())
+    assert sparse == pytest.approx(dense, abs=1e-6)
+
+
+def test_without_multigrid_very_large_steady_states_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "pyamg", None)
+    monkeypatch.setattr(large_steady, "WITHOUT_MULTIGRID", 50)
+    with pytest.raises(td.ThermidError, match=r"pip install thermid\[large\]"):
+        td.steady(warm_block(), warming_room())
+
+
+def test_a_block_that_nothing_holds_has_no_steady_state() -> None:
+    block = td.Block(("1 [m]",) * 3, (3, 3, 3), "15 [W/(m K)]", "3900 [kg/m^3]", "1000 [J/(kg K)]").heated(
+        "h", "1 [W]", cells=np.s_[:1, :1, :1]
+    )
+    with pytest.raises(td.ThermidError, match="nothing ties the temperatures"):
+        td.steady(block, td.Scenario())
+    cut = (np.zeros((2, 3, 3)), np.ones((3, 2, 3)), np.ones((3, 3, 2)))
+    apart = td.Block(("1 [m]",) * 3, (3, 3, 3), "15 [W/(m K)]", "3900 [kg/m^3]", "1000 [J/(kg K)]", link_factors=cut)
+    with pytest.raises(td.ThermidError, match="no path to a boundary"):
+        td.steady(apart.exchanging("-x", "air", htc="5 [W/(m^2 K)]"), td.Scenario(boundaries={"air": "300 [K]"}))
