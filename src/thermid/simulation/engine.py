@@ -15,6 +15,7 @@ from thermid.errors import ScenarioError, SolverError
 from thermid.model.curves import Curve
 from thermid.model.signal import Constant, Signal, Sine, Table
 from thermid.simulation.modal import Modal
+from thermid.simulation.squares import LOSSES, Squares, Weighing
 from thermid.simulation.wiring import Assembled, Wiring, curve_arrays
 
 __all__ = ["Answer", "Engine", "Options"]
@@ -133,7 +134,7 @@ class Engine:
         SolverError     When the run ends before its time.
         ScenarioError   When the modal solution is asked for and there is none.
         """
-        index = {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
+        index = self._index()
         why = self.modal.refusal(options.method, times, end, gradients)
         if not why:
             return self._by_modes(a, times, _ints([index[n] for n in nodes]), end, options)
@@ -209,6 +210,79 @@ class Engine:
             breaks=self._breaks(end),
             simd=simd,
         )
+
+    def _index(self) -> dict[str, int]:
+        return {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
+
+    def readings(self, times: Array, parts: Sequence[Sequence[str]], index: Sequence[NDArray[np.int64]], values: Sequence[Array]) -> Any:
+        """Return what channels read, in the kernel's form: `values` [K] at ``times[index]``, of a node or a sum over its `parts`."""
+        place = self._index()
+        nodes = [place[n] for several in parts for n in several]
+        flat = np.concatenate([*index, np.zeros(0, dtype=np.int64)])
+        ends = _ints(np.cumsum([0, *(len(several) for several in parts)])), _ints(np.cumsum([0, *(i.size for i in index)]))
+        return _kernel.Readings(
+            self.problem, np.ascontiguousarray(times), _ints(nodes), ends[0], _ints(flat), ends[1], np.concatenate(values)
+        )
+
+    def least_squares(
+        self,
+        a: Assembled,
+        readings: Any,
+        parts: tuple[Array, Array],
+        weighing: Weighing,
+        end: float,
+        options: Options,
+        gradients: bool = False,
+        mesh: Array | None = None,
+    ) -> Squares:
+        """Return the least squares of readings, with derivatives or without; no temperature is stored.
+
+        Parameters
+        ----------
+        a : Assembled           The run's numbers.
+        readings                As `readings` made them.
+        parts : two arrays      What each node of a channel counts, and the derivatives of that (parts, free).
+        weighing : Weighing     What the readings are compared by.
+        end : float             The run starts at zero. [s]
+        options : Options       Tolerances.
+        gradients : bool
+        mesh : array            Ends of steps to take, those of an earlier run: sums of squares then differ by what the values differ, and
+                                not by how the steps fell. [s]
+
+        Raises
+        ------
+        SolverError   When the run ends before its time.
+        """
+        more: dict[str, Any] = {}
+        if gradients and a.jacobian is not None:
+            more = {"dcoef": (*a.jacobian, a.initial_gradient.shape[1]), "dT0": np.ascontiguousarray(a.initial_gradient)}
+        w = weighing
+        found = _kernel.least_squares(
+            self.problem,
+            readings,
+            a.coefficients,
+            a.initial,
+            0.0,
+            float(end),
+            sigma=w.sigma,
+            bias=w.bias,
+            bias_column=w.column,
+            weight=parts[0],
+            slope=parts[1],
+            loss=LOSSES[w.loss],
+            knee=w.knee,
+            rtol=options.relative,
+            atol=options.tolerance,
+            input_atol=options.input_tolerance,
+            max_step=options.max_step,
+            max_steps=options.max_steps,
+            breaks=self._breaks(end),
+            mesh=mesh,
+            **more,
+        )
+        if found.status != _kernel.OK:
+            raise SolverError(self.message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+        return Squares(found.triangle, found.rotated, found.cost, found.chi_square, found.sums, found.mesh)
 
     def _breaks(self, end: float) -> Array:
         """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
