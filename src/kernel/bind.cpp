@@ -91,15 +91,16 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
     }
     o.poll = poll_interrupt;
     const size_t nt = times.size(), no = nodes.size(), np = d.np;
-    std::unique_ptr<double[]> traces(new double[nt * no + 1]), sens(new double[np ? nt * no * np + 1 : 1]);
+    const auto [traces, to] = room(nb::make_tuple(nt, no));
+    const auto [sens, slopes] = np ? room(nb::make_tuple(nt, no, np)) : std::pair<nb::object, double*>{nb::none(), nullptr};
     Result r;
-    r.traces = traces.get();
-    r.sens = sens.get();
+    r.traces = to;
+    r.sens = slopes;
     Integrator run(p, coef.data(), d, o);
     run.run(T0.data(), dT0 ? dT0->data() : nullptr, t0, t_end, times.data(), static_cast<long>(nt), nodes.data(), static_cast<int>(no), r);
     PyResult out{r.status, r.node, r.time, r.filled, r.steps, r.rejected, r.newton, r.factorisations, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
-    out.traces = array(std::move(traces), {nt, no});
-    out.sensitivities = np ? array(std::move(sens), {nt, no, np}) : nb::none();
+    out.traces = traces;
+    out.sensitivities = sens;
     out.final_temperatures = reals(r.final_t);
     out.final_sensitivities = np ? array<double>(r.final_s, {static_cast<size_t>(p.n), np}) : nb::none();
     out.on = ints(r.on);
@@ -210,6 +211,7 @@ NB_MODULE(_kernel, m) {
     m.def("tableau", &tableau);
     bind_modal(m);
     bind_large(m);
+    bind_leastsquares(m);
     const char* con[] = {"LINEAR", "POWER", "RADIATION", "FLOW", "TABLE_MEAN", "TABLE_DIFF"};
     for (int k = 0; k < CONDUCTOR_KINDS; ++k) m.attr(con[k]) = k;
     const char* ld[] = {"SIGNAL", "POLY", "EXP", "TABLE", "THERMOSTAT", "PROPORTIONAL"};

@@ -12,6 +12,7 @@
 #include <optional>
 #include <stdexcept>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "problem.hpp"
@@ -42,6 +43,12 @@ nb::object array(std::unique_ptr<T[]> data, std::initializer_list<size_t> shape)
     return nb::cast(nb::ndarray<nb::numpy, T>(raw, shape, owner));
 }
 
+// Room for large outputs. numpy asks the system for large pages; without them half the time of filling it goes into page faults.
+inline std::pair<nb::object, double*> room(nb::tuple shape) {
+    nb::object made = nb::module_::import_("numpy").attr("empty")(shape);
+    return {made, nb::cast<nb::ndarray<double, nb::c_contig, nb::device::cpu>>(made).data()};
+}
+
 template <class T, class V>
 nb::object array(const std::vector<V>& v, std::initializer_list<size_t> shape) {
     std::unique_ptr<T[]> data(new T[v.size() + 1]);
@@ -70,6 +77,7 @@ inline CoefJacobian jacobian_of(const Problem& p, const std::optional<Csr>& csr)
 }
 
 void bind_modal(nb::module_& m);
+void bind_leastsquares(nb::module_& m);
 
 inline std::vector<Table> read_tables(const nb::list& tables) {
     std::vector<Table> out;

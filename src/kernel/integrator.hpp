@@ -4,6 +4,7 @@
 #include <limits>
 #include <vector>
 
+#include "leastsquares.hpp"
 #include "linear.hpp"
 #include "problem.hpp"
 #include "tableau.hpp"
@@ -17,6 +18,7 @@ struct Options {
     long max_steps = 1000000;
     bool energy = true;
     std::vector<double> breaks;
+    std::vector<double> mesh;           // ends of steps to take as they are, while their error is not far beyond the tolerances
     std::vector<int> on;                // thermostats at the start: 1 on, 0 off, -1 decided by the sensor
     std::function<void()> poll;         // called now and then; may throw
 };
@@ -31,6 +33,7 @@ struct Result {
     std::vector<int> on;
     std::vector<Event> events;
     std::vector<double> load_energy, boundary_energy, conductor_energy;  // J
+    std::vector<double> mesh;  // ends of the steps taken
     long steps = 0, rejected = 0, newton = 0, factorisations = 0, filled = 0;
 };
 
@@ -48,7 +51,8 @@ struct Slaved {
 
 class Integrator {
   public:
-    Integrator(const Problem& p, const double* coef, const CoefJacobian& d, const Options& o);
+    // With `squares`, outputs go there and nothing is stored.
+    Integrator(const Problem& p, const double* coef, const CoefJacobian& d, const Options& o, LeastSquares* squares = nullptr);
     void run(const double* t0_nodes, const double* s0, double t0, double t_end, const double* out_t, long nout, const int* obs, int nobs,
              Result& r);
 
@@ -63,6 +67,7 @@ class Integrator {
     const double* coef_;
     const CoefJacobian& d_;
     const Options& o_;
+    LeastSquares* squares_;
     Result* r_ = nullptr;
     int n_, np_, nk_;
     std::vector<Entry> con_p_, load_p_, con_u_, load_u_;  // entries of parameters, of inputs
@@ -89,8 +94,7 @@ class Integrator {
     std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
     std::vector<double> xa_, fp_, row_, lag_, lag_s_, reach_;
     bool curved_ = false;  // some law is not linear in temperature
-    std::vector<const double*> rows_;
-    std::vector<double> weights_, SO_;
+    std::vector<double> SO_;
     double end_ = 0.0;       // t_ + h_, exact where a break is
     bool need_u_ = false;    // outputs need the inputs' own values
     bool inside_ = false;    // outputs fall into this step
@@ -142,12 +146,21 @@ class Integrator {
     void slope_sensitivity(int stage, const std::vector<double>& slope, std::vector<double>& out);
     // Second derivatives serve the dense output; of a stiff node they would only amplify its error.
     bool gentle(int i) const { return cap_[i] > -0.1 * h_ * J0_[p_.pattern.diag[i]]; }
-    void write(double s, const int* obs, int nobs, long k);
-    std::vector<double> block_;
-    void write_sensitivity(double s, const int* obs, int nobs, bool plain, long k);
 
-    // traces.cpp
-    void write_block(const double* times, long first, long last, const int* obs, int nobs);
+    // outputs.cpp
+    struct Outputs { const double* t; long n, next; const int* obs; int nobs; };
+    std::vector<int> all_;                     // nodes
+    std::vector<double> shares_;               // (terms, CHUNK): what temperatures and sensitivities are made of
+    std::vector<double> terms_, slope_terms_;  // (terms, nodes), (terms, nodes x np)
+    int count_ = 0, slope_count_ = 0;          // of the step: terms
+    void emit(Outputs& out);
+    void weigh(const double* times, int m);
+    void temperature_terms(const int* obs, int nobs);
+    void sensitivity_terms(const int* obs, int nobs);
+    bool delayed(const int* obs, int nobs) const;
+    void rows(const double* times, long m, const int* obs, int nobs, double* T, double* S);
+    void slaved_row(double s, const int* obs, int nobs, double* S);
+    void collect(const double* times, long last);
 
     // events.cpp
     std::vector<double> samples_, when_, rates_;
@@ -162,11 +175,9 @@ class Integrator {
     void apply_event(int l, double rate);
 
     // integrator.cpp
-    struct Outputs { const double* t; long n, next; const int* obs; int nobs; bool plain; };
     void initial(const double* s0, Outputs& out);
     void advance(double t_end, Outputs& out);
     bool attempt(Outputs& out, double& next);
-    void emit(Outputs& out);
     void check_state();
     void seen();
     double first_step(double span) const;
@@ -176,6 +187,7 @@ class Integrator {
     double old_error_ = 1.0, resume_ = 0.0;
     int pending_ = -1, refined_ = 0, same_time_ = 0;
     bool clipped_ = false, first_ = true;
+    double slack_ = 1.0;  // part of the tolerances that a step may err by
 };
 
 }  // namespace thermid

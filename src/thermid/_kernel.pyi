@@ -27,6 +27,11 @@ SAMPLED_LINEAR: Final[int]
 SAMPLED_HOLD: Final[int]
 SINE: Final[int]
 CONSTANT: Final[int]
+# Losses
+SQUARE: Final[int]
+SOFT_L1: Final[int]
+HUBER: Final[int]
+CAUCHY: Final[int]
 # Status of a run
 OK: Final[int]
 MAX_STEPS: Final[int]
@@ -248,3 +253,59 @@ class LargeProblem:
         breaks: _Reals,
     ) -> LargeResult: ...
     def heat(self, T: _Reals, t: float) -> tuple[_Reals, _Reals, _Reals, _Reals, _Reals]: ...
+
+class Readings:
+    def __init__(
+        self, problem: Problem, times: _Reals, nodes: _Ints, node_begin: _Ints, index: _Ints, index_begin: _Ints, values: _Reals
+    ) -> None: ...
+
+class Squares:
+    @property
+    def status(self) -> int: ...
+    @property
+    def node(self) -> int: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def steps(self) -> int: ...
+    @property
+    def rejected(self) -> int: ...
+    @property
+    def cost(self) -> float: ...
+    @property
+    def chi_square(self) -> float: ...
+    @property
+    def triangle(self) -> _Reals: ...
+    @property
+    def rotated(self) -> _Reals: ...
+    @property
+    def sums(self) -> _Reals: ...
+    @property
+    def mesh(self) -> _Reals: ...
+
+def least_squares(
+    problem: Problem,
+    readings: Readings,
+    coef: _Reals,
+    T0: _Reals,
+    t0: float,
+    t_end: float,
+    *,
+    sigma: _Reals,
+    bias: _Reals,
+    bias_column: _Ints,
+    weight: _Reals,
+    slope: _Reals,
+    loss: int = ...,
+    knee: float = ...,
+    dcoef: _Csr | None = None,
+    dT0: _Reals | None = None,
+    rtol: float = ...,
+    atol: float = ...,
+    input_atol: float = ...,
+    max_step: float = ...,
+    max_steps: int = ...,
+    breaks: _Reals | None = None,
+    mesh: _Reals | None = None,
+    on: _Ints | None = None,
+) -> Squares: ...

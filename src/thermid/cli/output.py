@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
-    from thermid.identify.calibration import Calibration, SensorStatistics
+    from thermid.identify.calibration import Calibration
     from thermid.identify.stages import Campaign
+    from thermid.identify.statistics import SensorStatistics
     from thermid.identify.validate import Verdict
     from thermid.simulation.solution import Solution
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.identify.calibration import Calibration
 from thermid.identify.gather import problem_for
 from thermid.identify.refusals import refuse_after, refuse_before
 from thermid.identify.request import LocalSpec, Request
 from thermid.identify.residuals import Problem
-from thermid.identify.solve import covariances, ended, minimise
+from thermid.identify.solve import Fit, covariances, ended, minimise
+from thermid.identify.statistics import pooled
 from thermid.identify.summary import summarise
 from thermid.measure import Record
 from thermid.model.model import Model
@@ -22,7 +22,6 @@ from thermid.simulation.scenario import Scenario
 
 __all__ = ["calibrate", "fit"]
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, float], None]
 
 
@@ -67,14 +66,6 @@ def fit(request: Request, progress: Progress | None = None, known: Mapping[str, 
 
     `known` is the end of the same fit from before, unknown -> fitted form; it is then evaluated and not searched again.
     """
-    from threadpoolctl import threadpool_limits
-
-    # the matrices are tall and narrow: more threads only wait for one another
-    with threadpool_limits(limits=1):
-        return _fit(request, progress, known)
-
-
-def _fit(request: Request, progress: Progress | None, known: Mapping[str, float] | None) -> Calibration:
     problem = problem_for(request)
     stated = all(o.noise is not None for o in problem.observations())
     if known is not None and list(known) == [u.name for u in problem.unknowns]:
@@ -83,11 +74,11 @@ def _fit(request: Request, progress: Progress | None, known: Mapping[str, float]
         refuse_before(request, problem, lambda r: fit(r))
         found = minimise(problem, request.loss, request.knee, progress=progress)
         if not stated:
-            weighed = replace(problem, noise=_measured_noise(problem, found.fitted, request.loss))
+            weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
             found = minimise(weighed, request.loss, request.knee, found.fitted, progress)
     if not stated:
         # from the end alone, so that a fit taken from before says the same
-        problem = replace(problem, noise=_measured_noise(problem, found.fitted, request.loss))
+        problem = replace(problem, noise=_measured_noise(problem, found, request.loss))
         again = ended(problem, found.fitted, request.loss, request.knee)
         found = replace(again, evaluations=found.evaluations, message=found.message, converged=found.converged)
     total, random = covariances(found, problem)
@@ -95,19 +86,18 @@ def _fit(request: Request, progress: Progress | None, known: Mapping[str, float]
     return summarise(request, problem, found, total, random)
 
 
-def _measured_noise(problem: Problem, fitted: Array, loss: str) -> dict[str, float]:
+def _measured_noise(problem: Problem, found: Fit, loss: str) -> dict[str, float]:
     """Return sensor -> noise: as stated, or the RMS of its residuals where nothing was stated. [K]
 
     Where the loss is robust, outliers are expected; 1.4826 times the median size of the residuals stands for their RMS.
     """
     stated = {o.sensor: o.noise for o in problem.observations()}
-    out: dict[str, float] = {}
-    blocks = problem.blocks(fitted)
-    for sensor, noise in stated.items():
-        if noise is not None:
-            out[sensor] = noise
+    out = {sensor: noise for sensor, noise in stated.items() if noise is not None}
+    blocks = problem.blocks(found.fitted) if loss != "linear" else []
+    for sensor in (s for s in stated if s not in out):
+        if loss == "linear":
+            size = np.sqrt(pooled([s for _, name, s in found.sums if name == sensor]).mean_square)
         else:
-            left = np.concatenate([b.residuals for b in blocks if b.sensor == sensor])
-            size = np.sqrt(np.mean(left**2)) if loss == "linear" else 1.4826 * np.median(np.abs(left))
-            out[sensor] = max(float(size), 1e-6)
+            size = 1.4826 * np.median(np.abs(np.concatenate([b.residuals for b in blocks if b.sensor == sensor])))
+        out[sensor] = max(float(size), 1e-6)
     return out

@@ -3,57 +3,24 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.residuals import Block
+from thermid.identify.residuals import Block, Predictions
+from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
     from thermid.identify.experiment import Experiment
 
-__all__ = ["Calibration", "Local", "SensorStatistics", "statistics_of"]
+__all__ = ["Calibration", "Local"]
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class SensorStatistics:
-    """How a model meets one sensor.
-
-    Parameters
-    ----------
-    rmse, mean, largest : float     Of measured less predicted, the sensor's constant error taken off; largest by size. [K]
-    samples : int
-    bias : float                    The sensor's constant error as fitted or given. [K]
-    lag_one : float                 Autocorrelation of neighbouring residuals. [-]
-    """
-
-    rmse: float
-    mean: float
-    largest: float
-    samples: int
-    bias: float
-    lag_one: float
-
-    @property
-    def white(self) -> bool:
-        """Whether neighbouring residuals are uncorrelated, at the 95 % level (1.96 / sqrt n)."""
-        return bool(abs(self.lag_one) < 1.96 / np.sqrt(self.samples))
-
-
-def statistics_of(residuals: Array, bias: float) -> SensorStatistics:
-    """Return the statistics of the residuals (samples,) [K] of one sensor."""
-    centred = residuals - residuals.mean()
-    power = float(centred @ centred)
-    lag = float(centred[1:] @ centred[:-1]) / power if residuals.size > 2 and power > 0 else 0.0
-    largest = float(residuals[np.abs(residuals).argmax()])
-    return SensorStatistics(float(np.sqrt(np.mean(residuals**2))), float(residuals.mean()), largest, residuals.size, bias, lag)
 
 
 @dataclass(frozen=True)
@@ -77,7 +44,7 @@ class Calibration:
     model : Model               The model as it was given.
     values : FittedValues       Parameters and sensors' constant errors, with their joint covariance.
     local : tuple of Local      What was fitted per record.
-    blocks : tuple of Block     Measured and predicted readings, per record and sensor.
+    blocks : sequence of Block  Measured and predicted readings, per record and sensor; predicted when they are first looked at.
     bias : dict                 Sensor -> constant error used. [K]
     records : dict              Record -> checksum of its samples.
     correlations : dict         (path, path) -> correlation, those above 0.1.
@@ -97,7 +64,7 @@ class Calibration:
     model: Model
     values: FittedValues
     local: tuple[Local, ...]
-    blocks: tuple[Block, ...]
+    blocks: Sequence[Block]
     bias: Mapping[str, float]
     records: Mapping[str, str]
     correlations: Mapping[tuple[str, str], float]
@@ -127,19 +94,27 @@ class Calibration:
         """Weighted sum of squares per degree of freedom; 1 when model and noise are right. [-]"""
         return self.chi_square / max(self.freedom, 1)
 
+    def _sums(self) -> list[tuple[str, str, Sums]]:
+        """Return record, sensor and the sums of its residuals; of blocks that were not predicted yet, as the fit left them."""
+        if isinstance(self.blocks, Predictions):
+            return list(self.blocks.sums)
+        return [(b.record, b.sensor, Sums.of(b.residuals)) for b in self.blocks]
+
     @property
     def statistics(self) -> dict[str, dict[str, SensorStatistics]]:
         """Record -> sensor -> statistics."""
         out: dict[str, dict[str, SensorStatistics]] = {}
-        for b in self.blocks:
-            out.setdefault(b.record, {})[b.sensor] = statistics_of(b.residuals, self.bias.get(b.sensor, 0.0))
+        for record, sensor, sums in self._sums():
+            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0))
         return out
 
     @property
     def sensors(self) -> dict[str, SensorStatistics]:
         """Sensor -> statistics over all records together."""
-        names = dict.fromkeys(b.sensor for b in self.blocks)
-        return {n: statistics_of(np.concatenate([b.residuals for b in self.blocks if b.sensor == n]), self.bias.get(n, 0.0)) for n in names}
+        parts: dict[str, list[Sums]] = {}
+        for _, sensor, sums in self._sums():
+            parts.setdefault(sensor, []).append(sums)
+        return {n: pooled(several).statistics(self.bias.get(n, 0.0)) for n, several in parts.items()}
 
     def median_rmse(self, sensor: str) -> float:
         """Return the median over records of a sensor's RMSE. [K]"""

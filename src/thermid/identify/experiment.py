@@ -227,8 +227,8 @@ def _signal(record: Record, name: str, zero: float, held: bool) -> Signal:
 
 
 def _observation(channel: Channel, path: str, grid: NDArray[np.int64], weight: float) -> Observation:
-    valid = channel.valid[grid]
-    return Observation(channel.name, path, np.flatnonzero(valid), channel.values[grid][valid], channel.noise, channel.accuracy, weight)
+    index = np.flatnonzero(channel.valid[grid])
+    return Observation(channel.name, path, index, channel.values[grid[index]], channel.noise, channel.accuracy, weight)
 
 
 def _starts(

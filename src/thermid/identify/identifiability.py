@@ -50,7 +50,7 @@ def blind_spots(problem: Problem, fitted: Array) -> tuple[Blind, ...]:
     1e-6 of the largest is a direction without information (Belsley, Kuh and Welsch, Regression Diagnostics, Wiley 1980, chapter 3).
     """
     exact = replace(problem, options=EXACT)
-    rows = np.concatenate([exact.jacobian(fitted), problem.prior_rows(fitted)[1]])
+    rows = np.concatenate([exact.compressed(fitted).slopes, problem.prior_rows(fitted)[1]])
     length = np.linalg.norm(rows, axis=0)
     out = []
     largest = float(length.max(initial=0.0))

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.dual import Number, gradient_of, value_of
 from thermid.errors import SolverError
 from thermid.identify.experiment import Experiment, Observation
+from thermid.identify.statistics import Sums
 from thermid.identify.unknowns import Target, Unknown
 from thermid.simulation.engine import Engine, Options
+from thermid.simulation.squares import Squares, Weighing
 from thermid.simulation.traces import Traces, kept_for
 from thermid.simulation.wiring import Wiring
 
-__all__ = ["Bench", "Block", "Problem"]
+__all__ = ["Bench", "Block", "Compressed", "Predictions", "Problem"]
 
 Array = NDArray[np.float64]
 FAILED = 1e4
@@ -30,6 +34,7 @@ class Bench:
     free: tuple[str, ...]
     wiring: Wiring
     engine: Engine
+    _readings: list[Any] = field(default_factory=list, repr=False)
 
     @classmethod
     def of(cls, experiment: Experiment, free: Sequence[str]) -> Bench:
@@ -43,11 +48,38 @@ class Bench:
         nodes = tuple(o.node for o in self.experiment.observations)
         kept = kept_for(assembled, nodes)
         duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
-        answer = self.engine.integrate(assembled, self.experiment.times, kept, duration, options, gradients and bool(self.free))
+        stepped = replace(options, method="integrator")  # as least squares are, so that traces and statistics agree
+        answer = self.engine.integrate(assembled, self.experiment.times, kept, duration, stepped, gradients and bool(self.free))
         traces = Traces(self.wiring, assembled, self.experiment.times, kept, answer.temperatures, answer.sensitivities)
         columns = np.column_stack([traces.temperature(n) for n in nodes])
         derivatives = np.stack([traces.slope(n) for n in nodes], axis=1) if gradients else np.zeros((0, 0, 0))
         return columns, derivatives
+
+    def squares(self, x: Array, gradients: bool, options: Options, weighing: Weighing, mesh: Array | None) -> Squares:
+        """Return the least squares of all observations."""
+        assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
+        seen, times = self.experiment.observations, self.experiment.times
+        recover = dict(assembled.reduced.recover)
+        parts = [_parts(o.node, recover) for o in seen]
+        if not self._readings:
+            given = self.engine.readings(times, [tuple(p) for p in parts], [o.index for o in seen], [o.measured for o in seen])
+            self._readings.append(given)
+        size = len(self.free) if gradients else 0
+        numbers = [number for p in parts for number in p.values()]
+        weights = np.array([value_of(n) for n in numbers]), np.array([gradient_of(n, size) for n in numbers]).reshape(len(numbers), size)
+        duration = max(self.experiment.scenario.seconds, float(times[-1]))
+        return self.engine.least_squares(assembled, self._readings[0], weights, weighing, duration, options, gradients, mesh)
+
+
+def _parts(node: str, recover: Mapping[str, Mapping[str, Number]]) -> dict[str, Number]:
+    """Return what an observed node is the sum of: itself, or the neighbours of a node that was eliminated, with their weights."""
+    if node not in recover:
+        return {node: 1.0}
+    out: dict[str, Number] = {}
+    for neighbour, weight in recover[node].items():
+        for name, share in _parts(neighbour, recover).items():
+            out[name] = out[name] + weight * share if name in out else weight * share
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +106,62 @@ class Block:
     def residuals(self) -> Array:
         """Measured less predicted (samples,). [K]"""
         return self.measured - self.predicted
+
+
+class Predictions(Sequence[Block]):
+    """Blocks that are predicted when they are first looked at; what a fit needs of them it has in its sums.
+
+    Parameters
+    ----------
+    sums : sequence of (str, str, Sums)     Record, sensor, and the sums of its residuals.
+    make : callable                         Returns the blocks, in the same order.
+    """
+
+    def __init__(self, sums: Sequence[tuple[str, str, Sums]], make: Callable[[], Sequence[Block]]) -> None:
+        self.sums = tuple(sums)
+        self._make = make
+        self._made: tuple[Block, ...] = ()
+
+    def _blocks(self) -> tuple[Block, ...]:
+        if not self._made:
+            self._made = tuple(self._make())
+        return self._made
+
+    @overload
+    def __getitem__(self, at: int) -> Block: ...
+    @overload
+    def __getitem__(self, at: slice) -> tuple[Block, ...]: ...
+    def __getitem__(self, at: int | slice) -> Block | tuple[Block, ...]:
+        """Return a block, or several."""
+        return self._blocks()[at]
+
+    def __iter__(self) -> Iterator[Block]:
+        """Yield the blocks."""
+        return iter(self._blocks())
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.sums)
+
+
+@dataclass(frozen=True, eq=False)
+class Compressed:
+    """All residuals of the data at some values of the unknowns, in as few rows as hold the same information.
+
+    Parameters
+    ----------
+    rows : array (rows,)                Residuals; half their sum of squares is the cost, the loss included. [-]
+    slopes : array (rows, unknowns)     Their derivatives: ``slopes' slopes`` is J'J, ``slopes' rows`` J'r of all weighted residuals.
+    chi_square : float                  Sum of squares, each weighed as a robust loss weighs it. [-]
+    sums : tuple of (str, str, Sums)    Record, sensor, and the sums of its residuals.
+    meshes : tuple of array             When the integrator's steps ended, per record. [s]
+    """
+
+    rows: Array
+    slopes: Array
+    chi_square: float
+    sums: tuple[tuple[str, str, Sums], ...]
+    meshes: tuple[Array, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +227,43 @@ class Problem:
                 out.append(Block(bench.experiment.record.name, o.sensor, o.node, times, o.measured, predicted, o.sigma(self.noise)))
         return out
 
+    def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
+        """Return the weighted residuals of all data with their derivatives, from one run of each record.
+
+        Each record gives a triangle with one row per free name and constant error, and one row for what no unknown can change. With the
+        `meshes` of another evaluation the steps are the same, and the difference of both is smooth.
+
+        Raises
+        ------
+        SolverError   When a record cannot be run.
+        """
+        rows: list[Array] = []
+        slopes: list[Array] = []
+        sums: list[tuple[str, str, Sums]] = []
+        taken: list[Array] = []
+        chi = 0.0
+        for i, bench in enumerate(self.benches()):
+            x, chain = self._inputs(i, fitted)
+            seen = bench.experiment.observations
+            biases = [self._bias(o.sensor, fitted) for o in seen]
+            looked = [position for _, position in biases if position is not None]
+            columns = np.array([looked.index(k) if k is not None else -1 for _, k in biases], dtype=np.int32)
+            sigma, bias = np.array([o.sigma(self.noise) for o in seen]), np.array([b for b, _ in biases])
+            weighing = Weighing(sigma, bias, columns, loss, knee)
+            found = bench.squares(x, bool(self.unknowns), self.options, weighing, meshes[i] if meshes else None)
+            at = x.size
+            part = found.triangle[:, :at] @ chain
+            part[:, looked] += found.triangle[:, at:]
+            rest = found.cost - float(found.rotated @ found.rotated)
+            rows += [found.rotated, np.sqrt(np.maximum([rest], 0.0))]
+            slopes += [part, np.zeros((1, part.shape[1]))]
+            chi += found.chi_square
+            taken.append(found.mesh)
+            sums += [(bench.experiment.record.name, o.sensor, Sums(*line)) for o, line in zip(seen, found.sums.tolist(), strict=True)]
+        return Compressed(np.concatenate(rows), np.concatenate(slopes), chi, tuple(sums), tuple(taken))
+
     def residuals(self, fitted: Array) -> Array:
-        """Return the weighted residuals of all data. [-]"""
+        """Return the weighted residuals of all data in full. [-]"""
         try:
             return np.concatenate([(b.measured - b.predicted) / b.noise for b in self.blocks(fitted)])
         except SolverError:
@@ -152,7 +275,7 @@ class Problem:
         return sum(o.index.size for e in self.experiments for o in e.observations)
 
     def jacobian(self, fitted: Array) -> Array:
-        """Return d residuals / d fitted (samples, unknowns)."""
+        """Return d residuals / d fitted (samples, unknowns) in full; what a fit needs of it is in `compressed`."""
         parts = [self._bench_jacobian(i, bench, fitted) for i, bench in enumerate(self.benches())]
         return np.concatenate(parts)
 

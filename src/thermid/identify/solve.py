@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import IdentificationError
-from thermid.identify.residuals import Problem
+from thermid.errors import IdentificationError, SolverError
+from thermid.identify.residuals import FAILED, Compressed, Problem
+from thermid.identify.statistics import Sums
 
 __all__ = ["Fit", "at_least_square", "covariances", "ended", "minimise"]
 
 Array = NDArray[np.float64]
 
+NEAR, DONE = 0.02, 1e-4
+"""A search goes on with new steps once the step ahead is below this part of every unknown's typical change, and ends once it is below this
+part of a standard error."""
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
@@ -26,10 +29,11 @@ class Fit:
     Parameters
     ----------
     fitted : array (unknowns,)              In the fitted form.
-    jacobian : array (rows, unknowns)       Of the data, weights of a robust loss included.
+    jacobian : array (rows, unknowns)       Of the data, weights of a robust loss included, in as few rows as hold the same information.
     priors : array (rows, unknowns)         Of the priors.
     cost : float                            Half the weighted sum of squares, priors included. [-]
     chi_square : float                      Weighted sum of squares of the data alone. [-]
+    sums : tuple of (str, str, Sums)        Record, sensor, and the sums of its residuals.
     evaluations : int                       How often the records were simulated.
     message : str                           How it ended.
     converged : bool
@@ -40,31 +44,84 @@ class Fit:
     priors: Array
     cost: float
     chi_square: float
+    sums: tuple[tuple[str, str, Sums], ...]
     evaluations: int
     message: str
     converged: bool
 
 
-def _robust(loss: str, samples: int) -> Any:
-    """Return a loss for `least_squares` that leaves the rows of the priors as they are."""
-    if loss == "linear":
-        return "linear"
+class _Arrived(Exception):  # noqa: N818 - it ends a search, nothing went wrong
+    """The step ahead is so small that it is not worth a run."""
 
-    def rho(z: Array) -> Array:
-        out = np.vstack([z, np.ones_like(z), np.zeros_like(z)])
-        data = z[:samples]
-        if loss == "soft_l1":
-            root = np.sqrt(1.0 + data)
-            out[:, :samples] = (2.0 * (root - 1.0), 1.0 / root, -0.5 / root**3)
-        elif loss == "huber":
-            far = data > 1.0
-            root = np.sqrt(np.where(far, data, 1.0))
-            out[:, :samples] = (np.where(far, 2 * root - 1, data), np.where(far, 1 / root, 1.0), np.where(far, -0.5 / root**3, 0.0))
-        else:
-            out[:, :samples] = (np.log1p(data), 1.0 / (1.0 + data), -1.0 / (1.0 + data) ** 2)
-        return out
+    def __init__(self, x: Array, step: str) -> None:
+        super().__init__(f"the step ahead is below {step}")
+        self.x = x
 
-    return rho
+
+class _Search:
+    """What `least_squares` asks for; residuals and derivatives come from one run, all runs on the steps of one among them."""
+
+    def __init__(self, problem: Problem, loss: str, knee: float, progress: Callable[[int, float], None] | None) -> None:
+        self.problem, self.loss, self.knee, self.progress = problem, loss, knee, progress
+        self.count = 0
+        self.fine = False
+        self.scale = np.array([u.scale for u in problem.unknowns])
+        self._settled: Array | None = None
+        self._known: dict[bytes, Compressed] = {}
+        self._meshes: tuple[Array, ...] = ()
+
+    def settle(self, x: Array) -> None:
+        """Let the integrator choose its steps at some values, unless it did so near by; these hold until the next call.
+
+        Raises
+        ------
+        SolverError   When a record cannot be run.
+        """
+        if self._settled is not None and (np.abs(x - self._settled) < NEAR * self.scale).all():
+            return
+        found = self.problem.compressed(x, self.loss, self.knee)
+        self._known, self._meshes, self._settled = {x.tobytes(): found}, found.meshes, x
+
+    def at(self, x: Array) -> Compressed:
+        """Return the residuals at some values; the latest two sets of values are remembered."""
+        key = x.tobytes()
+        if key not in self._known:
+            found = self.problem.compressed(x, self.loss, self.knee, self._meshes)
+            self._known = dict([*self._known.items()][-1:]) | {key: found}
+        return self._known[key]
+
+    def residuals(self, x: Array) -> Array:
+        """Return the residuals; of a run that the integrator could not finish very large ones, so that the optimiser turns back."""
+        self.count += 1
+        samples = self.problem.samples
+        try:
+            found = self.at(x)
+            rows, square = found.rows, self._square(found)
+        except SolverError:
+            square = samples * FAILED**2
+            rows = np.zeros(next(iter(self._known.values())).rows.size)
+            rows[-1] = np.sqrt(square)
+        if self.progress is not None:
+            self.progress(self.count, float(np.sqrt(square / samples)))
+        return np.concatenate([rows, self.problem.prior_rows(x)[0]])
+
+    def slopes(self, x: Array) -> Array:
+        """Return their derivatives, unless the step of Gauss and Newton from here is not worth a run."""
+        priors, prior_slopes = self.problem.prior_rows(x)
+        found = self.at(x)
+        slopes, rows = np.concatenate([found.slopes, prior_slopes]), np.concatenate([found.rows, priors])
+        step = np.linalg.lstsq(slopes / self.scale, -rows, rcond=None)[0]
+        if not self.fine and (np.abs(step) < NEAR).all():
+            raise _Arrived(x, f"{NEAR} of every typical change")
+        gain = float(np.sum(((slopes / self.scale) @ step) ** 2))  # in squares of a standard error, where the noise is what is stated
+        if self.fine and gain < DONE**2 * max(1.0, self._square(found) / self.problem.samples):
+            raise _Arrived(x, f"{DONE} standard errors")
+        return slopes
+
+    def _square(self, found: Compressed) -> float:
+        """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""
+        sigma = [o.sigma(self.problem.noise) for o in self.problem.observations()]
+        return sum(s.count * s.mean_square / size**2 for (_, _, s), size in zip(found.sums, sigma, strict=True))
 
 
 def minimise(
@@ -89,45 +146,43 @@ def minimise(
     SolverError             When the model cannot be run at the start.
     IdentificationError     When there is no such loss.
     """
-    from scipy.optimize import least_squares
-
     if loss not in LOSSES:
         raise IdentificationError(f"there is no loss '{loss}'; there are {', '.join(LOSSES)}.")
     unknowns = problem.unknowns
     at = np.array([u.to_fitted(u.start) for u in unknowns]) if start is None else np.asarray(start, dtype=float)
-    samples, count = problem.samples, 0
     if not unknowns:
         return ended(problem, at, loss, knee, message="nothing was free")
-
-    def all_residuals(x: Array) -> Array:
-        nonlocal count
-        count += 1
-        residuals = problem.residuals(x)
-        if progress is not None:
-            progress(count, float(np.sqrt(np.mean(residuals**2))))
-        return np.concatenate([residuals, problem.prior_rows(x)[0]])
-
-    def all_slopes(x: Array) -> Array:
-        return np.concatenate([problem.jacobian(x), problem.prior_rows(x)[1]])
-
-    problem.blocks(at)  # a model that cannot be run at the start says why, in the integrator's words
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     at = np.clip(at, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))
-    found = least_squares(
-        all_residuals,
-        at,
-        jac=all_slopes,
-        bounds=(low, high),
-        x_scale=np.array([u.scale for u in unknowns]),
-        method="trf",
-        loss=_robust(loss, samples),
-        f_scale=knee,
-        ftol=1e-10,
-        xtol=1e-10,
-        gtol=1e-10,
-        max_nfev=200,
-    )
-    return ended(problem, found.x, loss, knee, count, found.message, bool(found.success))
+    search = _Search(problem, loss, knee, progress)
+    for fine in (False, True):
+        search.fine = fine
+        search.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
+        at, message, converged = _searched(search, at, (low, high))
+    return _fit_at(problem, at, search.at(at), search.count, message, converged)
+
+
+def _searched(search: _Search, at: Array, bounds: tuple[Array, Array]) -> tuple[Array, str, bool]:
+    """Return where a search from some values ends, how, and whether it converged."""
+    from scipy.optimize import least_squares
+
+    tolerance = 1e-10 if search.fine else 1e-3
+    try:
+        found = least_squares(
+            search.residuals,
+            at,
+            jac=search.slopes,
+            bounds=bounds,
+            x_scale=search.scale,
+            method="trf",
+            ftol=tolerance,
+            xtol=1e-10,
+            gtol=1e-10,
+            max_nfev=200,
+        )
+    except _Arrived as arrived:
+        return arrived.x, str(arrived), True
+    return found.x, found.message, bool(found.success)
 
 
 def ended(
@@ -140,13 +195,13 @@ def ended(
     converged: bool = True,
 ) -> Fit:
     """Return the fit that ended at some values of the unknowns, with its derivatives."""
-    residuals, slopes = problem.residuals(fitted), problem.jacobian(fitted)
-    rows, prior_slopes = problem.prior_rows(fitted)
-    weight, rho = np.ones(problem.samples), _robust(loss, problem.samples)
-    if not isinstance(rho, str):
-        weight = np.sqrt(rho((residuals / knee) ** 2)[1])
-    chi = float(np.sum((weight * residuals) ** 2))
-    return Fit(fitted, weight[:, None] * slopes, prior_slopes, 0.5 * (chi + float(rows @ rows)), chi, evaluations, message, converged)
+    return _fit_at(problem, fitted, problem.compressed(fitted, loss, knee), evaluations, message, converged)
+
+
+def _fit_at(problem: Problem, fitted: Array, data: Compressed, evaluations: int, message: str, converged: bool) -> Fit:
+    rows, slopes = problem.prior_rows(fitted)
+    cost = 0.5 * (data.chi_square + float(rows @ rows))
+    return Fit(fitted, data.slopes, slopes, cost, data.chi_square, data.sums, evaluations, message, converged)
 
 
 def covariances(fit: Fit, problem: Problem) -> tuple[Array, Array]:
@@ -156,7 +211,7 @@ def covariances(fit: Fit, problem: Problem) -> tuple[Array, Array]:
     same tests with the same instruments would give scatter by ``C J'J C``; what is left is what the priors hold of constant errors.
     Where the residuals are larger than the noise says, the errors grow with them.
     """
-    freedom = max(fit.jacobian.shape[0] - len(problem.unknowns), 1)
+    freedom = max(problem.samples - len(problem.unknowns), 1)
     data = fit.jacobian / np.sqrt(max(1.0, fit.chi_square / freedom))
     total = _inverse(np.concatenate([data, fit.priors]))
     spread = data @ np.where(np.isfinite(total), total, 0.0)

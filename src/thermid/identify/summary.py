@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.calibration import Calibration, Local, statistics_of
-from thermid.identify.residuals import Block, Problem
+from thermid.identify.calibration import Calibration, Local
+from thermid.identify.residuals import Predictions, Problem
 from thermid.identify.solve import Fit
 from thermid.identify.unknowns import Unknown
 from thermid.identify.values import FittedValue, FittedValues
@@ -40,7 +40,7 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
     }
     values = FittedValues(name, items, total[np.ix_(kept, kept)], provenance)
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
-    blocks = tuple(problem.blocks(found.fitted))
+    blocks = Predictions(found.sums, lambda: problem.blocks(found.fitted))
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
     freedom = problem.samples - len(problem.unknowns)
     return Calibration(
@@ -56,7 +56,7 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
         freedom,
         found.evaluations,
         request.loss,
-        (*request.remarks, *_warnings(problem, found, total, blocks, freedom)),
+        (*request.remarks, *_warnings(problem, found, total, freedom)),
         bool(provenance["synthetic"]),
         {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
         problem.experiments,
@@ -95,7 +95,7 @@ def _correlations(problem: Problem, total: Array) -> dict[tuple[str, str], float
     return out
 
 
-def _warnings(problem: Problem, found: Fit, total: Array, blocks: tuple[Block, ...], freedom: int) -> list[str]:
+def _warnings(problem: Problem, found: Fit, total: Array, freedom: int) -> list[str]:
     """Return what a reader must know."""
     out = []
     if not found.converged:
@@ -120,10 +120,10 @@ def _warnings(problem: Problem, found: Fit, total: Array, blocks: tuple[Block, .
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:
         out.append(f"the residuals are {np.sqrt(reduced):.2g} times the stated noise; the errors were widened by that factor.")
-    coloured = [b for b in blocks if b.measured.size > 20 and not statistics_of(b.residuals, 0.0).white]
+    coloured = [s for _, _, s in found.sums if s.count > 20 and not s.statistics(0.0).white]
     # at the 95 % level one white trace in twenty looks coloured
-    if len(coloured) > CHANCE * len(blocks) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(blocks)):
-        share = f"{len(coloured)} of {len(blocks)} traces" if len(blocks) > 1 else "the trace"
+    if len(coloured) > CHANCE * len(found.sums) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(found.sums)):
+        share = f"{len(coloured)} of {len(found.sums)} traces" if len(found.sums) > 1 else "the trace"
         out.append(
             f"residuals of {share} are not white: the model misses something, or the readings were filtered; "
             "the random errors are too small."

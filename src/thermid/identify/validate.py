@@ -9,8 +9,9 @@ from typing import Any
 
 from thermid.errors import IdentificationError, nearest
 from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration, SensorStatistics
+from thermid.identify.calibration import Calibration
 from thermid.identify.request import LocalSpec, Reading, Request
+from thermid.identify.statistics import SensorStatistics
 from thermid.measure import Record
 from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,26 +12,14 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError
-from thermid.model.curves import Curve
-from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.simulation.kernel_form import break_times, ending, ints, kernel_input, row_form
 from thermid.simulation.modal import Modal
-from thermid.simulation.wiring import Assembled, Wiring, curve_arrays
+from thermid.simulation.squares import LOSSES, Squares, Weighing
+from thermid.simulation.wiring import Assembled, Wiring
 
-__all__ = ["CONDUCTORS", "LOADS", "Answer", "Engine", "Options", "break_times", "kernel_input", "load_places"]
+__all__ = ["Answer", "Engine", "Options"]
 
 Array = NDArray[np.float64]
-
-CONDUCTORS = {"linear": _kernel.LINEAR, "power": _kernel.POWER, "radiation": _kernel.RADIATION, "flow": _kernel.FLOW}
-LOADS = {
-    "signal": _kernel.SIGNAL,
-    "polynomial": _kernel.POLY,
-    "exponential": _kernel.EXP,
-    "table": _kernel.TABLE,
-    "thermostat": _kernel.THERMOSTAT,
-    "proportional": _kernel.PROPORTIONAL,
-}
-PLACES = {"exponential": (0, 1, 3)}
-"""Where the coefficients of a form stand among the kernel's four places, when not simply in order."""
 
 
 @dataclass(frozen=True)
@@ -101,26 +89,26 @@ class Engine:
         self.wiring = wiring
         s = wiring.structure()
         tables: list[tuple[Array, Array, Array]] = []
-        conductors = [_row(form, places, curve, tables) for form, _, _, places, curve, _ in s["conductors"]]
-        loads = [_row(form, places, curve, tables, load=True) for form, _, _, places, curve, _ in s["loads"]]
+        conductors = [row_form(form, places, curve, tables) for form, _, _, places, curve, _ in s["conductors"]]
+        loads = [row_form(form, places, curve, tables, load=True) for form, _, _, places, curve, _ in s["loads"]]
         self.conductor_names = tuple(r[5] for r in s["conductors"])
         self.load_names = tuple(r[5] for r in s["loads"])
         self.flow_rows = np.array([k for k, r in enumerate(s["conductors"]) if r[0] == "flow"], dtype=int)
         self.problem = _kernel.Problem(
-            capacity=_ints(s["capacity"]),
-            coef_input=_ints(s["coefficient_input"]),
-            boundary_gain=_ints(s["gain"]),
-            boundary_offset=_ints(s["offset"]),
-            conductor_kind=_ints([r[0] for r in conductors]),
-            conductor_a=_ints([r[1] for r in s["conductors"]]),
-            conductor_b=_ints([r[2] for r in s["conductors"]]),
-            conductor_coef=_ints([r[1] for r in conductors]).reshape(-1, 4),
-            conductor_table=_ints([r[2] for r in conductors]),
-            load_kind=_ints([r[0] for r in loads]),
-            load_node=_ints([r[1] for r in s["loads"]]),
-            load_coef=_ints([r[1] for r in loads]).reshape(-1, 4),
-            load_sensor=_ints([r[2] for r in s["loads"]]),
-            load_table=_ints([r[2] for r in loads]),
+            capacity=ints(s["capacity"]),
+            coef_input=ints(s["coefficient_input"]),
+            boundary_gain=ints(s["gain"]),
+            boundary_offset=ints(s["offset"]),
+            conductor_kind=ints([r[0] for r in conductors]),
+            conductor_a=ints([r[1] for r in s["conductors"]]),
+            conductor_b=ints([r[2] for r in s["conductors"]]),
+            conductor_coef=ints([r[1] for r in conductors]).reshape(-1, 4),
+            conductor_table=ints([r[2] for r in conductors]),
+            load_kind=ints([r[0] for r in loads]),
+            load_node=ints([r[1] for r in s["loads"]]),
+            load_coef=ints([r[1] for r in loads]).reshape(-1, 4),
+            load_sensor=ints([r[2] for r in s["loads"]]),
+            load_table=ints([r[2] for r in loads]),
             tables=tables,
             inputs=[kernel_input(wiring.signals[name]) for name in wiring.used],
         )
@@ -139,10 +127,10 @@ class Engine:
 
         if takes_over(self, options, gradients):
             return integrate_model(self, a, times, nodes, end, options)
-        index = {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
+        index = self._index()
         why = self.modal.refusal(options.method, times, end, gradients)
         if not why:
-            return self._by_modes(a, times, _ints([index[n] for n in nodes]), end, options)
+            return self._by_modes(a, times, ints([index[n] for n in nodes]), end, options)
         size = a.initial_gradient.shape[1]
         more: dict[str, Any] = {}
         if gradients and a.jacobian is not None:
@@ -153,7 +141,7 @@ class Engine:
             0.0,
             float(end),
             np.ascontiguousarray(times, dtype=float),
-            _ints([index[n] for n in nodes]),
+            ints([index[n] for n in nodes]),
             rtol=options.relative,
             atol=options.tolerance,
             input_atol=options.input_tolerance,
@@ -206,7 +194,7 @@ class Engine:
             0.0,
             float(end),
             np.ascontiguousarray(times, dtype=float),
-            _ints([self.nodes.index(n) for n in nodes]),
+            ints([self.nodes.index(n) for n in nodes]),
             rtol=options.relative,
             atol=options.tolerance,
             input_atol=options.input_tolerance,
@@ -216,23 +204,82 @@ class Engine:
             simd=simd,
         )
 
+    def _index(self) -> dict[str, int]:
+        return {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
+
+    def readings(self, times: Array, parts: Sequence[Sequence[str]], index: Sequence[NDArray[np.int64]], values: Sequence[Array]) -> Any:
+        """Return what channels read, in the kernel's form: `values` [K] at ``times[index]``, of a node or a sum over its `parts`."""
+        place = self._index()
+        nodes = [place[n] for several in parts for n in several]
+        flat = np.concatenate([*index, np.zeros(0, dtype=np.int64)])
+        ends = ints(np.cumsum([0, *(len(several) for several in parts)])), ints(np.cumsum([0, *(i.size for i in index)]))
+        return _kernel.Readings(
+            self.problem, np.ascontiguousarray(times), ints(nodes), ends[0], ints(flat), ends[1], np.concatenate(values)
+        )
+
+    def least_squares(
+        self,
+        a: Assembled,
+        readings: Any,
+        parts: tuple[Array, Array],
+        weighing: Weighing,
+        end: float,
+        options: Options,
+        gradients: bool = False,
+        mesh: Array | None = None,
+    ) -> Squares:
+        """Return the least squares of readings, with derivatives or without; no temperature is stored.
+
+        Parameters
+        ----------
+        a : Assembled           The run's numbers.
+        readings                As `readings` made them.
+        parts : two arrays      What each node of a channel counts, and the derivatives of that (parts, free).
+        weighing : Weighing     What the readings are compared by.
+        end : float             The run starts at zero. [s]
+        options : Options       Tolerances.
+        gradients : bool
+        mesh : array            Ends of steps to take, those of an earlier run: sums of squares then differ by what the values differ, and
+                                not by how the steps fell. [s]
+
+        Raises
+        ------
+        SolverError   When the run ends before its time.
+        """
+        more: dict[str, Any] = {}
+        if gradients and a.jacobian is not None:
+            more = {"dcoef": (*a.jacobian, a.initial_gradient.shape[1]), "dT0": np.ascontiguousarray(a.initial_gradient)}
+        w = weighing
+        found = _kernel.least_squares(
+            self.problem,
+            readings,
+            a.coefficients,
+            a.initial,
+            0.0,
+            float(end),
+            sigma=w.sigma,
+            bias=w.bias,
+            bias_column=w.column,
+            weight=parts[0],
+            slope=parts[1],
+            loss=LOSSES[w.loss],
+            knee=w.knee,
+            rtol=options.relative,
+            atol=options.tolerance,
+            input_atol=options.input_tolerance,
+            max_step=options.max_step,
+            max_steps=options.max_steps,
+            breaks=break_times([self.wiring.signals[name] for name in self.wiring.used], end),
+            mesh=mesh,
+            **more,
+        )
+        if found.status != _kernel.OK:
+            raise SolverError(self.message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+        return Squares(found.triangle, found.rotated, found.cost, found.chi_square, found.sums, found.mesh)
+
     def message(self, found: Any, options: Options, end: float) -> str:
         """Return what ran out, when, where and what to change."""
-        names = (*self.nodes, *self.wiring.network.boundaries)
-        node = f" at '{names[found.node]}'" if 0 <= found.node < len(names) else ""
-        when = f"at {found.time:.6g} s of {end:.6g} s{node}"
-        words = {
-            _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger tolerance.",
-            _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise the tolerance.",
-            _kernel.NEWTON_FAILED: f"a step could not be solved {when}. Look for a power that grows too fast with temperature.",
-            _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
-            _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave."
-            " Where it falls below 0 K, a negative power takes more than there is.",
-            _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
-            _kernel.BAD_INPUT: f"a temperature must lie above 0 K and every number be finite, which does not hold {when}. Look there.",
-            _kernel.CHATTER: f"a thermostat switches without end {when}. Widen its hysteresis.",
-        }
-        return words.get(found.status, f"the run stopped {when}.")
+        return ending(found, (*self.nodes, *self.wiring.network.boundaries), options.max_steps, end)
 
     def rhs(self, a: Assembled, temperatures: Array, time: float, gradients: bool = False) -> tuple[Array, Array, Array | None]:
         """Return net heat (nodes,) [W], its Jacobian (nodes, nodes) [W/K] and its derivatives (nodes, free) at temperatures [K]."""
@@ -278,47 +325,3 @@ class Engine:
         for k, name in enumerate(self.load_names):
             out[name] = out.get(name, 0.0) + table[:, k]
         return out
-
-
-def break_times(signals: Iterable[Signal], end: float) -> Array:
-    """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
-    jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, Table) and s.hold]
-    times = np.unique(np.concatenate(jumps)) if jumps else np.zeros(0)
-    times = times[(times > 0) & (times < end)]
-    return times if times.size <= 5000 else np.zeros(0)
-
-
-def _ints(values: Any) -> NDArray[np.int32]:
-    return np.ascontiguousarray(values, dtype=np.int32)
-
-
-def load_places(form: str) -> tuple[int, ...]:
-    """Return where the coefficients of a form stand among the kernel's four places."""
-    return PLACES.get(form, (0, 1, 2, 3))
-
-
-def _row(form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False) -> tuple[int, list[int], int]:
-    """Return the kernel's kind, coefficient places and table of a row."""
-    four = [-1, -1, -1, -1]
-    for place, coefficient in zip(load_places(form), places, strict=False):
-        four[place] = coefficient
-    table = -1
-    if curve is not None:
-        table = len(tables)
-        tables.append(curve_arrays(curve))
-    if load:
-        return LOADS[form], four, table
-    if form == "table" and curve is not None:
-        return (_kernel.TABLE_DIFF if curve.over == "difference" else _kernel.TABLE_MEAN), four, table
-    return CONDUCTORS[form], four, table
-
-
-def kernel_input(given: Signal) -> tuple[int, Array, Array]:
-    """Return the kernel's form of a signal."""
-    none = np.zeros(0)
-    if isinstance(given, Constant):
-        return _kernel.CONSTANT, np.array([given.value]), none
-    if isinstance(given, Sine):
-        return _kernel.SINE, np.array([given.mean, given.amplitude, given.period, given.phase]), none
-    kind = _kernel.SAMPLED_HOLD if given.hold else _kernel.SAMPLED_LINEAR
-    return kind, np.ascontiguousarray(given.times, dtype=float), np.ascontiguousarray(given.values, dtype=float)

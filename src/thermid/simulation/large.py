@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.errors import SolverError
-from thermid.simulation.engine import Options, break_times
+from thermid.simulation.engine import Options
+from thermid.simulation.kernel_form import break_times
 from thermid.simulation.sparse import SparseNetwork
 
 __all__ = ["METHODS", "NAMES", "LargeAnswer", "Watched", "integrate"]

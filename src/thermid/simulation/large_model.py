@@ -68,7 +68,7 @@ def refusal(engine: Engine) -> str:
 
 def sparse_of(engine: Engine, a: Assembled) -> SparseNetwork:
     """Return a model's numbers as flat arrays."""
-    from thermid.simulation.engine import load_places
+    from thermid.simulation.kernel_form import load_places
 
     wiring = engine.wiring
     s, c = wiring.structure(), a.coefficients

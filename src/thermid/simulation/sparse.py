@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.model.curves import Curve
 from thermid.model.signal import Signal
-from thermid.simulation.engine import CONDUCTORS, LOADS, kernel_input
+from thermid.simulation.kernel_form import CONDUCTORS, LOADS, kernel_input
 from thermid.simulation.wiring import curve_arrays
 
 __all__ = ["Csr", "Grid", "LoadGroup", "RowGroup", "SparseNetwork", "link_arrays"]

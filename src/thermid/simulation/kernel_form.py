@@ -1,0 +1,93 @@
+"""What the kernel takes in place of names: kinds, places of coefficients, signals, and the words for how a run ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid import _kernel
+from thermid.model.curves import Curve
+from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.simulation.wiring import curve_arrays
+
+__all__ = ["CONDUCTORS", "LOADS", "break_times", "ending", "ints", "kernel_input", "load_places", "row_form"]
+
+Array = NDArray[np.float64]
+
+CONDUCTORS = {"linear": _kernel.LINEAR, "power": _kernel.POWER, "radiation": _kernel.RADIATION, "flow": _kernel.FLOW}
+LOADS = {
+    "signal": _kernel.SIGNAL,
+    "polynomial": _kernel.POLY,
+    "exponential": _kernel.EXP,
+    "table": _kernel.TABLE,
+    "thermostat": _kernel.THERMOSTAT,
+    "proportional": _kernel.PROPORTIONAL,
+}
+PLACES = {"exponential": (0, 1, 3)}
+"""Where the coefficients of a form stand among the kernel's four places, when not simply in order."""
+
+
+def break_times(signals: Iterable[Signal], end: float) -> Array:
+    """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
+    jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, Table) and s.hold]
+    times = np.unique(np.concatenate(jumps)) if jumps else np.zeros(0)
+    times = times[(times > 0) & (times < end)]
+    return times if times.size <= 5000 else np.zeros(0)
+
+
+def ints(values: Any) -> NDArray[np.int32]:
+    """Return numbers as the kernel's integers."""
+    return np.ascontiguousarray(values, dtype=np.int32)
+
+
+def load_places(form: str) -> tuple[int, ...]:
+    """Return where the coefficients of a form stand among the kernel's four places."""
+    return PLACES.get(form, (0, 1, 2, 3))
+
+
+def row_form(form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False) -> tuple[int, list[int], int]:
+    """Return the kernel's kind, coefficient places and table of a row."""
+    four = [-1, -1, -1, -1]
+    for place, coefficient in zip(load_places(form), places, strict=False):
+        four[place] = coefficient
+    table = -1
+    if curve is not None:
+        table = len(tables)
+        tables.append(curve_arrays(curve))
+    if load:
+        return LOADS[form], four, table
+    if form == "table" and curve is not None:
+        return (_kernel.TABLE_DIFF if curve.over == "difference" else _kernel.TABLE_MEAN), four, table
+    return CONDUCTORS[form], four, table
+
+
+def kernel_input(given: Signal) -> tuple[int, Array, Array]:
+    """Return the kernel's form of a signal."""
+    none = np.zeros(0)
+    if isinstance(given, Constant):
+        return _kernel.CONSTANT, np.array([given.value]), none
+    if isinstance(given, Sine):
+        return _kernel.SINE, np.array([given.mean, given.amplitude, given.period, given.phase]), none
+    kind = _kernel.SAMPLED_HOLD if given.hold else _kernel.SAMPLED_LINEAR
+    return kind, np.ascontiguousarray(given.times, dtype=float), np.ascontiguousarray(given.values, dtype=float)
+
+
+def ending(found: Any, names: Sequence[str], max_steps: int, end: float) -> str:
+    """Return what ran out in a run that ended before `end` [s], when, where and what to change."""
+    node = f" at '{names[found.node]}'" if 0 <= found.node < len(names) else ""
+    when = f"at {found.time:.6g} s of {end:.6g} s{node}"
+    words = {
+        _kernel.MAX_STEPS: f"{max_steps} steps were not enough, {when}. Allow more max_steps, or a larger tolerance.",
+        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise the tolerance.",
+        _kernel.NEWTON_FAILED: f"a step could not be solved {when}. Look for a power that grows too fast with temperature.",
+        _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
+        _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave."
+        " Where it falls below 0 K, a negative power takes more than there is.",
+        _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
+        _kernel.BAD_INPUT: f"a temperature must lie above 0 K and every number be finite, which does not hold {when}. Look there.",
+        _kernel.CHATTER: f"a thermostat switches without end {when}. Widen its hysteresis.",
+    }
+    return words.get(found.status, f"the run stopped {when}.")
