@@ -13,20 +13,24 @@ HERE = Path(__file__).parent
 RESULTS, PAGE = HERE / "results", HERE.parent / "docs" / "benchmarks.md"
 BEGIN, END = "<!-- results: written by benchmarks/table.py -->\n", "<!-- end of results -->\n"
 CASES = ("B1", "B2", "B3", "B4", "B5", "B6")
+PARTS = ("run", "sens", "calibrate")
 
 
 def newest() -> Iterator[dict[str, Any]]:
-    """Yield the latest whole document of every case."""
+    """Yield the latest whole document of every case, or those of its parts where there is none."""
     for case in CASES:
-        paths = sorted(RESULTS.glob(f"????-??-??-{case}.json"))
-        if paths:
-            yield json.loads(paths[-1].read_text(encoding="utf-8"))
+        for names in ((case,), tuple(f"{case}-{part}" for part in PARTS)):
+            found = [paths[-1] for name in names if (paths := sorted(RESULTS.glob(f"????-??-??-{name}.json")))]
+            yield from (json.loads(path.read_text(encoding="utf-8")) for path in found)
+            if found:
+                break
 
 
 def lines(document: dict[str, Any]) -> Iterator[str]:
     """Yield the section of one case."""
     machine, versions = document["machine"], document["machine"]["versions"]
-    yield f"### {document['case']}"
+    part = document["sections"][0].get("part") if len({s.get("part") for s in document["sections"]}) == 1 else None
+    yield f"### {document['case']}{f', {part}' if part else ''}"
     yield ""
     words = ", ".join(f"{name} {version}" for name, version in versions.items())
     load = f", load {machine['load']:.1f}" if machine.get("load") is not None else ""
@@ -49,6 +53,7 @@ def lines(document: dict[str, Any]) -> Iterator[str]:
             if line:
                 yield ""
                 yield f"{line[0].upper()}{line[1:]}."
+        yield from verdicts(rows)
         for row in rows:
             if row["name"] == "thermid" and "simulate_seconds" in row:
                 yield ""
@@ -58,6 +63,25 @@ def lines(document: dict[str, Any]) -> Iterator[str]:
     if document["missing"]:
         yield "Missing: " + "; ".join(f"{name} ({why})" for name, why in document["missing"].items()) + "."
         yield ""
+
+
+def verdicts(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """Yield whether targets are reached, and who of the peers that are right comes next, in each way."""
+    for row in rows:
+        if row["name"] == "thermid" and "target_seconds" in row:
+            yield ""
+            said = "reached" if row["cpu_seconds"] <= row["target_seconds"] else "missed"
+            yield f"Target {duration(row['target_seconds'])}: {said} with {duration(row['cpu_seconds'])} of processor time."
+    ways = {"tolerance": "by tolerance alone", "forced": "forced to the samples", "fixed": "with fixed steps"}
+    peers = [row for row in rows if row.get("way") in ways]
+    if peers:
+        yield ""
+        words = []
+        for way, name in ways.items():
+            right = [row for row in peers if row["way"] == way and row["right"]]
+            best = min(right, key=lambda row: row["ratio"]) if right else None
+            words.append(f"{name} {best['name']}, {best['ratio']:.3g} times the time of thermid" if best else f"{name} none")
+        yield f"Fastest peer that is right: {'; '.join(words)}."
 
 
 def rendered() -> str:
