@@ -1,6 +1,6 @@
 """Speed, guarded by ratios to a loop in numpy that runs in the same test: a slower machine slows both.
 
-The bounds are about twice what was measured on an idle machine; who makes something faster lowers its bound.
+The bounds are about twice the processor times measured once, on a busy machine; who makes something faster lowers its bound.
 """
 
 from __future__ import annotations
