@@ -10,7 +10,7 @@ COMPILE = uv pip compile pyproject.toml --universal --fork-strategy fewest --pyt
 install = { command -v uv >/dev/null && uv pip install --quiet --python $(BIN)/python --require-hashes -r $(1); } \
 	|| $(BIN)/python -m pip install --disable-pip-version-check --quiet --require-hashes -r $(1)
 
-.PHONY: help setup setup-test demo test test-all lint format lengths lock clean
+.PHONY: help setup setup-test demo test test-all bench lint format lengths lock clean
 
 help:  ## what can be made
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
@@ -27,6 +27,11 @@ test: lint  ## lint, then every test but the whole campaigns
 
 test-all: lint  ## lint, then every test
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -rs --durations=10
+
+bench: setup-test  ## every benchmark beside the peers that are installed, the tables of docs/benchmarks.md, the guards
+	@for case in B1 B2 B3 B4 B5 B6; do $(BIN)/python benchmarks/run.py $$case --save benchmarks/results || exit 1; done
+	@$(BIN)/python benchmarks/table.py
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --benchmark-only tests/benchmarks
 
 lint: setup-test  ## ruff and mypy
 	$(BIN)/ruff check .

@@ -1,0 +1,43 @@
+"""What a new process loads before it answers: light things first, the heavy libraries only when they are needed."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+NEVER = {"scipy", "pandas", "matplotlib", "pint", "xarray", "jinja2", "h5py", "h5netcdf", "hypothesis"}
+"""Nothing on the way to a first result needs these."""
+HELP = "from thermid.cli import main\nsys.argv = ['thermid', '--help']\ntry:\n    main()\nexcept SystemExit:\n    pass"
+RESULT = """
+import thermid as td
+deck = {"title": "x", "needs": ["air"], "nodes": {"a": {"capacitance": "9 [J/K]"}}, "loads": {"p": {"into": "a", "power": "1 [W]"}},
+        "conductors": {"g": {"kind": "conduction", "between": ["a", "air"], "conductance": "1 [W/K]"}}}
+assert td.simulate(td.model_from_dict(deck), td.Scenario("s", boundaries={"air": "20 [degC]"}, duration=60.0))["a"].final > 20
+"""
+
+
+def loaded(code: str) -> set[str]:
+    """Names of the packages that a fresh interpreter holds after running `code`."""
+    script = f"import sys\nbefore = set(sys.modules)\n{code}\nimport json\nprint(json.dumps(sorted(set(sys.modules) - before)))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return {name.partition(".")[0] for name in json.loads(done.stdout.splitlines()[-1])}
+
+
+def test_what_is_loaded_is_seen() -> None:
+    assert "numpy" in loaded("import numpy")
+
+
+def test_import_loads_the_package_alone() -> None:
+    assert not loaded("import thermid") & (NEVER | {"numpy", "pydantic", "tomlkit", "typer", "rich", "threadpoolctl"})
+
+
+def test_help_loads_no_numbers() -> None:
+    assert not loaded(HELP) & (NEVER | {"numpy", "pydantic", "tomlkit", "threadpoolctl"})
+
+
+def test_a_first_result_needs_numpy_and_the_deck_reader_alone() -> None:
+    found = loaded(RESULT)
+    assert "numpy" in found
+    assert not found & (NEVER | {"typer", "rich"})
