@@ -74,7 +74,7 @@ def sensitive(case: Case) -> Outcome:
 
 def public(case: Case) -> Outcome:
     """The public API: a deck from Python, a scenario, `simulate`."""
-    if {"t0", "t_end", "breaks"} & set(case.options):
+    if {"t0", "t_end", "breaks"} & set(case.options) or case.times[0] != 0.0:
         return Outcome("refused", None, "not asked")
     try:
         o = {"tolerance": "atol", "relative": "rtol", "input_tolerance": "input_atol", "max_step": "max_step", "max_steps": "max_steps"}

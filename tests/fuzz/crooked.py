@@ -108,7 +108,9 @@ class Crooked:
             while here < end:
                 events = [self._event(load) for load in self.thermostats]
                 with np.errstate(all="ignore"):
-                    found = solve_ivp(self.rate, (here, end), state, "Radau", rtol=rtol, atol=atol, events=events or None, dense_output=True)
+                    found = solve_ivp(
+                        self.rate, (here, end), state, "Radau", rtol=rtol, atol=atol, events=events or None, dense_output=True
+                    )
                 if not found.success:
                     raise NoVerdict
                 stop = float(found.t[-1])

@@ -89,7 +89,8 @@ def _forcing(net: Net, edge: Matrix, begin: float, end: float) -> tuple[list[Dec
 
     ends = [[signal(j) for j in pair if j >= 0] for pair in net.boundaries]
     first, slope = (
-        [sum((e * sum((s[part] for s in given), ZERO) for e, given in zip(row, ends, strict=True)), ZERO) for row in edge] for part in (0, 1)
+        [sum((e * sum((s[part] for s in given), ZERO) for e, given in zip(row, ends, strict=True)), ZERO) for row in edge]
+        for part in (0, 1)
     )
     for _, node, slots, _, _ in net.loads:
         power = signal(slots[0])
