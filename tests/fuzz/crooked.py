@@ -16,7 +16,7 @@ PATIENCE = 25_000
 SWITCHINGS = 60
 
 
-class NoVerdict(Exception):
+class NoVerdictError(Exception):
     """The oracle does not know."""
 
 
@@ -28,7 +28,7 @@ class Crooked:
         self.c = net.capacities()
         self.massive, self.massless = np.flatnonzero(self.c > 0), np.flatnonzero(self.c == 0)
         if (self.c < 0).any() or not np.isfinite(self.c).all():
-            raise NoVerdict
+            raise NoVerdictError
         self.guess = np.asarray(net.start, float)[self.massless]
         self.calls = 0
         self.middle = 0.0
@@ -38,13 +38,13 @@ class Crooked:
     def heat(self, t: float, every: np.ndarray) -> np.ndarray:
         self.calls += 1
         if self.calls > PATIENCE:
-            raise NoVerdict
+            raise NoVerdictError
         # held inputs have the value of the piece under way
         values = [self.net.signal(i, self.middle if inp[0] == k.SAMPLED_HOLD else t) for i, inp in enumerate(self.net.inputs)]
         coef = np.array([v * (values[u] if u >= 0 else 1.0) for v, u, _ in self.net.coefs])
         found = _steady_coefficients(self.net, coef).net_heat(t, every, coef, self.on)
         if not np.isfinite(found).all():
-            raise NoVerdict
+            raise NoVerdictError
         return np.asarray(found)
 
     def everything(self, t: float, massive: np.ndarray) -> np.ndarray:
@@ -61,7 +61,7 @@ class Crooked:
                 moved[i] += 1e-4
                 jacobian[:, j] = (self.heat(t, moved)[m] - zero) / 1e-4
             if not np.isfinite(jacobian).all() or np.linalg.cond(jacobian) > 1e12:
-                raise NoVerdict
+                raise NoVerdictError
             step = np.linalg.solve(jacobian, -zero)
             step *= min(1.0, 50.0 / max(float(np.abs(step).max()), 1e-300))
             every[m] += step
@@ -69,7 +69,7 @@ class Crooked:
                 break
         else:
             if m.size:
-                raise NoVerdict
+                raise NoVerdictError
         self.guess = every[m].copy()
         return every
 
@@ -112,7 +112,7 @@ class Crooked:
                         self.rate, (here, end), state, "Radau", rtol=rtol, atol=atol, events=events or None, dense_output=True
                     )
                 if not found.success:
-                    raise NoVerdict
+                    raise NoVerdictError
                 stop = float(found.t[-1])
                 last = stop == end == edges[-1]
                 for j in np.flatnonzero((times >= here) & ((times <= stop) if last else (times < stop))):
@@ -121,7 +121,7 @@ class Crooked:
                 if stop < end:
                     switched += 1
                     if switched > SWITCHINGS:
-                        raise NoVerdict
+                        raise NoVerdictError
                     for load, hits in zip(self.thermostats, found.t_events, strict=True):
                         if len(hits):
                             self.on[load] = 1 - self.on[load]
@@ -145,13 +145,13 @@ def solve(net: Net, times: np.ndarray) -> np.ndarray:
 
     Raises
     ------
-    NoVerdict   When they differ, or the work is too much.
+    NoVerdictError   When they differ, or the work is too much.
     """
     try:
         with np.errstate(all="ignore"):
             one, other = (Crooked(net).solve(times, rtol, atol) for rtol, atol in ((1e-7, 1e-6), (1e-9, 1e-8)))
     except (OverflowError, ValueError, ZeroDivisionError, FloatingPointError, np.linalg.LinAlgError):
-        raise NoVerdict from None
+        raise NoVerdictError from None
     if not np.isfinite(other).all() or (np.abs(one - other) > 1e-4 + 1e-6 * np.abs(other)).any():
-        raise NoVerdict
+        raise NoVerdictError
     return other

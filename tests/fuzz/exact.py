@@ -20,7 +20,7 @@ Matrix = list[list[Decimal]]
 ZERO, ONE = Decimal(0), Decimal(1)
 
 
-class Undefined(Exception):
+class UndefinedError(Exception):
     """A massless node with no conductance has no temperature."""
 
 
@@ -137,7 +137,7 @@ def _eliminate(block: Matrix, size: int) -> None:
         pivot = max(range(c, size), key=lambda r: abs(block[r][c]))
         scale = max((abs(v) for v in block[pivot]), default=ZERO)
         if abs(block[pivot][c]) <= Decimal("1e-60") * scale:
-            raise Undefined
+            raise UndefinedError
         block[c], block[pivot] = block[pivot], block[c]
         block[c] = [v / block[c][c] for v in block[c]]
         for r in range(size):

@@ -42,9 +42,9 @@ def truth(case: Case) -> tuple[str, np.ndarray | None]:
         if exact.is_linear(case.net):
             return "exact", exact.solve(case.net, t)
         return "crooked", crooked.solve(case.net, t)
-    except exact.Undefined:
+    except exact.UndefinedError:
         return "undefined", None
-    except (crooked.NoVerdict, ArithmeticError):
+    except (crooked.NoVerdictError, ArithmeticError):
         return "nobody", None
 
 

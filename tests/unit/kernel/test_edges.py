@@ -217,7 +217,7 @@ def test_interrupt_key() -> None:
 
 @pytest.mark.parametrize("capacitance", [1.0, 1e-2, 1e-4, 1e-6, 1e-9])
 def test_a_fast_node_that_starts_apart_leaves_its_neighbour_alone(capacitance: float) -> None:
-    """It settles long before the first output; what it does to its neighbour's slope until then must not be drawn through the first step."""
+    """It settles long before the first output; its neighbour's slope until then must not be drawn through the first step."""
     net = Net()
     slow, fast = net.node(100.0, 300.0), net.node(capacitance, 320.0)
     net.link(k.LINEAR, slow, fast, net.coef(1.0))
