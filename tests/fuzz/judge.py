@@ -81,7 +81,7 @@ def _fault(case: Case, who: str, found: Outcome, knows: str, real: np.ndarray | 
     if found.status != "OK" or found.traces is None:
         if found.status == "refused" and not found.why:
             return "refused without a word"
-        return f"gives up on a benign network: {found.status} {found.why}" if case.benign and not case.broken else ""
+        return f"gives up on a benign network: {found.status} {found.why}" if case.benign and not case.broken and who != "modal" else ""
     if not np.isfinite(found.traces).all():
         return "says OK with temperatures that are no numbers"
     if knows == "undefined":
