@@ -6,11 +6,15 @@ KERNEL := CMakeLists.txt pyproject.toml $(wildcard src/kernel/*)
 COMPILE = uv pip compile pyproject.toml --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --quiet $(UPGRADE)
 
+# What calls the kernel itself, or through networks, runs and fits; the other tests reach nothing of it that these do not.
+SANITIZED := tests/unit/kernel tests/unit/network tests/unit/simulation tests/unit/identify tests/unit/model/test_law.py \
+	tests/analytic tests/properties tests/recovery tests/regression
+
 # uv where it is present; it does not read pip's settings, so pip has the last word.
 install = { command -v uv >/dev/null && uv pip install --quiet --python $(BIN)/python --require-hashes -r $(1); } \
 	|| $(BIN)/python -m pip install --disable-pip-version-check --quiet --require-hashes -r $(1)
 
-.PHONY: help setup setup-test demo test test-all bench lint format lengths lock clean
+.PHONY: help setup setup-test demo test test-all bench lint sanitize format lengths lock clean
 
 help:  ## what can be made
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
@@ -32,6 +36,9 @@ bench: setup-test  ## every benchmark beside the peers that are installed, the t
 	@for case in B1 B2 B3 B4 B5 B6; do $(BIN)/python benchmarks/run.py $$case --save benchmarks/results || exit 1; done
 	@$(BIN)/python benchmarks/table.py
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --benchmark-only tests/benchmarks
+
+sanitize: setup-test  ## the tests that reach the kernel, with a kernel built under address and undefined behaviour sanitizers (gcc)
+	scripts/sanitize -m pytest -n 2 -m "not campaign" -rs -p no:cacheprovider $(SANITIZED)
 
 lint: setup-test  ## ruff and mypy
 	$(BIN)/ruff check .

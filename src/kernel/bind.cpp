@@ -97,7 +97,10 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
     r.traces = to;
     r.sens = slopes;
     Integrator run(p, coef.data(), d, o);
-    run.run(T0.data(), dT0 ? dT0->data() : nullptr, t0, t_end, times.data(), static_cast<long>(nt), nodes.data(), static_cast<int>(no), r);
+    {
+        nb::gil_scoped_release others;  // threads of the caller go on; what the run reads is its own, or fixed
+        run.run(T0.data(), dT0 ? dT0->data() : nullptr, t0, t_end, times.data(), static_cast<long>(nt), nodes.data(), static_cast<int>(no), r);
+    }
     PyResult out{r.status, r.node, r.time, r.filled, r.steps, r.rejected, r.newton, r.factorisations, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
     out.traces = traces;
     out.sensitivities = sens;

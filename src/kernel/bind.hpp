@@ -119,8 +119,9 @@ inline std::vector<Input> read_inputs(const nb::list& inputs) {
     return out;
 }
 
-// Lets the interrupt key end a long run.
+// Lets the interrupt key end a long run, which goes on without the interpreter's lock.
 inline void poll_interrupt() {
+    nb::gil_scoped_acquire held;
     if (PyErr_CheckSignals() != 0) throw nb::python_error();
 }
 

@@ -10,8 +10,9 @@ namespace thermid {
 // dT = (b + s db) w + (A b - db) ww + A A b www; the next term of the series is the estimate.
 double Integrator::input_error() {
     double total = 0.0;
-    make_slaved(fast_, leftover_ ? 1e-4 : 1e-2);
-    if (!settles(fast_)) make_slaved(fast_, 0.0);  // a fast group that is cut off from the others does not follow them
+    const double small = leftover_ ? 1e-4 : 1e-2;
+    make_slaved(fast_, small);
+    if (!settles(fast_, small)) make_slaved(fast_, 0.0);  // a fast group that is cut off from the others does not follow them
     if (!leftover_) {
         for (Noise& z : noise_) z.active = false;
         std::copy(drift_.begin(), drift_.end(), drift_next_.begin());
@@ -86,6 +87,19 @@ void Integrator::dense_start() {
         dirS_ = z.sb;
         rate_sensitivity(fast_, e_, J0_.data(), bb_.data(), nullptr, S_.data(), dirS_.data(), z.ab.data(), z.sc.data());
     }
+}
+
+// Nodes far faster than the step that settle within it: what their settling, over long before the first output, does to the slopes of the
+// others at the step's start, and so to the outputs within the step. The temperatures at its end hardly feel it. [K]
+double Integrator::unsettled() {
+    if (quick_.nodes.size() == massless_.nodes.size()) return 0.0;
+    std::fill(bb_.begin(), bb_.end(), 0.0);
+    std::fill(dir_.begin(), dir_.end(), 0.0);
+    for (int i : quick_.nodes) bb_[i] = F_[i] - F_[(STAGES - 1) * static_cast<size_t>(n_) + i];
+    rate(quick_, J0_.data(), bb_.data(), dir_.data(), err_.data());
+    double most = 0.0;
+    for (int i = 0; i < n_; ++i) most = std::max(most, 0.15 * h_ * std::fabs(err_[i]));  // a slope weighs s (1 - s)^2 in a cubic
+    return most;
 }
 
 // After an accepted step: derivatives at its end and the polynomials of every node.

@@ -106,6 +106,19 @@ double Integrator::first_step(double span) const {
     return std::min(std::max(h, 1e-6 * span), 0.05 * span);
 }
 
+// Heavy nodes tied closely together, which start apart: the shortest time in which they meet, for no polynomial follows them over a longer
+// step. A light node that settles at once is not among them; its outputs follow the others'.
+double Integrator::settling() {
+    double time = std::numeric_limits<double>::infinity();
+    make_slaved(fast_, 1e-3);
+    if (settles(fast_, 1e-3)) return time;
+    for (int i : fast_.nodes) {
+        const double own = std::fabs(J0_[p_.pattern.diag[i]]);
+        if (cap_[i] > 0.0 && std::fabs(F_[i]) > 1e-6 * own) time = std::min(time, cap_[i] / own);
+    }
+    return std::max(time, 1e-14 * std::fabs(t_));
+}
+
 // Initial temperatures of massless nodes, thermostats and the outputs at the start.
 void Integrator::initial(const double* s0, Outputs& out) {
     for (int i = 0; i < n_; ++i) {
@@ -173,6 +186,11 @@ bool Integrator::attempt(Outputs& out, double& next) {
         if (t_ + next == t_ || next < 1e-14 * std::fabs(t_)) underflow(STEP_UNDERFLOW);
         return false;
     }
+    if (inside_ && t_ + 0.1 * h_ > t_ && unsettled() > std::max(1e-6, 10.0 * tolerance())) {
+        next = 0.1 * h_;
+        pending_ = -1;
+        return false;
+    }
     check_state();
     dense(inside_);
     if (watch) {
@@ -219,6 +237,7 @@ void Integrator::advance(double t_end, Outputs& out) {
     stops.push_back(t_end);
     std::sort(stops.begin(), stops.end());
     size_t stop = 0;
+    const long rest = std::clamp(static_cast<long>(1e8 / std::pow(n_, 3) / (1.0 + np_)), 1L, 1000L);  // steps between two looks at the interrupt key
     double limit = o_.max_step;
     for (const Input& in : p_.inputs)
         if (in.kind == SINE && in.amplitude != 0.0) limit = std::min(limit, in.period / 6.0);
@@ -227,10 +246,10 @@ void Integrator::advance(double t_end, Outputs& out) {
     end_ = t_end;
     project();
     start(true);
-    double next = given ? t_end - t_ : first_step(t_end - t_), wish = next;
+    double next = given ? t_end - t_ : std::min(first_step(t_end - t_), settling()), wish = next;
     while (t_ < t_end) {
         if (r_->steps + r_->rejected >= o_.max_steps) throw Failure{MAX_STEPS, worst(err_)};
-        if ((r_->steps + r_->rejected) % 1000 == 999 && o_.poll) o_.poll();
+        if ((r_->steps + r_->rejected) % rest == rest - 1 && o_.poll) o_.poll();
         while (stops[stop] <= t_) ++stop;
         const double room = stops[stop] - t_;
         h_ = next;

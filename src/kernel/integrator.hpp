@@ -116,7 +116,7 @@ class Integrator {
 
     // slaved.cpp
     void make_slaved(Slaved& s, double small);
-    bool settles(Slaved& s);
+    bool settles(Slaved& s, double small);
     void index_slaved(Slaved& s);
     void factor_slaved(Slaved& s, const double* j);
     void fill_slaved(Slaved& s, const double* j);
@@ -137,6 +137,7 @@ class Integrator {
     double at_ = 0.0;
     double input_error();
     double curvature();
+    double unsettled();
     void dense(bool inside);
     void move_cursors(double s);
     void nodes_at(double s, bool slaved);
@@ -181,6 +182,7 @@ class Integrator {
     void check_state();
     void seen();
     double first_step(double span) const;
+    double settling();
     [[noreturn]] void underflow(int cause) const;
     int worst(const std::vector<double>& v) const;
     double hold_ = std::numeric_limits<double>::infinity();  // step limit by the sampled inputs

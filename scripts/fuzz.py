@@ -1,0 +1,91 @@
+"""Fuzz the kernel and the public API: ``python scripts/fuzz.py --minutes 10 --seed 1``, or ``scripts/sanitize scripts/fuzz.py ...``.
+
+Cases run in a process of their own, so that a crash or a hang is a finding with its seed. The exit code is 1 when there is a finding.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+TESTS = Path(__file__).parent.parent / "tests"
+HANG = 120.0
+"""Time in which a case must end. [s]"""
+
+
+def child(first: int) -> None:
+    """Judge one seed after the other, and say so before and after each."""
+    sys.path.insert(0, str(TESTS))
+    from fuzz.judge import Verdicts, judge
+
+    for seed in range(first, sys.maxsize):
+        print(f"seed {seed}", flush=True)
+        verdicts = Verdicts()
+        judge(seed, verdicts)
+        for found in verdicts.findings:
+            print(f"finding {found}", flush=True)
+
+
+def main() -> int:
+    """Run children until the time is over; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--seed", type=int, default=1, help="the first seed")
+    parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.child:
+        child(given.seed)
+    end, seed, findings, begun = time.monotonic() + 60.0 * given.minutes, given.seed, 0, given.seed
+    while time.monotonic() < end:
+        seed, lines = batch(seed, end)
+        findings += len(lines)
+        for line in lines:
+            print(line, flush=True)
+    print(f"{seed - begun} cases, {findings} findings")
+    return 1 if findings else 0
+
+
+def batch(first: int, end: float) -> tuple[int, list[str]]:
+    """Run one child until it dies, hangs or the time is over; return the next seed and what was found."""
+    command = [sys.executable, str(Path(__file__)), "--child", "--seed", str(first)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    lines: list[str] = []
+    reader = threading.Thread(target=lambda: lines.extend(_noting(process, last)), daemon=True)
+    last = [float(first), time.monotonic()]
+    reader.start()
+    why = ""
+    while process.poll() is None and not why:
+        time.sleep(0.2)
+        if time.monotonic() - last[1] > HANG:
+            why = f"hangs for more than {HANG:g} s"
+        elif time.monotonic() > end:
+            why = "over"
+    crashed = process.poll() is not None
+    process.kill()
+    process.wait()
+    reader.join(timeout=5.0)
+    if crashed:
+        lines.append(f"seed {last[0]:.0f}: the process died with {process.returncode}")
+    elif why != "over":
+        lines.append(f"seed {last[0]:.0f}: {why}")
+    return int(last[0]) + 1, lines
+
+
+def _noting(process: subprocess.Popen[str], last: list[float]) -> list[str]:
+    """Return the findings that a child prints; keep the seed under way and the time in `last`."""
+    found = []
+    for line in process.stdout or ():
+        word, _, rest = line.strip().partition(" ")
+        if word == "seed":
+            last[:] = [float(rest), time.monotonic()]
+        elif word == "finding":
+            found.append(rest)
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,171 @@
+"""Who computes a case, each by one function; to add one, write it and name it in CONTESTANTS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import thermid as td
+from fuzz.networks import SIGMA, Case
+from thermid import _kernel as k
+from thermid.model.curves import Curve
+from thermid.model.signal import Constant, Sine, Table
+from unit.kernel.reference import Net
+
+STATUS = ("OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER")
+NAMES = {getattr(k, name): name for name in STATUS}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a contestant says.
+
+    Parameters
+    ----------
+    status : str            OK, a status of the kernel, or 'refused' with words.
+    traces : array or None  Temperatures (times, nodes), when OK. [K]
+    why : str               What was said.
+    """
+
+    status: str
+    traces: np.ndarray | None = None
+    why: str = ""
+
+
+def _run(case: Case, **options: Any) -> Outcome:
+    try:
+        found = case.net.run(case.times, **options)
+    except (ValueError, TypeError, OverflowError) as error:
+        return Outcome("refused", None, str(error))
+    status = NAMES[found.status]
+    if status == "OK":
+        assert found.filled == len(case.times)
+        return Outcome(status, found.traces)
+    assert -1 <= found.node < len(case.net.capacity) + len(case.net.boundaries)
+    assert np.isfinite(found.time)
+    return Outcome(status, None, f"at {found.time:g} s, node {found.node}")
+
+
+def kernel(case: Case) -> Outcome:
+    """The kernel as it is called by default."""
+    return _run(case, **case.options)
+
+
+def tight(case: Case) -> Outcome:
+    """The kernel at tight tolerances."""
+    return _run(case, **({"atol": 1e-9, "rtol": 1e-10, "input_atol": 1e-7} | case.options))
+
+
+def sensitive(case: Case) -> Outcome:
+    """The kernel with sensitivities to every second coefficient and initial temperature, which must not change the answer."""
+    net = case.net
+    values = net.values
+    number = len(values)
+    indptr = np.array([(j + 1) // 2 for j in range(number + 1)], np.int32)
+    size = int(indptr[-1]) + len(net.start)
+    csr = (indptr, np.arange(indptr[-1], dtype=np.int32), np.ones(indptr[-1]), size)
+    start = np.zeros((len(net.start), size))
+    start[:, int(indptr[-1]) :] = np.eye(len(net.start))
+    return _run(case, **({"dcoef": csr, "dT0": start} | case.options))
+
+
+def public(case: Case) -> Outcome:
+    """The public API: a deck from Python, a scenario, `simulate`; it chooses how."""
+    return _public(case, "auto")
+
+
+def modal(case: Case) -> Outcome:
+    """The modal solution, which a curved network is refused."""
+    return _public(case, "modal")
+
+
+def _public(case: Case, method: str) -> Outcome:
+    if {"t0", "t_end", "breaks"} & set(case.options) or case.times[0] != 0.0:
+        return Outcome("refused", None, "not asked")
+    try:
+        o = {"tolerance": "atol", "relative": "rtol", "input_tolerance": "input_atol", "max_step": "max_step", "max_steps": "max_steps"}
+        options = td.Options(method=method, **{name: case.options[key] for name, key in o.items() if key in case.options})
+        found = td.simulate(td.model_from_dict(deck(case.net)), scenario(case), times=case.times, options=options)
+        return Outcome("OK", np.column_stack([found[f"n{i}"].kelvin for i in range(len(case.net.capacity))]))
+    except (td.ThermidError, ValueError, TypeError, OverflowError) as error:
+        return Outcome("refused", None, str(error))
+
+
+CONTESTANTS: dict[str, Callable[[Case], Outcome]] = {f.__name__: f for f in (kernel, tight, sensitive, public, modal)}
+
+
+def scenario(case: Case) -> td.Scenario:
+    """Return the scenario of a case."""
+    net = case.net
+    start = {f"n{i}": value for i, value in enumerate(net.start)}
+    boundaries = {f"e{j}": _signal(net, *pair) for j, pair in enumerate(net.boundaries)}
+    return td.Scenario("fuzz", boundaries=boundaries, start=300.0, initial=start, duration=float(case.times[-1]))
+
+
+def _signal(net: Net, gain: int, offset: int) -> Any:
+    constant = net.coefs[offset][0] if offset >= 0 else 0.0
+    if gain < 0:
+        return Constant(constant)
+    factor, u, _ = net.coefs[gain]
+    kind, a, b = net.inputs[u]
+    if kind == k.SINE:
+        return Sine(factor * a[0] + constant, factor * a[1], a[2], a[3])
+    return Table(a, factor * b + constant, kind == k.SAMPLED_HOLD)
+
+
+def deck(net: Net) -> dict[str, Any]:
+    """Return the deck of a network."""
+
+    def name(i: int) -> str:
+        return f"n{i}" if i >= 0 else f"e{-i - 1}"
+
+    def value(j: int, unit: str) -> str:
+        return f"{net.coefs[j][0]!r} [{unit}]"
+
+    nodes: dict[str, Any] = {name(i): {} if j < 0 else {"capacitance": value(j, "J/K")} for i, j in enumerate(net.capacity)}
+    links: dict[str, Any] = {}
+    for r, (kind, a, b, c, table) in enumerate(net.conductors):
+        links[f"c{r}"] = {"between": [name(a), name(b)], **_law(net, kind, c, table, value)}
+    loads: dict[str, Any] = {}
+    for r, (kind, node, c, sensor, table) in enumerate(net.loads):
+        loads[f"q{r}"] = {"into": name(node), **_load(net, kind, c, name(sensor), table, value)}
+    needs = [f"e{j}" for j in range(len(net.boundaries))]
+    return {"title": "fuzz", "needs": needs, "nodes": nodes, "conductors": links, "loads": loads}
+
+
+def _curve(net: Net, over: str, table: int) -> Curve:
+    return Curve(over, *net.tables[table])
+
+
+def _law(net: Net, kind: int, c: list[int], table: int, value: Callable[[int, str], str]) -> dict[str, Any]:
+    number = net.coefs[c[0]][0]
+    if kind == k.POWER:
+        htc = {"coefficient": value(c[0], "W/(m^2 K)"), "exponent": net.coefs[c[1]][0]}
+        return {"kind": "convection", "htc": htc, "area": "1 [m^2]"}
+    if kind == k.RADIATION:
+        return {"kind": "radiation", "exchange_factor": number / SIGMA, "area": "1 [m^2]"}
+    if kind == k.FLOW:
+        return {"kind": "flow", "mass_flow": value(c[0], "kg/s"), "specific_heat": "1 [J/(kg K)]"}
+    if kind in (k.TABLE_MEAN, k.TABLE_DIFF):
+        return {"kind": "table", "scale": number, "table": _curve(net, "temperature" if kind == k.TABLE_MEAN else "difference", table)}
+    return {"kind": "conduction", "conductance": value(c[0], "W/K")}
+
+
+def _load(net: Net, kind: int, c: list[int], sensor: str, table: int, value: Callable[[int, str], str]) -> dict[str, Any]:
+    if kind == k.TABLE:
+        return {"table": _curve(net, "temperature", table), "scale": net.coefs[c[0]][0]}
+    if kind == k.THERMOSTAT:
+        limits = {"on_below": value(c[1], "K"), "off_above": value(c[2], "K")}
+        return {"power": value(c[0], "W"), "thermostat": limits | {"sensor": sensor}}
+    if kind == k.PROPORTIONAL:
+        return {"power": value(c[2], "W"), "proportional": {"gain": value(c[0], "W/K"), "setpoint": value(c[1], "K"), "sensor": sensor}}
+    out = {"power": value(c[0], "W")}
+    if kind == k.EXP:
+        out |= {"exponential_coefficient": value(c[1], "1/K"), "reference_temperature": value(c[3], "K")}
+    if kind == k.POLY:
+        out |= {"temperature_coefficient": value(c[1], "1/K"), "quadratic_coefficient": value(c[2], "1/K^2")}
+        out |= {"reference_temperature": value(c[3], "K")}
+    return out

@@ -1,0 +1,61 @@
+"""Random trouble: never a crash, never a silent wrong answer. `scripts/fuzz.py` runs as long as one likes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fuzz import crooked, exact
+from fuzz.contestants import CONTESTANTS, Outcome
+from fuzz.judge import Verdicts, _fault, judge, truth
+from fuzz.networks import FAMILIES, draw
+from thermid import _kernel as k
+from unit.kernel.reference import Net
+
+QUICK, LONG = 5, 300
+
+
+@pytest.mark.properties
+@pytest.mark.parametrize("effort", ["quick", pytest.param("campaign", marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_answer_is_right_or_says_what_failed(family: str, effort: str) -> None:
+    place, verdicts = list(FAMILIES).index(family), Verdicts()
+    begin, count = (0, QUICK) if effort == "quick" else (QUICK, LONG)
+    for number in range(begin, begin + count):
+        judge(number * len(FAMILIES) + place, verdicts)
+    print(verdicts.table())
+    assert verdicts.findings == []
+    answered = sum(n for (_, _, how), n in verdicts.counts.items() if how.startswith("OK") and "nobody" not in how)
+    assert answered >= count  # the oracles know enough of each family for this test to mean something
+
+
+def chain() -> Net:
+    net = Net()
+    a, b = net.node(500.0, 320.0), net.node(800.0, 290.0)
+    mid = net.node(None, 300.0)
+    air = net.boundary(gain=net.coef(1.0, net.input(k.SAMPLED_LINEAR, [0.0, 400.0, 1000.0], [293.0, 303.0, 298.0])))
+    net.link(k.LINEAR, a, mid, net.coef(0.8))
+    net.link(k.LINEAR, mid, b, net.coef(1.2))
+    net.link(k.LINEAR, mid, air, net.coef(0.3))
+    net.link(k.LINEAR, b, air, net.coef(0.2))
+    net.load(k.SIGNAL, a, net.coef(1.0, net.input(k.SAMPLED_HOLD, [0.0, 600.0], [5.0, 0.0])))
+    return net
+
+
+def test_the_oracles_agree_with_each_other() -> None:
+    times = np.linspace(0.0, 1500.0, 31)
+    assert np.abs(exact.solve(chain(), times) - crooked.solve(chain(), times)).max() < 1e-6
+
+
+def test_the_judge_sees_wrong_answers() -> None:
+    case = draw(list(FAMILIES).index("repeated"))
+    knows, real = truth(case)
+    assert real is not None
+    right = CONTESTANTS["kernel"](case)
+    assert not _fault(case, "kernel", right, knows, real)
+    wrong = real + 0.02
+    assert "0.02 K off" in _fault(case, "kernel", Outcome("OK", wrong), knows, real)
+    wrong[-1] = np.nan
+    assert "no numbers" in _fault(case, "kernel", Outcome("OK", wrong), knows, real)
+    assert "gives up" in _fault(case, "kernel", Outcome("MAX_STEPS", None, "at 3 s"), knows, real)
+    assert "massless" in _fault(case, "kernel", right, "undefined", None)
