@@ -294,7 +294,8 @@ def test_a_fit_draws_with_its_covariance() -> None:
 
 def test_an_interrupt_ends_a_long_ensemble_and_leaves_the_interpreter_usable() -> None:
     program = textwrap.dedent("""
-        import _thread, threading, time
+        import _thread, signal, threading, time
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in what a script starts in the background
         import numpy as np, thermid as td
         deck = {"title": "one", "needs": ["room"], "nodes": {"a": {"capacitance": "100 [J/K]"}},
                 "surfaces": {"s": {"of": "a", "to": "room", "area": "0.1 [m^2]", "htc": "5 [W/(m^2 K)]"}},
