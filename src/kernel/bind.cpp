@@ -155,7 +155,13 @@ nb::tuple rhs(const Problem& p, Reals coef, Reals T, double t, std::optional<Csr
     std::vector<double> j(n * n), fp(n * d.np);
     e.jacobian(j.data());
     e.f.resize(n);
-    if (d.np) e.add_parameters(d, p.con_entry, p.load_entry, fp.data(), 1.0);
+    if (d.np) {
+        Scatter s;
+        s.con = p.con_entry;
+        s.load = p.load_entry;
+        s.build(p, d);
+        e.add_parameters(s, fp.data(), 1.0);
+    }
     return nb::make_tuple(reals(e.f), array<double>(j, {n, n}), d.np ? array<double>(fp, {n, static_cast<size_t>(d.np)}) : nb::none());
 }
 

@@ -14,15 +14,16 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     const size_t n = n_, np = np_, m = n * np, rows = p.con.size(), loads = p.load.size();
     auto moves = [&](int c) { return p.coef_input[c] >= 0 && p.inputs[p.coef_input[c]].kind != CONSTANT; };
     for (const Entry& e : p.con_entry) {
-        if (d.any(e.coef)) con_p_.push_back(e);
+        if (d.any(e.coef)) parameters_.con.push_back(e);
         if (moves(e.coef)) con_u_.push_back(e);
     }
     for (const Entry& e : p.load_entry) {
         // Thresholds act through the switching instant only.
         if (p.load.kind[e.row] == THERMOSTAT && e.what != 0) continue;
-        if (d.any(e.coef)) load_p_.push_back(e);
+        if (d.any(e.coef)) parameters_.load.push_back(e);
         if (moves(e.coef)) load_u_.push_back(e);
     }
+    parameters_.build(p, d);
     for (int k : p.con.kind) curved_ |= k != LINEAR && k != FLOW;
     for (int k : p.load.kind) curved_ |= k != SIGNAL && k != THERMOSTAT;
     for (auto* v : {&cap_, &inv_cap_}) v->assign(n, 0.0);
@@ -37,7 +38,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     for (auto* v : {&F_, &beyond_}) v->assign(STAGES * n, 0.0);
     FS_.assign(STAGES * m, 0.0);
     poly_.assign(STAGES * n, 0.0);
-    for (auto* v : {&J0_, &J1_, &row_}) v->assign(p.pattern.size(), 0.0);
+    for (auto* v : {&J0_, &J1_, &dJ_, &row_}) v->assign(p.pattern.size(), 0.0);
     for (auto* v : {&worst_, &uder0_, &uder1_, &unit_, &u0_}) v->assign(nk_, 0.0);
     fu_.assign(nk_ * n, 0.0);
     in_.resize(nk_);

@@ -44,7 +44,7 @@ struct Slaved {
     std::vector<int> nodes, con_rows, load_rows;
     std::vector<char> is;
     std::vector<int> place;  // of a node among them
-    std::vector<Entry> con_p, load_p;
+    Scatter parameters;
     Lu lu;
     bool factored = false;
 };
@@ -70,7 +70,8 @@ class Integrator {
     LeastSquares* squares_;
     Result* r_ = nullptr;
     int n_, np_, nk_;
-    std::vector<Entry> con_p_, load_p_, con_u_, load_u_;  // entries of parameters, of inputs
+    Scatter parameters_;
+    std::vector<Entry> con_u_, load_u_;  // entries of inputs
     std::vector<double> cap_, inv_cap_;      // 0 for massless nodes
     Evaluation e_, eo_;  // for the stages; for the outputs
     SecondOrder second_;
@@ -85,7 +86,7 @@ class Integrator {
     bool leftover_ = false;                       // some input is not exact over the step
     std::vector<double> beyond_, u0_;             // heats beyond the tangent at the start (6, n); the inputs there
     std::vector<double> F_, FS_, CS_, comb_;      // stage heats (6, n), their sensitivities (6, n, np)
-    std::vector<double> J0_, J1_, d0_, d1_, dd0_, dd1_, sd0_, sd1_, sdd0_, sdd1_, fu_, g_, G_, dirS_, unit_, dir_, bb_, base_, delta_, guess_, err_;
+    std::vector<double> J0_, J1_, dJ_, d0_, d1_, dd0_, dd1_, sd0_, sd1_, sdd0_, sdd1_, fu_, g_, G_, dirS_, unit_, dir_, bb_, base_, delta_, guess_, err_;
     SparseLu lu_;
     double rho_ = 0.1, last_size_ = 0.0;  // of the Newton iteration: contraction, last change
     // fast_: solved at outputs, since rounding would show in their dT/dt (1e-8 of the step), or the left-over of an input

@@ -15,6 +15,12 @@
 #define THERMID_CLONES
 #endif
 
+#if defined(__GNUC__)
+#define THERMID_INLINE inline __attribute__((always_inline))
+#else
+#define THERMID_INLINE inline
+#endif
+
 #if defined(_MSC_VER)
 #define THERMID_RESTRICT __restrict
 #else

@@ -192,23 +192,37 @@ double Evaluation::load_slope(const Entry& e) const {
     return thermid::load<double>(ld.kind[r], t[ld.sensor[r]], cs, ld.table[r] >= 0 ? &p->tables[ld.table[r]] : nullptr, on[r]).pc[e.what];
 }
 
-void Evaluation::add_parameters(const CoefJacobian& d, const std::vector<Entry>& con, const std::vector<Entry>& load, double* fp,
-                                double scale) const {
-    const int n = p->n, np = d.np;
-    auto scatter = [&](int node, int coef, double v) {
-        if (node >= n || v == 0.0) return;
-        for (int k = d.indptr[coef]; k < d.indptr[coef + 1]; ++k) fp[static_cast<size_t>(node) * np + d.indices[k]] += v * d.data[k];
+void Scatter::build(const Problem& p, const CoefJacobian& d) {
+    place_.clear();
+    from_.clear();
+    factor_.clear();
+    value.assign(con.size() + load.size(), 0.0);
+    int entry = 0;
+    auto put = [&](int node, int coef, double sign) {
+        if (node >= p.n) return;
+        for (int k = d.indptr[coef]; k < d.indptr[coef + 1]; ++k) {
+            place_.push_back(node * d.np + d.indices[k]);
+            from_.push_back(entry);
+            factor_.push_back(sign * d.data[k]);
+        }
     };
     for (const Entry& e : con) {
-        const int in = p->coef_input[e.coef];
-        const double v = scale * con_slope(e) * (in < 0 ? 1.0 : u[in]);
-        scatter(p->con.b[e.row], e.coef, v);
-        if (p->con.kind[e.row] != FLOW) scatter(p->con.a[e.row], e.coef, -v);
+        put(p.con.b[e.row], e.coef, 1.0);
+        if (p.con.kind[e.row] != FLOW) put(p.con.a[e.row], e.coef, -1.0);
+        ++entry;
     }
     for (const Entry& e : load) {
-        const int in = p->coef_input[e.coef];
-        scatter(p->load.node[e.row], e.coef, scale * load_slope(e) * (in < 0 ? 1.0 : u[in]));
+        put(p.load.node[e.row], e.coef, 1.0);
+        ++entry;
     }
+}
+
+void Evaluation::add_parameters(Scatter& s, double* fp, double scale) const {
+    double* v = s.value.data();
+    auto factor = [&](const Entry& e) { return p->coef_input[e.coef] < 0 ? scale : scale * u[p->coef_input[e.coef]]; };
+    for (const Entry& e : s.con) *v++ = con_slope(e) * factor(e);
+    for (const Entry& e : s.load) *v++ = load_slope(e) * factor(e);
+    s.add(fp);
 }
 
 void Evaluation::input_slopes(const std::vector<Entry>& con, const std::vector<Entry>& load, double* fu) const {
@@ -221,108 +235,6 @@ void Evaluation::input_slopes(const std::vector<Entry>& con, const std::vector<E
         if (p->con.kind[e.row] != FLOW && p->con.a[e.row] < n) to[p->con.a[e.row]] -= v;
     }
     for (const Entry& e : load) fu[static_cast<size_t>(p->coef_input[e.coef]) * n + p->load.node[e.row]] += load_slope(e) * coef[e.coef];
-}
-
-SecondOrder::SecondOrder(const Problem& p) {
-    const size_t m = std::max(p.con.size(), p.load.size());
-    dt_.assign(p.nodes(), 0.0);
-    dc_.assign(p.nc + 2, 0.0);
-    for (auto* v : {&da_, &db_, &d0_, &d1_}) v->assign(m, 0.0);
-}
-
-THERMID_CLONES static void add_scaled(double* THERMID_RESTRICT y, double a, const double* THERMID_RESTRICT x, int m) {
-    for (int k = 0; k < m; ++k) y[k] += a * x[k];
-}
-
-void SecondOrder::add(const Evaluation& at, const double* dir_t, const double* dir_u, const CoefJacobian& d, const std::vector<Entry>& con,
-                      const std::vector<Entry>& load, const double* s, double* g) {
-    const Problem& p = *at.p;
-    const int n = p.n, np = d.np;
-    exponents_ = std::any_of(con.begin(), con.end(), [](const Entry& e) { return e.what == 1; });
-    for (int j : p.timed) dc_[j] = dir_u ? at.coef[j] * dir_u[p.coef_input[j]] : 0.0;
-    std::copy(dir_t, dir_t + n, dt_.begin());
-    for (int k = 0; k < p.nb; ++k) dt_[n + k] = dc_[p.gain[k]] + dc_[p.offset[k]];
-    // v is added to df of the node, for parameter row x.
-    auto add_row = [&](int node, double v, const double* x) {
-        if (node >= n || v == 0.0) return;
-        double* to = g + static_cast<size_t>(node) * np;
-        add_scaled(to, v, x, np);
-    };
-    auto add_coef = [&](int node, double v, int coef) {
-        if (node >= n || v == 0.0) return;
-        for (int k = d.indptr[coef]; k < d.indptr[coef + 1]; ++k) g[static_cast<size_t>(node) * np + d.indices[k]] += v * d.data[k];
-    };
-    const Conductors& c = p.con;
-    for (int r = 0; r < c.size(); ++r) {
-        const int a = c.a[r], b = c.b[r];
-        da_[r] = db_[r] = d0_[r] = d1_[r] = 0.0;
-        const double e0 = dc_[c.c0[r]], e1 = dc_[c.c1[r]];
-        if (dt_[a] == 0.0 && dt_[b] == 0.0 && e0 == 0.0 && e1 == 0.0) continue;
-        const Dual ta(at.t[a], dt_[a]), tb(at.t[b], dt_[b]), c0(at.ceff[c.c0[r]], e0), c1(at.ceff[c.c1[r]], e1);
-        if (c.kind[r] == LINEAR || c.kind[r] == FLOW) {
-            da_[r] = e0;
-            db_[r] = -e0;
-            d0_[r] = dt_[a] - dt_[b];
-        } else if (c.kind[r] == RADIATION) {
-            const double a2 = at.t[a] * at.t[a], b2 = at.t[b] * at.t[b], g = at.ceff[c.c0[r]];
-            da_[r] = 4.0 * a2 * (3.0 * g * dt_[a] + e0 * at.t[a]);
-            db_[r] = -4.0 * b2 * (3.0 * g * dt_[b] + e0 * at.t[b]);
-            d0_[r] = 4.0 * (a2 * at.t[a] * dt_[a] - b2 * at.t[b] * dt_[b]);
-        } else if (c.kind[r] == POWER && e1 == 0.0 && !exponents_) {
-            // q_a = g s (1 + m d^2 / e) with e = d^2 + smoothing, s = e^(m/2), phi = d s
-            const double d = at.t[a] - at.t[b], v = dt_[a] - dt_[b], e = d * d + SMOOTH2, m = at.ceff[c.c1[r]], g = at.ceff[c.c0[r]];
-            const double phi = at.phi[r], part = d * d / e, s = d != 0.0 ? phi / d : power(e, 0.5 * m);
-            da_[r] = g * m * phi / e * (3.0 + (m - 2.0) * part) * v + e0 * s * (1.0 + m * part);
-            db_[r] = -da_[r];
-            d0_[r] = s * (1.0 + m * part) * v;
-        } else {
-            const auto x = conductor<Dual>(c.kind[r], ta, tb, c0, c1, c.table[r] >= 0 ? &p.tables[c.table[r]] : nullptr);
-            da_[r] = x.qa.e;
-            db_[r] = x.qb.e;
-            d0_[r] = x.phi.e;
-            if (c.kind[r] == POWER) d1_[r] = conductor_exponent<Dual>(ta, tb, x.q).e;
-        }
-        const bool both = c.kind[r] != FLOW;
-        if (a < n) {
-            add_row(b, da_[r], s + static_cast<size_t>(a) * np);
-            if (both) add_row(a, -da_[r], s + static_cast<size_t>(a) * np);
-        }
-        if (b < n) {
-            add_row(b, db_[r], s + static_cast<size_t>(b) * np);
-            if (both) add_row(a, -db_[r], s + static_cast<size_t>(b) * np);
-        }
-    }
-    for (const Entry& e : con) {
-        const int in = p.coef_input[e.coef];
-        const double second = e.what == 0 ? d0_[e.row] : e.what == 1 ? d1_[e.row] : e.what == 4 ? da_[e.row] : db_[e.row];
-        double v = second * (in < 0 ? 1.0 : at.u[in]);
-        if (in >= 0 && dir_u) v += at.con_slope(e) * dir_u[in];
-        add_coef(c.b[e.row], v, e.coef);
-        if (c.kind[e.row] != FLOW) add_coef(c.a[e.row], -v, e.coef);
-    }
-    const Loads& ld = p.load;
-    for (int r = 0; r < ld.size(); ++r) {
-        da_[r] = 0.0;
-        const int kind = ld.kind[r];
-        if (kind == SIGNAL || kind == THERMOSTAT) continue;
-        Dual cs[4];
-        for (int k = 0; k < 4; ++k) cs[k] = Dual(at.ceff[ld.c[k][r]], dc_[ld.c[k][r]]);
-        const auto x = thermid::load<Dual>(kind, Dual(at.t[ld.sensor[r]], dt_[ld.sensor[r]]), cs,
-                                           ld.table[r] >= 0 ? &p.tables[ld.table[r]] : nullptr, at.on[r]);
-        da_[r] = x.pt.e;
-        if (ld.sensor[r] < n) add_row(ld.node[r], x.pt.e, s + static_cast<size_t>(ld.sensor[r]) * np);
-        for (int k = 0; k < 4; ++k)
-            if (ld.c[k][r] < p.nc && d.any(ld.c[k][r])) {
-                const int in = p.coef_input[ld.c[k][r]];
-                add_coef(ld.node[r], x.pc[k].e * (in < 0 ? 1.0 : at.u[in]), ld.c[k][r]);
-            }
-    }
-    for (const Entry& e : load) {
-        const int in = p.coef_input[e.coef];
-        double v = e.what == 4 ? da_[e.row] * (in < 0 ? 1.0 : at.u[in]) : 0.0;
-        if (in >= 0 && dir_u) v += at.load_slope(e) * dir_u[in];
-        add_coef(ld.node[e.row], v, e.coef);
-    }
 }
 
 }  // namespace thermid

@@ -45,6 +45,9 @@ struct Problem {
     std::vector<int> slope_begin, slope_row, slope_end, load_place;
     std::vector<double> slope_sign;
 
+    // Values of the pattern from the slopes of the rows.
+    void sum_slopes(const double* qa, const double* qb, const double* loads, double* v) const;
+
     int nodes() const { return n + nb; }
     static constexpr int LARGEST = 5000;  // unknowns that the small integrator and a dense Jacobian are meant for
     void prepare();  // checks everything, sorts and derives; throws std::invalid_argument
@@ -59,6 +62,21 @@ struct CoefJacobian {
     std::vector<int> indptr, indices;
     std::vector<double> data;
     bool any(int j) const { return np > 0 && indptr[j + 1] > indptr[j]; }
+};
+
+// Entries of parameters, and where each of them adds to df/dp (n, np).
+struct Scatter {
+    std::vector<Entry> con, load;
+    void build(const Problem& p, const CoefJacobian& d);
+    // y[place] += factor * the value of its entry, conductors first
+    void add(double* y) const {
+        for (size_t k = 0; k < place_.size(); ++k) y[place_[k]] += factor_[k] * value[from_[k]];
+    }
+    std::vector<double> value;  // of each entry
+
+  private:
+    std::vector<int> place_, from_;
+    std::vector<double> factor_;
 };
 
 // State of one evaluation: effective coefficients, temperatures of all nodes, and what the rows say about them.
@@ -85,22 +103,22 @@ struct Evaluation {
     double con_slope(const Entry& e) const;
     double load_slope(const Entry& e) const;
     // fp[i*np + p] += scale * df_i/dp by coefficients, boundaries and inputs held.
-    void add_parameters(const CoefJacobian& d, const std::vector<Entry>& con, const std::vector<Entry>& load, double* fp, double scale) const;
+    void add_parameters(Scatter& s, double* fp, double scale) const;
     // fu[k*n + i] = df_i/du_k
     void input_slopes(const std::vector<Entry>& con, const std::vector<Entry>& load, double* fu) const;
 };
 
-// Second derivatives: for a direction of (t, u), g(n, np) = d/dp of the directional derivative of f at fixed direction.
-// s is dT/dp (n, np).
+// Second derivatives, for a direction of (t, u): that of the Jacobian (values of the pattern) and, added to g (n, np), that of df/dp.
 class SecondOrder {
   public:
     SecondOrder(const Problem& p);
-    void add(const Evaluation& at, const double* dir_t, const double* dir_u, const CoefJacobian& d, const std::vector<Entry>& con,
-             const std::vector<Entry>& load, const double* s, double* g);
+    bool add(const Evaluation& at, const double* dir_t, const double* dir_u, Scatter& s, double* jacobian, double* g);  // false: J stays
 
   private:
-    std::vector<double> dt_, dc_, da_, db_, d0_, d1_;
-    bool exponents_ = false;  // some exponent is a parameter
+    std::vector<double> dt_, dc_, da_, db_, d0_, d1_, dl_;
+    void conductors(const Evaluation& at, bool exponents);
+    void loads(const Evaluation& at);
+    std::vector<double> dlc_;  // of the loads' own coefficients (loads, 4)
 };
 
 }  // namespace thermid

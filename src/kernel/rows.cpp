@@ -115,18 +115,20 @@ void Evaluation::rows() {
     }
 }
 
-void Evaluation::slopes(double* v) const {
-    const double* of[2] = {qa.data(), qb.data()};
-    const int *begin = p->slope_begin.data(), *row = p->slope_row.data(), *end = p->slope_end.data();
-    const double* sign = p->slope_sign.data();
-    for (int i = 0, k = 0, m = p->pattern.size(); i < m; ++i) {
+void Problem::sum_slopes(const double* qa, const double* qb, const double* loads, double* v) const {
+    const double* of[2] = {qa, qb};
+    const int *begin = slope_begin.data(), *row = slope_row.data(), *end = slope_end.data();
+    const double* sign = slope_sign.data();
+    for (int i = 0, k = 0, m = pattern.size(); i < m; ++i) {
         double s = 0.0;
         for (const int last = begin[i + 1]; k < last; ++k) s += sign[k] * of[end[k]][row[k]];
         v[i] = s;
     }
-    for (int r = 0; r < p->load.size(); ++r)
-        if (p->load_place[r] >= 0) v[p->load_place[r]] += slope[r];
+    for (int r = 0; r < load.size(); ++r)
+        if (load_place[r] >= 0) v[load_place[r]] += loads[r];
 }
+
+void Evaluation::slopes(double* v) const { p->sum_slopes(qa.data(), qb.data(), slope.data(), v); }
 
 void Evaluation::jacobian(double* j) const {
     const int n = p->n;

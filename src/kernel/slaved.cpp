@@ -15,16 +15,17 @@ void Integrator::index_slaved(Slaved& s) {
     }
     s.con_rows.clear();
     s.load_rows.clear();
-    s.con_p.clear();
-    s.load_p.clear();
+    s.parameters.con.clear();
+    s.parameters.load.clear();
     for (int r = 0; r < p_.con.size(); ++r)
         if (s.is[p_.con.a[r]] || s.is[p_.con.b[r]]) s.con_rows.push_back(r);
     for (int r = 0; r < p_.load.size(); ++r)
         if (s.is[p_.load.node[r]]) s.load_rows.push_back(r);
-    for (const Entry& e : con_p_)
-        if (s.is[p_.con.a[e.row]] || s.is[p_.con.b[e.row]]) s.con_p.push_back(e);
-    for (const Entry& e : load_p_)
-        if (s.is[p_.load.node[e.row]]) s.load_p.push_back(e);
+    for (const Entry& e : parameters_.con)
+        if (s.is[p_.con.a[e.row]] || s.is[p_.con.b[e.row]]) s.parameters.con.push_back(e);
+    for (const Entry& e : parameters_.load)
+        if (s.is[p_.load.node[e.row]]) s.parameters.load.push_back(e);
+    s.parameters.build(p_, d_);
     s.lu.resize(static_cast<int>(s.nodes.size()));
     s.factored = false;
 }
@@ -173,7 +174,7 @@ void Integrator::rate_sensitivity(Slaved& s, Evaluation& e, const double* j, con
                                   double* dirS, const double* rate, double* out) {
     const size_t np = np_;
     std::fill(G_.begin(), G_.end(), 0.0);
-    second_.add(e, dir_t, dir_u, d_, con_p_, load_p_, S, G_.data());
+    const double* dj = second_.add(e, dir_t, dir_u, parameters_, dJ_.data(), G_.data()) ? dJ_.data() : nullptr;
     const int m = static_cast<int>(s.nodes.size());
     for (int i : s.nodes) std::fill(dirS + i * np, dirS + (i + 1) * np, 0.0);
     if (m > 0) {
@@ -182,15 +183,14 @@ void Integrator::rate_sensitivity(Slaved& s, Evaluation& e, const double* j, con
             const int i = s.nodes[k];
             for (size_t q = 0; q < np; ++q) to[q] = -G_[i * np + q];
             p_.pattern.row_times(j, i, -1.0, dirS, to, np_);
+            if (dj) p_.pattern.row_times(dj, i, -1.0, S, to, np_);
         }
         s.lu.solve_many(fp_.data(), np_);
         for (int k = 0; k < m; ++k) std::copy(fp_.data() + k * np, fp_.data() + (k + 1) * np, dirS + s.nodes[k] * np);
     }
-    p_.pattern.times(j, dirS, out, np_);
-    for (size_t x = 0; x < G_.size(); ++x) out[x] += G_[x];
-    capacity_term(out, rate, -1.0);
+    capacity_term(G_.data(), rate, -1.0);
     for (int i = 0; i < n_; ++i) xa_[i] = s.is[i] ? 0.0 : inv_cap_[i];
-    scale_rows(out, xa_.data(), n_, np_);
+    p_.pattern.sum(xa_.data(), G_.data(), j, dirS, dj, S, out, np_);
 }
 
 // Sensitivities of the slaved nodes from those of the others and of the heat they take up (nodes, np); rows of e must be current.
@@ -201,7 +201,7 @@ void Integrator::slaved_sensitivity(Slaved& s, Evaluation& e, double* S, const d
     slaved_jacobian(s, e, row_.data());
     factor_slaved(s, row_.data());
     for (int i : s.nodes) std::fill(G_.begin() + i * np, G_.begin() + (i + 1) * np, 0.0);
-    e.add_parameters(d_, s.con_p, s.load_p, G_.data(), 1.0);
+    e.add_parameters(s.parameters, G_.data(), 1.0);
     for (int k = 0; k < m; ++k) {
         const int i = s.nodes[k];
         double* to = fp_.data() + k * np;

@@ -71,6 +71,46 @@ THERMID_CLONES static void rows_times(const int* col, const double* v, int first
     }
 }
 
+template <int N>
+THERMID_INLINE void rows_sum(const int* begin, const int* col, int n, const double* scale, const double* g, const double* v, const double* x,
+                             const double* w, const double* z, double* y, int m) {
+    for (int i = 0; i < n; ++i) {
+        Four sum[N];
+        for (int q = 0; q < N; ++q) sum[q] = reinterpret_cast<const Four*>(g + static_cast<size_t>(i) * m)[q];
+        for (int k = begin[i]; k < begin[i + 1]; ++k) {
+            const Four* from = reinterpret_cast<const Four*>(x + static_cast<size_t>(col[k]) * m);
+            for (int q = 0; q < N; ++q) sum[q] += v[k] * from[q];
+            if (!w) continue;
+            from = reinterpret_cast<const Four*>(z + static_cast<size_t>(col[k]) * m);
+            for (int q = 0; q < N; ++q) sum[q] += w[k] * from[q];
+        }
+        Four* to = reinterpret_cast<Four*>(y + static_cast<size_t>(i) * m);
+        for (int q = 0; q < N; ++q) to[q] = scale[i] * sum[q];
+    }
+}
+
+THERMID_CLONES static void all_rows_sum(const int* begin, const int* col, int n, const double* scale, const double* g, const double* v,
+                                        const double* x, const double* w, const double* z, double* y, int m) {
+    int q = 0;
+    for (; q + 20 <= m; q += 20) rows_sum<5>(begin, col, n, scale, g + q, v, x + q, w, z + q, y + q, m);
+    for (; q + 4 <= m; q += 4) rows_sum<1>(begin, col, n, scale, g + q, v, x + q, w, z + q, y + q, m);
+    if (q == m) return;
+    for (int i = 0; i < n; ++i)
+        for (int p = q; p < m; ++p) {
+            double sum = g[static_cast<size_t>(i) * m + p];
+            for (int k = begin[i]; k < begin[i + 1]; ++k) {
+                sum += v[k] * x[static_cast<size_t>(col[k]) * m + p];
+                if (w) sum += w[k] * z[static_cast<size_t>(col[k]) * m + p];
+            }
+            y[static_cast<size_t>(i) * m + p] = scale[i] * sum;
+        }
+}
+
+void Pattern::sum(const double* scale, const double* g, const double* v, const double* x, const double* w, const double* z, double* y,
+                  int m) const {
+    all_rows_sum(begin.data(), col.data(), n, scale, g, v, x, w, z, y, m);
+}
+
 void Pattern::times(const double* v, const double* x, double* y, int m) const {
     std::fill(y, y + static_cast<size_t>(n) * m, 0.0);
     for (int i = 0; i < n; ++i) row_times(v, i, 1.0, x, y + static_cast<size_t>(i) * m, m);

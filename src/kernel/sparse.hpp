@@ -16,6 +16,8 @@ struct Pattern {
     // y = v x for a vector, and for (n, m) row-major
     void times(const double* v, const double* x, double* y) const;
     void times(const double* v, const double* x, double* y, int m) const;
+    // Row i of y = scale[i] * (that of g + that of v x + that of w z, where there is a w).
+    void sum(const double* scale, const double* g, const double* v, const double* x, const double* w, const double* z, double* y, int m) const;
     void row_times(const double* v, int i, double scale, const double* x, double* y, int m) const;  // y += scale * (row i of v) x
 };
 

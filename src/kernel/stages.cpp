@@ -63,7 +63,7 @@ void Integrator::start_sensitivity() {
     slaved_sensitivity(massless_, e_, S_.data());
     double* fs = FS_.data();
     p_.pattern.times(J0_.data(), S_.data(), fs, np_);
-    e_.add_parameters(d_, con_p_, load_p_, fs, 1.0);
+    e_.add_parameters(parameters_, fs, 1.0);
     for (int i = 0; i < n_; ++i)
         for (size_t q = 0; q < np; ++q) {
             if (cap_[i] == 0.0) fs[i * np + q] = 0.0;
@@ -172,7 +172,7 @@ void Integrator::stage_sensitivity(int s) {
     capacity_term(comb_.data(), guess_.data(), -1.0);
     std::copy(comb_.begin(), comb_.end(), S1_.begin());
     for (int i : massless_.nodes) std::fill(S1_.begin() + i * np, S1_.begin() + (i + 1) * np, 0.0);
-    e_.add_parameters(d_, con_p_, load_p_, S1_.data(), hg);
+    e_.add_parameters(parameters_, S1_.data(), hg);
     for (int i : massless_.nodes)
         for (size_t q = 0; q < np; ++q) S1_[i * np + q] /= hg;
     lu_.solve_many(S1_.data(), np_);

@@ -5,12 +5,6 @@
 
 #include "four.hpp"
 
-#if defined(__GNUC__)
-#define THERMID_INLINE inline __attribute__((always_inline))
-#else
-#define THERMID_INLINE inline
-#endif
-
 namespace thermid {
 
 namespace {

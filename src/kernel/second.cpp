@@ -1,0 +1,102 @@
+// Second derivatives of the heats in one direction: what the dense output's sensitivities need.
+#include <algorithm>
+#include <cmath>
+
+#include "problem.hpp"
+
+namespace thermid {
+
+SecondOrder::SecondOrder(const Problem& p) {
+    dt_.assign(p.nodes(), 0.0);
+    dc_.assign(p.nc + 2, 0.0);
+    for (auto* v : {&da_, &db_, &d0_, &d1_}) v->assign(p.con.size(), 0.0);
+    dl_.assign(p.load.size(), 0.0);
+    dlc_.assign(4 * static_cast<size_t>(p.load.size()), 0.0);
+}
+
+// Of q_a, q_b and of the heat per coefficient.
+void SecondOrder::conductors(const Evaluation& at, bool exponents) {
+    const Problem& p = *at.p;
+    const Conductors& c = p.con;
+    const int *a = c.a.data(), *b = c.b.data(), *first = p.kind_begin;
+    const double *t = at.t.data(), *dt = dt_.data();
+    auto generic = [&](int r) {
+        const Dual ta(t[a[r]], dt[a[r]]), tb(t[b[r]], dt[b[r]]), c0(at.ceff[c.c0[r]], dc_[c.c0[r]]), c1(at.ceff[c.c1[r]], dc_[c.c1[r]]);
+        const auto x = conductor<Dual>(c.kind[r], ta, tb, c0, c1, c.table[r] >= 0 ? &p.tables[c.table[r]] : nullptr);
+        da_[r] = x.qa.e;
+        db_[r] = x.qb.e;
+        d0_[r] = x.phi.e;
+        if (c.kind[r] == POWER) d1_[r] = conductor_exponent<Dual>(ta, tb, x.q).e;
+    };
+    for (int r = first[LINEAR]; r < first[POWER]; ++r) {
+        da_[r] = dc_[c.c0[r]];
+        db_[r] = -da_[r];
+        d0_[r] = dt[a[r]] - dt[b[r]];
+    }
+    for (int r = first[POWER]; r < first[RADIATION]; ++r) {
+        if (exponents || dc_[c.c1[r]] != 0.0) {
+            generic(r);
+            continue;
+        }
+        // q_a = g s (1 + m d^2 / e) with e = d^2 + smoothing, s = e^(m/2), phi = d s
+        const double d = t[a[r]] - t[b[r]], v = dt[a[r]] - dt[b[r]], e = 1.0 / (d * d + SMOOTH2), m = at.ceff[c.c1[r]];
+        const double phi = at.phi[r], part = d * d * e, s = d != 0.0 ? phi / d : power(SMOOTH2, 0.5 * m), rise = s * (1.0 + m * part);
+        da_[r] = at.ceff[c.c0[r]] * m * phi * e * (3.0 + (m - 2.0) * part) * v + dc_[c.c0[r]] * rise;
+        db_[r] = -da_[r];
+        d0_[r] = rise * v;
+    }
+    for (int r = first[RADIATION]; r < first[FLOW]; ++r) {
+        const double ta = t[a[r]], tb = t[b[r]], va = dt[a[r]], vb = dt[b[r]], a2 = ta * ta, b2 = tb * tb, g = at.ceff[c.c0[r]], e0 = dc_[c.c0[r]];
+        da_[r] = 4.0 * a2 * (3.0 * g * va + e0 * ta);
+        db_[r] = -4.0 * b2 * (3.0 * g * vb + e0 * tb);
+        d0_[r] = 4.0 * (a2 * ta * va - b2 * tb * vb);
+    }
+    for (int r = first[FLOW]; r < c.size(); ++r) generic(r);
+}
+
+void SecondOrder::loads(const Evaluation& at) {
+    const Problem& p = *at.p;
+    const Loads& ld = p.load;
+    for (int r = 0; r < ld.size(); ++r) {
+        if (ld.kind[r] == SIGNAL || ld.kind[r] == THERMOSTAT) continue;
+        Dual cs[4];
+        for (int k = 0; k < 4; ++k) cs[k] = Dual(at.ceff[ld.c[k][r]], dc_[ld.c[k][r]]);
+        const int sensor = ld.sensor[r];
+        const auto x = thermid::load<Dual>(ld.kind[r], Dual(at.t[sensor], dt_[sensor]), cs, ld.table[r] >= 0 ? &p.tables[ld.table[r]] : nullptr,
+                                           at.on[r]);
+        dl_[r] = x.pt.e;
+        for (int k = 0; k < 4; ++k) dlc_[4 * static_cast<size_t>(r) + k] = x.pc[k].e;
+    }
+}
+
+bool SecondOrder::add(const Evaluation& at, const double* dir_t, const double* dir_u, Scatter& s, double* jacobian, double* g) {
+    const Problem& p = *at.p;
+    for (int j : p.timed) dc_[j] = dir_u ? at.coef[j] * dir_u[p.coef_input[j]] : 0.0;
+    std::copy(dir_t, dir_t + p.n, dt_.begin());
+    for (int k = 0; k < p.nb; ++k) dt_[p.n + k] = dc_[p.gain[k]] + dc_[p.offset[k]];
+    conductors(at, std::any_of(s.con.begin(), s.con.end(), [](const Entry& e) { return e.what == 1; }));
+    loads(at);
+    double* value = s.value.data();
+    auto by_input = [&](const Entry& e, double second, auto slope) {
+        const int in = p.coef_input[e.coef];
+        if (in < 0) return second;
+        return second * at.u[in] + (dir_u ? slope(e) * dir_u[in] : 0.0);
+    };
+    const double* of[2] = {da_.data(), db_.data()};
+    for (const Entry& e : s.con) {
+        const double second = e.what == 0 ? d0_[e.row] : e.what == 1 ? d1_[e.row] : of[e.what - 4][e.row];
+        *value++ = by_input(e, second, [&](const Entry& x) { return at.con_slope(x); });
+    }
+    for (const Entry& e : s.load) {
+        const double second = e.what == 4 ? dl_[e.row] : dlc_[4 * static_cast<size_t>(e.row) + e.what];
+        *value++ = by_input(e, second, [&](const Entry& x) { return at.load_slope(x); });
+    }
+    s.add(g);
+    const auto moves = [](double v) { return v != 0.0; };
+    if (std::none_of(da_.begin(), da_.end(), moves) && std::none_of(db_.begin(), db_.end(), moves) && std::none_of(dl_.begin(), dl_.end(), moves))
+        return false;
+    p.sum_slopes(of[0], of[1], dl_.data(), jacobian);
+    return true;
+}
+
+}  // namespace thermid
