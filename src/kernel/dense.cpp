@@ -106,7 +106,7 @@ double Integrator::unsettled() {
 void Integrator::dense(bool inside) {
     const size_t n = n_, np = np_;
     if (!inside) return;
-    e_.slopes(J1_.data());
+    if (np == 0 || constant_) e_.slopes(J1_.data());  // else they stand there since the last stage
     for (int i = 0; i < n_; ++i) d1_[i] = cap_[i] > 0.0 ? F_[(STAGES - 1) * n + i] / cap_[i] : 0.0;
     std::fill(g_.begin(), g_.end(), 0.0);
     if (nk_ > 0) {

@@ -26,6 +26,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     parameters_.build(p, d);
     for (int k : p.con.kind) curved_ |= k != LINEAR && k != FLOW;
     for (int k : p.load.kind) curved_ |= k != SIGNAL && k != THERMOSTAT;
+    constant_ = !curved_ && std::all_of(con_u_.begin(), con_u_.end(), [](const Entry& e) { return e.what >= 4; });
     for (auto* v : {&cap_, &inv_cap_}) v->assign(n, 0.0);
     for (int i = 0; i < n_; ++i)
         if (p.capacity[i] >= 0) {

@@ -93,8 +93,10 @@ class Integrator {
     // reaches them undelayed (1e-4). quick_: slaved in second derivatives (1e-4).
     Slaved massless_, fast_, quick_;
     std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
-    std::vector<double> xa_, fp_, row_, lag_, lag_s_, reach_;
-    bool curved_ = false;  // some law is not linear in temperature
+    std::vector<double> xa_, fp_, row_, lag_, lag_s_, reach_, peak_;
+    std::vector<char> counts_;
+    bool curved_ = false;    // some law is not linear in temperature
+    bool constant_ = false;  // the Jacobian: no law is curved, no conductance follows an input
     std::vector<double> SO_;
     double end_ = 0.0;       // t_ + h_, exact where a break is
     bool need_u_ = false;    // outputs need the inputs' own values

@@ -34,6 +34,16 @@ THERMID_CLONES void scale_rows(double* THERMID_RESTRICT b, const double* THERMID
         for (int q = 0; q < m; ++q) b[q] *= a[i];
 }
 
+THERMID_CLONES void largest(double* THERMID_RESTRICT to, const double* THERMID_RESTRICT b, const char* counts, int n, int m) {
+    for (int i = 0; i < n; ++i, b += m) {
+        if (!counts[i]) continue;
+        for (int q = 0; q < m; ++q) {
+            const double x = std::fabs(b[q]);
+            to[q] = x > to[q] ? x : to[q];
+        }
+    }
+}
+
 THERMID_CLONES void difference(double* THERMID_RESTRICT y, const double* THERMID_RESTRICT a, const double* THERMID_RESTRICT x,
                                const double* THERMID_RESTRICT b, const double* THERMID_RESTRICT z, int n, int m) {
     for (int i = 0; i < n; ++i, y += m, x += m, z += m) {

@@ -36,6 +36,8 @@ inline int padded(int m) { return (m + 3) / 4 * 4; }
 void blend(double* out, const double* w, int rows, const double* x, int k, int m);
 // Row i of b (n, m) times a[i]; row i of y = a[i] times that of x less b[i] times that of z.
 void scale_rows(double* b, const double* a, int n, int m);
+// to[q] = the largest |b(i, q)| over the rows i that count, or what stands there.
+void largest(double* to, const double* b, const char* counts, int n, int m);
 void difference(double* y, const double* a, const double* x, const double* b, const double* z, int n, int m);
 // y[i] += a * x[i]
 inline void axpy(double* y, double a, const double* x, int m) {

@@ -44,37 +44,48 @@ void Integrator::temperature_terms(const int* obs, int nobs) {
             for (const auto* v : {&z.db, &z.aab}) add(v->data());
 }
 
+namespace {
+
+// Values, first and second derivatives at both ends of a step.
+struct Ends { const double *y0, *y1, *d0, *d1, *e0, *e1; };
+
+THERMID_CLONES void quintic(double* c, size_t stride, const Ends x, double h, int m) {
+    const double h2 = 0.5 * h * h;
+    double *THERMID_RESTRICT c0 = c, *THERMID_RESTRICT c1 = c + stride, *THERMID_RESTRICT c2 = c1 + stride;
+    double *THERMID_RESTRICT c3 = c2 + stride, *THERMID_RESTRICT c4 = c3 + stride, *THERMID_RESTRICT c5 = c4 + stride;
+    for (int q = 0; q < m; ++q) {
+        const double y = x.y1[q] - x.y0[q], a = h * x.d0[q], b = h * x.d1[q], p = h2 * x.e0[q], z = h2 * x.e1[q];
+        c0[q] = x.y0[q];
+        c1[q] = a;
+        c2[q] = p;
+        c3[q] = 10.0 * y - 6.0 * a - 4.0 * b - 3.0 * p + z;
+        c4[q] = -15.0 * y + 8.0 * a + 7.0 * b + 3.0 * p - 2.0 * z;
+        c5[q] = 6.0 * y - 3.0 * (a + b) - p + z;
+    }
+}
+
+THERMID_CLONES void cubic(double* c, size_t stride, const Ends x, double h, int m) {
+    for (int q = 0; q < m; ++q) {
+        const double y = x.y1[q] - x.y0[q], a = h * x.d0[q], b = h * x.d1[q];
+        c[q] = x.y0[q];
+        c[stride + q] = a;
+        c[2 * stride + q] = 3.0 * y - 2.0 * a - b;
+        c[3 * stride + q] = a + b - 2.0 * y;
+        c[4 * stride + q] = c[5 * stride + q] = 0.0;
+    }
+}
+
+}  // namespace
+
 // The same for sensitivities, (terms, nodes x np): the polynomials through values and derivatives at both ends of the step, as dense() does.
 void Integrator::sensitivity_terms(const int* obs, int nobs) {
     const size_t np = np_, stride = padded(nobs * np_);
     slope_terms_.resize((POWERS + 2 * static_cast<size_t>(nk_)) * stride);
-    const double h = h_, h2 = 0.5 * h_ * h_;
     for (int j = 0; j < nobs; ++j) {
         const size_t from = obs[j] * np;
-        const double *s0 = S_.data() + from, *s1 = S1_.data() + from, *d0 = sd0_.data() + from, *d1 = sd1_.data() + from;
-        const double *e0 = sdd0_.data() + from, *e1 = sdd1_.data() + from;
-        double* c[POWERS];
-        for (int m = 0; m < POWERS; ++m) c[m] = slope_terms_.data() + m * stride + j * np;
-        if (gentle(obs[j])) {
-            for (size_t q = 0; q < np; ++q) {
-                const double y = s1[q] - s0[q], a = h * d0[q], b = h * d1[q], p = h2 * e0[q], z = h2 * e1[q];
-                c[0][q] = s0[q];
-                c[1][q] = a;
-                c[2][q] = p;
-                c[3][q] = 10.0 * y - 6.0 * a - 4.0 * b - 3.0 * p + z;
-                c[4][q] = -15.0 * y + 8.0 * a + 7.0 * b + 3.0 * p - 2.0 * z;
-                c[5][q] = 6.0 * y - 3.0 * (a + b) - p + z;
-            }
-        } else {
-            for (size_t q = 0; q < np; ++q) {
-                const double y = s1[q] - s0[q], a = h * d0[q], b = h * d1[q];
-                c[0][q] = s0[q];
-                c[1][q] = a;
-                c[2][q] = 3.0 * y - 2.0 * a - b;
-                c[3][q] = a + b - 2.0 * y;
-                c[4][q] = c[5][q] = 0.0;
-            }
-        }
+        const Ends e{S_.data() + from, S1_.data() + from, sd0_.data() + from, sd1_.data() + from, sdd0_.data() + from, sdd1_.data() + from};
+        if (gentle(obs[j])) quintic(slope_terms_.data() + j * np, stride, e, h_, np_);
+        else cubic(slope_terms_.data() + j * np, stride, e, h_, np_);
         size_t row = POWERS;
         for (const Noise& z : noise_)
             if (z.active)

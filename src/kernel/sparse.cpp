@@ -228,8 +228,19 @@ THERMID_CLONES static void substitute(const double* x, const int* row, const int
     for (int k = first; k != last; k += by) {
         double* THERMID_RESTRICT to = b + static_cast<size_t>(row[k]) * m;
         const double* THERMID_RESTRICT from = b + static_cast<size_t>(col[k]) * m;
-        const double a = x[k];
-        for (int q = 0; q < m; ++q) to[q] -= a * from[q];
+        const double a = -x[k];
+        int q = 0;
+        for (; q + 20 <= m; q += 20) {
+            Four* y = reinterpret_cast<Four*>(to + q);
+            const Four* z = reinterpret_cast<const Four*>(from + q);
+            y[0] += a * z[0];
+            y[1] += a * z[1];
+            y[2] += a * z[2];
+            y[3] += a * z[3];
+            y[4] += a * z[4];
+        }
+        for (; q + 4 <= m; q += 4) *reinterpret_cast<Four*>(to + q) += a * *reinterpret_cast<const Four*>(from + q);
+        for (; q < m; ++q) to[q] += a * from[q];
     }
 }
 

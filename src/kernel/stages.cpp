@@ -202,12 +202,14 @@ bool Integrator::stages() {
         if (!newton(s)) return false;
         for (int i = 0; i < n_; ++i) F_[s * n + i] = cap_[i] > 0.0 ? (cap_[i] * (e_.t[i] - T_[i]) - base_[i]) / hg : 0.0;
         // The rows stand at the last iterate; heats and derivatives are wanted at the solution.
-        const bool again = last_size_ > (np_ > 0 ? 1e-9 : 1e-5) && (np_ > 0 || (o_.energy && curved_));
+        const bool again = last_size_ > (np_ > 0 ? std::max(1e-9, 0.02 * tolerance()) : 1e-5) && (np_ > 0 || (o_.energy && curved_));
         if (again) e_.rows();
         if (o_.energy) add_energy(s, !again);
         if (np_ > 0) {
-            e_.slopes(J1_.data());
-            iteration_matrix(J1_.data());
+            if (!constant_) {
+                e_.slopes(J1_.data());
+                iteration_matrix(J1_.data());
+            }
             rho_ = std::min(rho_, 0.05);
             stage_sensitivity(s);
         }
@@ -245,17 +247,18 @@ double Integrator::sensitivity_error() {
     }
     combine(G_.data(), from, w, STAGES, static_cast<int>(m));
     reach_.resize(np, 0.0);
+    counts_.assign(n_, 1);
+    largest(reach_.data(), S1_.data(), counts_.data(), n_, np_);
     for (int i = 0; i < n_; ++i) {
         if (cap_[i] == 0.0) std::fill(G_.begin() + i * np, G_.begin() + (i + 1) * np, 0.0);
-        for (size_t q = 0; q < np; ++q) reach_[q] = std::max(reach_[q], std::fabs(S1_[i * np + q]));
+        counts_[i] = cap_[i] > 0.0 && !(leftover_ && fast_.is[i]);
     }
     lu_.solve_many(G_.data(), np_);
     double worst = 0.0;
-    for (int i = 0; i < n_; ++i) {
-        if (cap_[i] == 0.0 || (leftover_ && fast_.is[i])) continue;
-        for (size_t q = 0; q < np; ++q)
-            if (reach_[q] > 0.0) worst = std::max(worst, std::fabs(G_[i * np + q]) / reach_[q]);
-    }
+    peak_.assign(np, 0.0);
+    largest(peak_.data(), G_.data(), counts_.data(), n_, np_);
+    for (size_t q = 0; q < np; ++q)
+        if (reach_[q] > 0.0) worst = std::max(worst, peak_[q] / reach_[q]);
     return worst / std::min(1e-2, std::max(leftover_ ? 1e-4 : 1e-7, 100.0 * tolerance()));
 }
 
