@@ -25,11 +25,6 @@ struct Pack {
 inline Pack operator*(double a, const Pack& x) { return {{a * x.v[0], a * x.v[1], a * x.v[2], a * x.v[3]}}; }
 inline Pack operator*(const Pack& a, const Pack& x) { return {{a.v[0] * x.v[0], a.v[1] * x.v[1], a.v[2] * x.v[2], a.v[3] * x.v[3]}}; }
 #endif
-#if defined(__GNUC__)
-#define THERMID_INLINE inline __attribute__((always_inline))
-#else
-#define THERMID_INLINE inline
-#endif
 constexpr int WIDE = 4;  // numbers in a pack
 
 // One pass over the rows: a_j -= a_pivot w_j finishes the reflection before, product_j = sum a_next a_j starts the one to come. Before the

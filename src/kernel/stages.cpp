@@ -202,7 +202,7 @@ bool Integrator::stages() {
         if (!newton(s)) return false;
         for (int i = 0; i < n_; ++i) F_[s * n + i] = cap_[i] > 0.0 ? (cap_[i] * (e_.t[i] - T_[i]) - base_[i]) / hg : 0.0;
         // The rows stand at the last iterate; heats and derivatives are wanted at the solution.
-        const bool again = last_size_ > (np_ > 0 ? std::max(1e-9, 0.02 * tolerance()) : 1e-5) && (np_ > 0 || (o_.energy && curved_));
+        const bool again = last_size_ > (np_ == 0 ? 1e-5 : leftover_ ? 0.02 * tolerance() : 1e-9) && (np_ > 0 || (o_.energy && curved_));
         if (again) e_.rows();
         if (o_.energy) add_energy(s, !again);
         if (np_ > 0) {
@@ -262,10 +262,11 @@ double Integrator::sensitivity_error() {
     return worst / std::min(1e-2, std::max(leftover_ ? 1e-4 : 1e-7, 100.0 * tolerance()));
 }
 
-// The jumps of projected inputs show in the estimate although they cancel: no finer than those inputs are followed.
+// The jumps of projected inputs show in the estimate although most of them cancel: no finer than those inputs are followed, and finer
+// where sensitivities are wanted, whose errors are up to twice as large. Least squares only take directions from them.
 double Integrator::tolerance() const {
     const double tol = o_.atol + o_.rtol * (high_ - low_);
-    return leftover_ ? std::max(tol, 0.1 * o_.input_atol) : tol;
+    return leftover_ ? std::max(tol, (np_ > 0 && !squares_ ? 0.06 : 0.1) * o_.input_atol) : tol;
 }
 
 }  // namespace thermid

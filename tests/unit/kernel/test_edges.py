@@ -242,3 +242,17 @@ def test_heavy_nodes_tied_together_that_start_apart(tie: float, middle: bool) ->
     off = np.abs(net.run(times).traces - exact.solve(net, times))
     assert off[-1].max() < 1e-4
     assert off.max() < (2e-6 if tie < 1e5 else 0.02)  # between steps the slope is a difference of two large heats
+
+
+def test_neighbours_of_a_tiny_node_that_starts_off_balance() -> None:
+    """It settles within 1e-9 s; from then on the heavy node sees two conductances in series, early in the first step as later."""
+    net = Net()
+    heavy, tiny, air = net.node(100.0, 310.0), net.node(1e-9, 400.0), net.boundary(offset=net.coef(290.0))
+    near, far = 2.0, 3.0
+    net.link(k.LINEAR, heavy, tiny, net.coef(near, p0=1.0))
+    net.link(k.LINEAR, tiny, air, net.coef(far))
+    times = np.array([0.1, 1.0, 7.0, 100.0])
+    r = net.run(np.concatenate(([0.0], times)), nodes=[heavy], sens=True, rtol=0, atol=1e-7)
+    series, decay = near * far / (near + far), 20.0 * np.exp(-near * far / (near + far) * times / 100.0)
+    np.testing.assert_allclose(r.traces[1:, 0], 290.0 + decay, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(r.sensitivities[1:, 0, 0], -decay * times / 100.0 * (series / near) ** 2, rtol=0, atol=1e-6)
