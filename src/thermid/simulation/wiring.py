@@ -97,7 +97,8 @@ class Wiring:
         self.signals |= load_inputs(network, self.scenario, base) | network.media.signals()
         self._follow: dict[tuple[str, int, int], str] = {}
         numbers = self._numbers({})
-        self.gone = eliminable(self._marked(numbers))
+        # the kernel needs a node to solve for, even where all of them only follow
+        self.gone = eliminable(self._marked(numbers))[: len(network.nodes) - 1]
         self.used: dict[str, int] = {}
         self._structure: dict[str, Any] = {}
         self._last: tuple[tuple[bytes, bool], Assembled] | None = None

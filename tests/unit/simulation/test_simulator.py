@@ -79,3 +79,12 @@ def test_names_are_checked_when_it_is_prepared() -> None:
     derived = {**DECK, "parameters": {"side": "0.2 [m]", "face": "side**2"}}
     with pytest.raises(DeckError, match="'face' is derived"):
         td.prepare(td.model_from_dict(derived), ROOM, ["face"])
+
+
+def test_a_network_of_massless_nodes_alone_can_be_run() -> None:
+    links = {
+        f"to_{n}": {"kind": "conduction", "between": ["tap", n], "conductance": f"{g} [W/K]"} for n, g in (("warm", 3.0), ("cool", 1.0))
+    }
+    divider = td.model_from_dict({"title": "divider", "needs": ["warm", "cool"], "nodes": {"tap": {}}, "conductors": links})
+    scenario = td.Scenario("held", boundaries={"warm": "40 [degC]", "cool": "20 [degC]"}, start="warm", duration="1 [min]")
+    assert td.simulate(divider, scenario)["tap"].celsius == pytest.approx(35.0, abs=1e-9)
