@@ -34,7 +34,8 @@ def test_modes_and_steps_agree(case: Case) -> None:
     assert mine.relative < 1e-11
     scale = abs(mine.loads) + abs(mine.boundaries) + abs(mine.stored) + 1e-3
     # steps control temperatures, not energies: a sine at a massless node is summed to some 1e-6 only
-    assert (mine.loads, mine.boundaries, mine.stored) == pytest.approx((theirs.loads, theirs.boundaries, theirs.stored), abs=1e-5 * scale)
+    within = (1e-5 if "sine" in str(case.deck) else 1e-6) * scale
+    assert (mine.loads, mine.boundaries, mine.stored) == pytest.approx((theirs.loads, theirs.boundaries, theirs.stored), abs=within)
 
 
 @st.composite
