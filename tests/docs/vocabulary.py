@@ -90,6 +90,7 @@ def by_heading() -> dict[str, Names]:
         "Conductor": _of(conductor),
         "Table of points": _model(schema.Points),
         "Joint": _model(schema.JointTable, JOINT_SLOTS),
+        "Enclosure": _model(schema.EnclosureTable, {"dimensions": "m", "view_factors": "1", "exchange_factors": "1"}),
         "Gap of a joint": _model(schema.Gap, SURFACE_SLOTS),
         "Heat load": _model(schema.LoadTable, dict(LOAD_SLOTS)),
         "Periodic load": _model(schema.Periodic, _group("periodic", LOAD_SLOTS)),

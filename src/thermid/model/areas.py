@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from thermid.dual import Number, value_of
-from thermid.errors import DeckError
-from thermid.model.flat import Take, flatten
+from thermid.dual import value_of
+from thermid.model.flat import flatten
 from thermid.model.model import Model
+from thermid.model.takes import exposed_area
 
-__all__ = ["LedgerLine", "exposed_area", "ledger"]
-
-ROUNDING = 1e-12
+__all__ = ["LedgerLine", "ledger"]
 
 
 @dataclass(frozen=True)
@@ -32,24 +30,6 @@ class LedgerLine:
     contact: float
     gap: float
     joints: Mapping[str, float]
-
-
-def exposed_area(surface: str, total: Number, takes: tuple[Take, ...], values: Mapping[str, Number], where: str = "") -> Number:
-    """Return what joints leave of a surface. [m^2]
-
-    Raises
-    ------
-    DeckError   When they take more than there is; the message names every joint.
-    """
-    left = total
-    for take in takes:
-        left = left - values[take.path]
-    if value_of(left) < -ROUNDING * value_of(total):
-        parts = " and ".join(f"'{t.joint}' takes {value_of(values[t.path]) * 1e4:.6g} cm^2 ({t.use})" for t in takes)
-        raise DeckError(
-            f"the surface '{surface}' has {value_of(total) * 1e4:.6g} cm^2, but {parts}. Make a joint smaller or the surface larger.", where
-        )
-    return left if value_of(left) > 0 else 0.0 * left
 
 
 def ledger(model: Model) -> tuple[LedgerLine, ...]:

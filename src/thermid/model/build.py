@@ -10,6 +10,7 @@ import numpy as np
 from thermid.errors import DeckError, nearest
 from thermid.model.curves import Curve, curve
 from thermid.model.elements import LOAD_SLOTS, Conductor, HeatLoad, Joint, Node, Surface
+from thermid.model.enclosures import enclosure_from, enclosure_to
 from thermid.model.kinds import KINDS
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter, parameter
@@ -73,6 +74,7 @@ def elements_from(deck: Mapping[str, Any], where: Where) -> dict[str, dict[str, 
         "surfaces": {n: _surface(n, t, where) for n, t in deck["surfaces"].items()},
         "conductors": {n: _conductor(n, t, where) for n, t in deck["conductors"].items()},
         "joints": {n: _joint(n, t, where) for n, t in deck["joints"].items()},
+        "enclosures": {n: enclosure_from(t, where(f"enclosures.{n}")) for n, t in deck["enclosures"].items()},
         "loads": {n: _load(n, t, where) for n, t in deck["loads"].items()},
     }
 
@@ -221,6 +223,7 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
         if joint.gap_to:
             table["gap"]["to"] = joint.gap_to
         joints[n] = table
+    enclosures = {n: enclosure_to(e) | flag(e) for n, e in model.enclosures.items()}
     loads = {}
     for n, load in model.loads.items():
         table = {"into": load.into} | _grouped(load.fields) | _curve_to(load.curve, "W") | flag(load)
@@ -228,4 +231,4 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
             if control in table and load.sensor:
                 table[control]["sensor"] = load.sensor
         loads[n] = table
-    return {"nodes": nodes, "surfaces": surfaces, "conductors": conductors, "joints": joints, "loads": loads}
+    return {"nodes": nodes, "surfaces": surfaces, "conductors": conductors, "joints": joints, "enclosures": enclosures, "loads": loads}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from thermid.model.curves import Curve
 from thermid.model.parameter import Parameter
 
-__all__ = ["LOAD_SLOTS", "NODE_SLOTS", "Conductor", "HeatLoad", "Joint", "Node", "Surface"]
+__all__ = ["LOAD_SLOTS", "NODE_SLOTS", "Conductor", "Enclosure", "HeatLoad", "Joint", "Node", "Surface"]
 
 Fields = Mapping[str, Parameter]
 
@@ -117,6 +117,34 @@ class Joint:
     mid: str = ""
     gap_to: str = ""
     test_only: bool = False
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """Surfaces that see one another and radiate to one another, with every reflection between them.
+
+    Parameters
+    ----------
+    faces : dict                Name of a face -> path of its surface, which has an emissivity; it radiates here and nowhere else.
+    shape : str                 One of `physics.view_factors.SHAPES`; empty where factors are given.
+    dimensions : dict           Lengths of the shape. [m]
+    view_factors : tuple        Rows (faces, faces) in the order of the faces; empty with a shape. [-]
+    exchange_factors : tuple    Rows of script-F, reflections counted, in place of view factors; zero on the diagonal. [-]
+    rest : str                  The node that takes what the view factors leave, as a black surface; empty where they sum to one.
+    """
+
+    faces: Mapping[str, str]
+    shape: str = ""
+    dimensions: Mapping[str, float] = field(default_factory=dict)
+    view_factors: tuple[tuple[float, ...], ...] = ()
+    exchange_factors: tuple[tuple[float, ...], ...] = ()
+    rest: str = ""
+    test_only: bool = False
+
+    @property
+    def fields(self) -> Fields:
+        """No parameters of its own; its surfaces have them."""
+        return {}
 
 
 @dataclass(frozen=True)

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from thermid.errors import DeckError, ThermidError
 from thermid.model.curves import Curve
 from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, Surface
-from thermid.model.kinds import KINDS
+from thermid.model.enclosures import Face, pairs
+from thermid.model.kinds import KINDS, Law
 from thermid.model.model import Model
 from thermid.model.names import Names
 from thermid.model.resolve import ParameterSet
+from thermid.model.takes import Take
 from thermid.units import require
 
-__all__ = ["Flat", "FlatConductor", "FlatLoad", "FlatNode", "Take", "flatten"]
-
-
-@dataclass(frozen=True)
-class Take:
-    """Area that a joint takes from a surface: `count` times the parameter at `path`."""
-
-    joint: str
-    path: str
-    use: str
+__all__ = ["Flat", "FlatConductor", "FlatLoad", "FlatNode", "flatten"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +32,10 @@ class FlatNode:
 
 @dataclass(frozen=True)
 class FlatConductor:
-    """A conductor: field -> parameter path, the area that joints take from it, and a factor on its conductance."""
+    """A conductor: field -> parameter path, the area that joints take from it, and a factor on its conductance.
+
+    `recipe` stands in for that of its kind where a pair's law needs more than its own fields.
+    """
 
     path: str
     kind: str
@@ -50,6 +47,11 @@ class FlatConductor:
     gas: str = ""
     emissivity: str = ""
     where: str = ""
+    recipe: Callable[[Mapping[str, Any]], Law] | None = None
+
+    def law(self, fields: Mapping[str, Any]) -> Law:
+        """Return the row that it is at the values of its fields (float or Dual, SI)."""
+        return (self.recipe or KINDS[self.kind].recipe)(fields)
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,7 @@ def flatten(model: Model) -> Flat:
     """
     names, parameters = Names(model), ParameterSet(model)
     takes = _takes(model, names)
+    enclosed, inside = _enclosures(model, names, takes)
     nodes: list[FlatNode] = []
     conductors: list[FlatConductor] = []
     loads: list[FlatLoad] = []
@@ -114,7 +117,7 @@ def flatten(model: Model) -> Flat:
         for name, surface in owner.surfaces.items():
             taken = tuple(takes.get(prefix + name, ()))
             surfaces[prefix + name] = (f"{prefix}{name}.area", taken)
-            conductors += _surface(owner, prefix, name, surface, taken, names)
+            conductors += _surface(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
         for name, c in owner.conductors.items():
             key = f"conductors.{name}"
             ends = (names.end(owner, prefix, c.between[0], key), names.end(owner, prefix, c.between[1], key))
@@ -123,7 +126,7 @@ def flatten(model: Model) -> Flat:
             conductors.append(FlatConductor(prefix + name, c.kind, ends, fields, c.curve, gas=gas, where=owner.where(key)))
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
-    flat = Flat(names, parameters, tuple(nodes), tuple(conductors), tuple(loads), surfaces)
+    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces)
     _check_slots(flat)
     return flat
 
@@ -145,8 +148,32 @@ def _takes(model: Model, names: Names) -> dict[str, list[Take]]:
     return out
 
 
-def _surface(owner: Model, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names) -> list[FlatConductor]:
-    """Return the conductors that a surface stands for: what convects, and what radiates when that is apart."""
+def _enclosures(model: Model, names: Names, takes: Mapping[str, list[Take]]) -> tuple[dict[str, str], list[FlatConductor]]:
+    """Return surface -> the enclosure that it is a face of, and the radiation between the faces of every enclosure."""
+    enclosed: dict[str, str] = {}
+    out = []
+    for owner, prefix in _walk(model):
+        for name, enclosure in owner.enclosures.items():
+            key = f"enclosures.{name}"
+            faces = []
+            for face, raw in enclosure.faces.items():
+                path, part, part_prefix = names.surface(owner, prefix, raw, f"{key}.faces.{face}")
+                surface = part.surfaces[path.rpartition(".")[2]]
+                if path in enclosed:
+                    raise DeckError(f"'{raw}' is a face of '{enclosed[path]}' already; a surface radiates once.", owner.where(key))
+                enclosed[path] = prefix + name
+                node = names.end(part, part_prefix, surface.of, key)
+                faces.append(Face(face, path, surface, node, tuple(takes.get(path, ()))))
+            rest = names.end(owner, prefix, enclosure.rest, f"{key}.rest") if enclosure.rest else ""
+            for pair in pairs(prefix + name, enclosure, faces, rest, owner.where(key)):
+                out.append(FlatConductor(pair.path, "radiation", pair.ends, pair.fields, where=owner.where(key), recipe=pair.recipe))
+    return enclosed, out
+
+
+def _surface(
+    owner: Model, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names, enclosed: bool
+) -> list[FlatConductor]:
+    """Return the conductors that a surface stands for: what convects, and what radiates when that is apart and no enclosure has it."""
     key = f"surfaces.{name}"
     path = prefix + name
     a, b = names.end(owner, prefix, surface.of, key), names.end(owner, prefix, surface.to, key)
@@ -158,7 +185,7 @@ def _surface(owner: Model, prefix: str, name: str, surface: Surface, takes: tupl
         return out
     if len(fields) > 1:
         out.append(FlatConductor(path, "convection", (a, b), fields, None, takes, gas=b, where=owner.where(key)))
-    if emissivity:
+    if emissivity and not enclosed:
         to = names.end(owner, prefix, surface.radiates_to, key) if surface.radiates_to else b
         radiating = {"emissivity": emissivity, "area": fields["area"]}
         out.append(FlatConductor(f"{path}.radiation", "radiation", (a, to), radiating, None, takes, where=owner.where(key)))
@@ -196,9 +223,9 @@ def _check_slots(flat: Flat) -> None:
         for name, path in node.fields.items():
             _require(flat.parameters, path, NODE_SLOTS[name])
     for conductor in flat.conductors:
-        slots = KINDS[conductor.kind].slots
+        slots = KINDS[conductor.kind].slots if conductor.recipe is None else {}
         for name, path in conductor.fields.items():
-            _require(flat.parameters, path, slots[name])
+            _require(flat.parameters, path, slots[name] if slots else "1" if name.endswith(".emissivity") else "m^2")
         if conductor.emissivity:
             _require(flat.parameters, conductor.emissivity, "1")
     for load in flat.loads:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.elements import Conductor, HeatLoad, Joint, Node, Surface
+from thermid.model.elements import Conductor, Enclosure, HeatLoad, Joint, Node, Surface
 from thermid.model.parameter import Parameter, parameter
 
 if TYPE_CHECKING:
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Layer", "Model", "Submodel"]
 
-Element = Node | Conductor | Surface | Joint | HeatLoad
-TABLES = ("nodes", "surfaces", "conductors", "joints", "loads")
+Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad
+TABLES = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads")
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Model:
     needs : tuple of str        Nodes that whoever uses it must supply.
     offers : tuple of str       Own nodes and surfaces that a user may attach to.
     parameters : dict           Name -> Parameter.
-    nodes, conductors, surfaces, joints, loads : dict    Name -> element.
+    nodes, conductors, surfaces, joints, enclosures, loads : dict    Name -> element.
     submodels : dict            Name -> Submodel.
     settings : dict             Path -> Parameter: the deck's own [set], over the decks of its submodels.
     layers : tuple of Layer     Values laid over it, the last one winning; a user's [set] wins over them.
@@ -80,6 +80,7 @@ class Model:
     conductors: Mapping[str, Conductor] = field(default_factory=dict)
     surfaces: Mapping[str, Surface] = field(default_factory=dict)
     joints: Mapping[str, Joint] = field(default_factory=dict)
+    enclosures: Mapping[str, Enclosure] = field(default_factory=dict)
     loads: Mapping[str, HeatLoad] = field(default_factory=dict)
     submodels: Mapping[str, Submodel] = field(default_factory=dict)
     settings: Mapping[str, Parameter] = field(default_factory=dict)

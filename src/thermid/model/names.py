@@ -15,6 +15,8 @@ def used_offers(model: Model, part: str) -> set[str]:
     """Return the nodes and surfaces of a submodel that its user attaches to, names as the part offers them."""
     ends = [end for conductor in model.conductors.values() for end in (*conductor.between, *conductor.takes)]
     ends += [end for joint in model.joints.values() for end in joint.between]
+    for enclosure in model.enclosures.values():
+        ends += [*enclosure.faces.values(), enclosure.rest]
     for load in model.loads.values():
         ends += [load.into, load.sensor]
     for surface in model.surfaces.values():
@@ -145,7 +147,7 @@ class Names:
             owner, own_prefix, rest = part, f"{own_prefix}{head}.", tail
         if rest not in owner.surfaces:
             known = [s for s in owner.surfaces]
-            raise NameNotFoundError(f"no surface '{raw}'.{nearest(rest, known)} A joint takes area from two surfaces.", model.where(key))
+            raise NameNotFoundError(f"no surface '{raw}'.{nearest(rest, known)} Declare it under surfaces.", model.where(key))
         return own_prefix + rest, owner, own_prefix
 
     def find(self, raw: str, where: str = "") -> str:

@@ -13,11 +13,10 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.errors import ThermidError
-from thermid.model.areas import exposed_area
 from thermid.model.curves import evaluate
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
-from thermid.model.kinds import KINDS
 from thermid.model.model import Model
+from thermid.model.takes import exposed_area
 
 __all__ = ["RULES", "Finding", "findings"]
 
@@ -116,7 +115,7 @@ def _view(model: Model) -> _View:
         fields = {name: values[path] for name, path in c.fields.items()}
         try:
             fields |= {"area": exposed_area(c.path, fields["area"], c.takes, values)} if c.takes else {}
-            conductances[c.path] = value_of(KINDS[c.kind].recipe(fields).coefficients[0])
+            conductances[c.path] = value_of(c.law(fields).coefficients[0])
         except ThermidError as error:
             refused.append(Finding("error", c.where, error.message))
     return _View(model, flat, values, conductances, tuple(refused))

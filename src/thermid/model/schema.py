@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 from thermid.model.elements import LOAD_SLOTS
 from thermid.model.kinds import KINDS
 from thermid.model.options import Box, Source
+from thermid.physics.view_factors import SHAPES
 
 __all__ = ["Deck", "json_schema"]
 
@@ -93,6 +94,21 @@ class JointTable(_Strict):
     thickness: Value | None = None
     gap: Gap | None = None
     mid: str = ""
+    test_only: bool = False
+
+
+Rows: TypeAlias = list[list[Real]]
+
+
+class EnclosureTable(_Strict):
+    """Surfaces that radiate to one another: view factors of a shape, given ones, or exchange factors."""
+
+    faces: Annotated[dict[str, str], Field(min_length=2)]
+    shape: Annotated[str, Field(pattern=f"^({'|'.join(SHAPES)})$")] | None = None
+    dimensions: dict[str, str | Real] = {}
+    view_factors: Rows | None = None
+    exchange_factors: Rows | None = None
+    rest: str = ""
     test_only: bool = False
 
 
@@ -184,6 +200,7 @@ class Deck(_Strict):
     surfaces: dict[str, SurfaceTable] = {}
     conductors: dict[str, ConductorTable] = {}  # type: ignore[valid-type]  # made above
     joints: dict[str, JointTable] = {}
+    enclosures: dict[str, EnclosureTable] = {}
     loads: dict[str, LoadTable] = {}
     submodels: dict[str, SubmodelTable] = {}
     set: dict[str, Value] = {}

@@ -10,10 +10,10 @@ import numpy as np
 
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ThermidError
-from thermid.model.areas import exposed_area
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
-from thermid.model.kinds import KINDS, Law
+from thermid.model.kinds import Law
 from thermid.model.model import Model
+from thermid.model.takes import exposed_area
 from thermid.network.medium import Media
 from thermid.network.rows import ConductorRow, LoadRow
 
@@ -129,7 +129,7 @@ class Network:
         if c.takes:
             fields["area"] = exposed_area(c.path, fields["area"], c.takes, values, c.where)
         try:
-            law = KINDS[c.kind].recipe(fields)
+            law = c.law(fields)
         except ThermidError as error:
             raise error.located(c.where) from None
         if value_of(law.coefficients[0]) < 0:

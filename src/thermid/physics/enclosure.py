@@ -1,0 +1,130 @@
+"""Radiation inside an enclosure of grey, diffuse, isothermal faces: from view factors to the exchange area of every pair.
+
+What leaves face i, its radiosity, is what it emits and what it reflects of what the others send: J = e sigma T^4 + (1 - e) F J. Solved
+for one face warm at a time, it gives the exchange areas S with heat from i to j equal to S_ij sigma (T_i^4 - T_j^4): Hottel's script-F
+times the area, with every reflection counted. Hottel and Sarofim, Radiative Transfer, McGraw-Hill 1967, chapter 3; Incropera, 6th ed.,
+Section 13.3; Gebhart's factors are B_ij = S_ij / (e_i A_i).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.dual import Dual, Number, value_of
+from thermid.errors import DeckError
+
+__all__ = ["exchange_areas", "exchange_areas_of", "factor_faults"]
+
+Array = NDArray[np.float64]
+
+RECIPROCITY = 1e-3
+"""Largest relative difference of A_i F_ij and A_j F_ji, and of a row's sum from one; given factors have three or four digits. [-]"""
+
+
+def exchange_areas(factors: Array, areas: Array, emissivities: Array) -> Array:
+    """Return the exchange area of every pair of faces (faces, faces). [m^2]
+
+    Parameters
+    ----------
+    factors : array (faces, faces)      View factors, rows summing to one. [-]
+    areas, emissivities : array (faces,)    [m^2], [-]
+
+    Examples
+    --------
+    Two large facing plates of emissivity 0.3 exchange 0.176 of what black ones would (Incropera, Table 13.3), not 0.3:
+
+    >>> plates = exchange_areas(np.array([[0.0, 1.0], [1.0, 0.0]]), np.ones(2), np.array([0.3, 0.3]))
+    >>> round(float(plates[0, 1]), 3)
+    0.176
+    """
+    sent = _sent(areas[:, None] * factors, areas, emissivities)
+    found = emissivities[:, None] * (areas[:, None] * factors) @ sent
+    return np.asarray(0.5 * (found + found.T))
+
+
+def _sent(seen: Array, areas: Array, emissivities: Array) -> Array:
+    """Return the radiosity of each face (faces, faces) with one face after the other emitting as one black unit."""
+    return np.asarray(np.linalg.solve(np.diag(areas) - (1.0 - emissivities)[:, None] * seen, np.diag(emissivities * areas)))
+
+
+def exchange_areas_of(factors: Array, areas: Sequence[Number], emissivities: Sequence[Number]) -> list[list[Number]]:
+    """Return the exchange areas of faces whose areas and emissivities carry derivatives; see `exchange_areas`. [m^2]"""
+    size = np.array([value_of(a) for a in areas])
+    grey = np.array([value_of(e) for e in emissivities])
+    values = exchange_areas(factors, size, grey)
+    found: list[list[Number]] = [[float(v) for v in row] for row in values]
+    free = next((x.gradient.size for x in (*areas, *emissivities) if isinstance(x, Dual)), 0)
+    if not free:
+        return found
+    gradient = np.zeros((*values.shape, free))
+    for given, derivative in ((areas, _by_area), (emissivities, _by_emissivity)):
+        for k, number in enumerate(given):
+            if isinstance(number, Dual):
+                one = derivative(factors, size, grey, k)
+                gradient += 0.5 * (one + one.T)[..., None] * number.gradient
+    return [[Dual(v, gradient[i, j]) for j, v in enumerate(row)] for i, row in enumerate(values.tolist())]
+
+
+def _by_area(factors: Array, areas: Array, grey: Array, k: int) -> Array:
+    """Return d (exchange areas) / d area k, view factors kept."""
+    seen = areas[:, None] * factors
+    sent = _sent(seen, areas, grey)
+    more = np.zeros_like(seen)
+    more[k] = factors[k]
+    right = np.zeros_like(seen)
+    right[k] = (1.0 - grey[k]) * (factors[k] @ sent) - sent[k]
+    right[k, k] += grey[k]
+    change = np.linalg.solve(np.diag(areas) - (1.0 - grey)[:, None] * seen, right)
+    return np.asarray(grey[:, None] * (more @ sent + seen @ change))
+
+
+def _by_emissivity(factors: Array, areas: Array, grey: Array, k: int) -> Array:
+    """Return d (exchange areas) / d emissivity k."""
+    seen = areas[:, None] * factors
+    sent = _sent(seen, areas, grey)
+    right = np.zeros_like(seen)
+    right[k] = -(seen[k] @ sent)
+    right[k, k] += areas[k]
+    change = np.linalg.solve(np.diag(areas) - (1.0 - grey)[:, None] * seen, right)
+    out = grey[:, None] * (seen @ change)
+    out[k] += seen[k] @ sent
+    return np.asarray(out)
+
+
+def factor_faults(factors: Array, areas: Array, names: Sequence[str], where: str, closed: bool = True) -> None:
+    """Check given view factors: no negative one, reciprocity, and sums of one.
+
+    Parameters
+    ----------
+    factors : array (faces, faces)  [-]
+    areas : array (faces,)          [m^2]
+    names : sequence of str         Of the faces, for messages.
+    where : str                     For messages.
+    closed : bool                   Whether the rows must sum to one; else to at most one.
+
+    Raises
+    ------
+    DeckError   Names the first face or pair that is wrong, with both numbers.
+    """
+    if factors.min() < 0.0:
+        i, j = np.argwhere(factors < 0.0)[0]
+        raise DeckError(f"the view factor from '{names[i]}' to '{names[j]}' is {factors[i, j]:g}; none is below zero.", where)
+    seen = areas[:, None] * factors
+    off = np.abs(seen - seen.T)
+    allowed = RECIPROCITY * np.maximum(seen, seen.T) + 1e-9 * areas.max()
+    if (off > allowed).any():
+        i, j = divmod(int(np.argmax(off - allowed)), len(names))
+        raise DeckError(
+            f"view factors of '{names[i]}' and '{names[j]}' break reciprocity: area times factor is {seen[i, j]:.5g} m^2 one way and "
+            f"{seen[j, i]:.5g} m^2 the other. Correct a factor or an area.",
+            where,
+        )
+    sums = factors.sum(axis=1)
+    bad = np.abs(sums - 1.0) > RECIPROCITY if closed else sums > 1.0 + RECIPROCITY
+    if bad.any():
+        k = int(np.argmax(bad))
+        cure = "Correct them, or name what the rest sees: rest = a node." if closed else "No face can send more than all it emits."
+        raise DeckError(f"the view factors of '{names[k]}' sum to {sums[k]:.5g}, not to one. {cure}", where)
