@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from thermid.simulation.engine import Options as Options
     from thermid.simulation.ensemble import Ensemble as Ensemble
     from thermid.simulation.ensemble import ensemble as ensemble
+    from thermid.simulation.moisture import Moisture as Moisture
+    from thermid.simulation.moisture import moisture as moisture
     from thermid.simulation.scenario import Scenario as Scenario
     from thermid.simulation.scenario import load_scenario as load_scenario
     from thermid.simulation.simulator import Simulator as Simulator
@@ -55,6 +57,7 @@ if TYPE_CHECKING:
     from thermid.simulation.solution import Solution as Solution
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.transient import simulate as simulate
+    from thermid.simulation.vapour import Volume as Volume
 
 # in reading order: what the hardware is, what is done to it, what was measured, what a fit says, what is shown
 _PUBLIC = {
@@ -81,6 +84,9 @@ _PUBLIC = {
     "Ensemble": "simulation.ensemble",
     "Solution": "simulation.solution",
     "BlockSolution": "simulation.block_solution",
+    "moisture": "simulation.moisture",
+    "Volume": "simulation.vapour",
+    "Moisture": "simulation.moisture",
     "Channel": "measure",
     "Record": "measure",
     "read_record": "measure",
