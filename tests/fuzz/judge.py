@@ -11,9 +11,13 @@ import numpy as np
 from fuzz import crooked, exact
 from fuzz.contestants import CONTESTANTS, Outcome
 from fuzz.networks import Case, draw
+from thermid import _kernel as k
 
 SLOW = 20.0
 """CPU time that no case may take. [s]"""
+TIED, TIED_ERROR = 1e10, 0.1
+"""Between steps the outputs of nodes that are tied together by this conductance or more [W/K] may be this far off [K]: temperatures are rounded
+to 6e-14 K, and 1e12 W/K make 0.06 W of that, which a slope between steps shows. The ends of the steps are right."""
 LARGE, LARGE_ERROR = ("large", "explicit", "implicit"), 0.1
 MAY_REFUSE = ("modal", *LARGE)
 
@@ -54,6 +58,8 @@ def tolerance(case: Case, who: str, real: np.ndarray) -> np.ndarray:
     # a run steps some thousand times at the local tolerance; a wild tolerance is the caller's own wish
     local = 1e4 * (loose["atol"] + loose["rtol"] * float(np.ptp(real))) + 10 * loose["input_atol"]
     oracle = 1e-4 + 1e-6 * np.abs(real)
+    if any(row[0] == k.LINEAR and case.net.coefs[row[3][0]][0] >= TIED for row in case.net.conductors):
+        oracle = oracle + TIED_ERROR
     return np.asarray(oracle + (local if who != "tight" else 1e-4), dtype=float)
 
 
