@@ -10,9 +10,7 @@ namespace thermid {
 // dT = (b + s db) w + (A b - db) ww + A A b www; the next term of the series is the estimate.
 double Integrator::input_error() {
     double total = 0.0;
-    const double small = leftover_ ? 1e-4 : 1e-2;
-    make_slaved(fast_, small);
-    if (!settles(fast_, small)) make_slaved(fast_, 0.0);  // a fast group that is cut off from the others does not follow them
+    make_slaved(fast_, leftover_ ? 1e-4 : 1e-2);
     if (!leftover_) {
         for (Noise& z : noise_) z.active = false;
         std::copy(drift_.begin(), drift_.end(), drift_next_.begin());

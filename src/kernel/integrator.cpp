@@ -113,10 +113,9 @@ double Integrator::first_step(double span) const {
 double Integrator::settling() {
     double time = std::numeric_limits<double>::infinity();
     make_slaved(fast_, 1e-3);
-    if (settles(fast_, 1e-3)) return time;
-    for (int i : fast_.nodes) {
+    for (int i : fast_.tied) {
         const double own = std::fabs(J0_[p_.pattern.diag[i]]);
-        if (cap_[i] > 0.0 && std::fabs(F_[i]) > 1e-6 * own) time = std::min(time, cap_[i] / own);
+        if (std::fabs(F_[i]) > 1e-6 * own) time = std::min(time, cap_[i] / own);
     }
     return std::max(time, 1e-14 * std::fabs(t_));
 }

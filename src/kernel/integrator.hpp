@@ -44,6 +44,7 @@ struct Slaved {
     std::vector<int> nodes, con_rows, load_rows;
     std::vector<char> is;
     std::vector<int> place;  // of a node among them
+    std::vector<int> tied;   // fast ones that do not follow: only they and their like determine each other
     Scatter parameters;
     Lu lu;
     bool factored = false;
@@ -92,6 +93,8 @@ class Integrator {
     // fast_: solved at outputs, since rounding would show in their dT/dt (1e-8 of the step), or the left-over of an input
     // reaches them undelayed (1e-4). quick_: slaved in second derivatives (1e-4).
     Slaved massless_, fast_, quick_;
+    std::vector<int> group_, place_;
+    Lu trial_;
     std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
     std::vector<double> xa_, fp_, row_, lag_, lag_s_, reach_, peak_;
     std::vector<char> counts_;
@@ -119,10 +122,9 @@ class Integrator {
 
     // slaved.cpp
     void make_slaved(Slaved& s, double small);
-    bool settles(Slaved& s, double small);
     void index_slaved(Slaved& s);
     void factor_slaved(Slaved& s, const double* j);
-    void fill_slaved(Slaved& s, const double* j);
+    void fill_block(const std::vector<int>& nodes, const std::vector<int>& place, const double* j, double* to) const;
     void solve_slaved(Slaved& s, Evaluation& e, const double* heat = nullptr);
     void slaved_rows(const Slaved& s, Evaluation& e) const;
     void slaved_jacobian(const Slaved& s, const Evaluation& e, double* j) const;

@@ -189,6 +189,8 @@ class LargeRun {
     void apply(const Field& x, double dh, double capacity_scale, std::vector<double>& y) const;
     void matrix_diagonal(double dh, double capacity_scale);
     bool settle_massless();
+    void draw_parabolas();
+    void restore_slopes();
 };
 
 }  // namespace thermid

@@ -325,8 +325,12 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
                     G_[i] = (T1_[i] - T_[i] + bend_[k]) / h_;
                     G1_[i] = (T1_[i] - T_[i] - bend_[k]) / h_;
                 }
+                const bool due = (next_time < times.size() && times[next_time] <= t_ + h_) ||
+                                 (next_field < field_times.size() && field_times[next_field] <= t_ + h_);
+                if (due && r.method == TRBDF2) draw_parabolas();
                 write(times, next_time, seen);
                 write_fields(field_times, next_field);
+                if (due && r.method == TRBDF2) restore_slopes();
                 for (size_t k = 0; k < energy_.size(); ++k) energy_[k] += gain_[k];
                 t_ = h_ == until - t_ ? until : t_ + h_;
                 T_.swap(T1_);

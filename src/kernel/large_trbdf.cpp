@@ -163,7 +163,7 @@ double LargeRun::trbdf() {
     double sum = 0.0;
     for (int i = 0; i < n_; ++i) {
         r_v_[i] = h * (e0 * heat0_[i] + e1 * heat1_[i] + e2 * heat2_[i]);
-        G1_[i] = p_.capacity[i] > 0.0 ? heat2_[i] / p_.capacity[i] : 0.0;
+        G1_[i] = heat2_[i] * inverse_c_[i];
         sum += r_v_[i];
     }
     if (!std::isfinite(sum) || !gradients(r_v_, dh, 1.0, 0.1 * o_.tolerance)) return bad;
@@ -177,6 +177,24 @@ double LargeRun::trbdf() {
         worst = std::max(worst, 0.05 * (std::fabs(bend_[k]) - 4.0 * o_.input_atol));
     }
     return worst / o_.tolerance;
+}
+
+// Outputs inside a step: nodes that settle within a hundredth of it follow a parabola through the stages, as massless ones do; their rate at the
+// step's start belongs to what was before it.
+void LargeRun::draw_parabolas() {
+    const double dh = DIAGONAL * h_;
+    for (int i = 0; i < n_; ++i) {
+        if (!(diag_[i] > (1.0 + 100.0 * DIAGONAL) * p_.capacity[i]) || p_.capacity[i] == 0.0) continue;
+        const double step = T1_[i] - T_[i], middle = dh * (heat0_[i] + heat1_[i]) * inverse_c_[i];
+        const double bend = (middle - step * FIRST_PART) / (FIRST_PART * (1.0 - FIRST_PART));
+        G_[i] = (step + bend) / h_;
+        G1_[i] = (step - bend) / h_;
+    }
+}
+
+void LargeRun::restore_slopes() {
+    for (int i = 0; i < n_; ++i)
+        if (p_.capacity[i] > 0.0) G1_[i] = heat2_[i] * inverse_c_[i];
 }
 
 // Massless nodes at the start, and after a jump of the inputs: F = 0 with the others held.

@@ -30,48 +30,58 @@ void Integrator::index_slaved(Slaved& s) {
     s.factored = false;
 }
 
-// Massless nodes, and those whose time constant is below a small part of the step.
+// Massless nodes, and those whose time constant is below a small part of the step, as far as the others determine them: as a group, too, they
+// must settle in a small part of the step. Heavy nodes tied closely together do not, however fast each of them follows its neighbour; the
+// heaviest are taken out of the group until it does.
 void Integrator::make_slaved(Slaved& s, double small) {
-    bool same = s.is.size() == static_cast<size_t>(p_.nodes());
-    auto member = [&](int i) { return cap_[i] == 0.0 || cap_[i] < -small * h_ * J0_[p_.pattern.diag[i]]; };
-    for (int i = 0; same && i < n_; ++i) same = member(i) == static_cast<bool>(s.is[i]);
-    if (same) return;
-    s.nodes.clear();
+    std::vector<int>& group = group_;
+    group.clear();
+    s.tied.clear();
     for (int i = 0; i < n_; ++i)
-        if (member(i)) s.nodes.push_back(i);
+        if (cap_[i] == 0.0 || cap_[i] < -small * h_ * J0_[p_.pattern.diag[i]]) group.push_back(i);
+    while (group.size() > massless_.nodes.size()) {
+        const size_t m = group.size();
+        place_.assign(n_, -1);
+        for (size_t x = 0; x < m; ++x) place_[group[x]] = static_cast<int>(x);
+        trial_.resize(static_cast<int>(m));
+        fill_block(group, place_, J0_.data(), trial_.data());
+        for (size_t x = 0; x < m; ++x) xa_[x] = cap_[group[x]];
+        const bool determined = trial_.factor() < 0;
+        if (determined) trial_.solve(xa_.data());
+        auto late = [&](size_t x) { return cap_[group[x]] > 0.0 && !(determined && std::fabs(xa_[x]) <= 10.0 * small * h_); };
+        double heaviest = 0.0;
+        for (size_t x = 0; x < m; ++x)
+            if (late(x)) heaviest = std::max(heaviest, cap_[group[x]]);
+        if (heaviest == 0.0) break;
+        size_t kept = 0;
+        for (size_t x = 0; x < m; ++x) {
+            const int i = group[x];
+            if (late(x) && cap_[i] >= 0.1 * heaviest) s.tied.push_back(i);
+            else group[kept++] = i;
+        }
+        group.resize(kept);
+    }
+    if (s.is.size() == static_cast<size_t>(p_.nodes()) && s.nodes == group) return;
+    s.nodes = group;
     index_slaved(s);
 }
 
 void Integrator::factor_slaved(Slaved& s, const double* j) {
     const int m = static_cast<int>(s.nodes.size());
     if (m == 0) return;
-    fill_slaved(s, j);
+    fill_block(s.nodes, s.place, j, s.lu.data());
     const int bad = s.lu.factor();
     s.factored = true;
     if (bad >= 0) throw Failure{SINGULAR_NODE, s.nodes[bad]};
 }
 
-// Their block of the Jacobian, to be factorised.
-void Integrator::fill_slaved(Slaved& s, const double* j) {
-    const size_t m = s.nodes.size();
-    double* to = s.lu.data();
+// Their block of the Jacobian, to be factorised; place: of a node among them, or -1.
+void Integrator::fill_block(const std::vector<int>& nodes, const std::vector<int>& place, const double* j, double* to) const {
+    const size_t m = nodes.size();
     std::fill(to, to + m * m, 0.0);
     for (size_t x = 0; x < m; ++x)
-        for (int k = p_.pattern.begin[s.nodes[x]]; k < p_.pattern.begin[s.nodes[x] + 1]; ++k)
-            if (s.is[p_.pattern.col[k]]) to[x * m + s.place[p_.pattern.col[k]]] = j[k];
-}
-
-// Whether the others determine the slaved nodes: as a group, too, they settle in a small part of the step. Heavy nodes tied closely together do
-// not, however fast each of them follows its neighbour.
-bool Integrator::settles(Slaved& s, double small) {
-    const int m = static_cast<int>(s.nodes.size());
-    if (m == static_cast<int>(massless_.nodes.size())) return true;
-    fill_slaved(s, J0_.data());
-    s.factored = false;
-    if (s.lu.factor() >= 0) return false;
-    for (int x = 0; x < m; ++x) xa_[x] = cap_[s.nodes[x]];
-    s.lu.solve(xa_.data());
-    return std::all_of(xa_.begin(), xa_.begin() + m, [&](double time) { return std::fabs(time) <= 10.0 * small * h_; });
+        for (int k = p_.pattern.begin[nodes[x]]; k < p_.pattern.begin[nodes[x] + 1]; ++k)
+            if (const int y = place[p_.pattern.col[k]]; y >= 0) to[x * m + y] = j[k];
 }
 
 // Rows that touch slaved nodes only; e.f is right for those nodes alone.

@@ -26,8 +26,8 @@ class Outcome:
     Parameters
     ----------
     status : str            OK, a status of the kernel, or 'refused' with words.
-    traces : array or None  Temperatures (times, nodes), when OK. [K]
-    why : str               What was said.
+    traces : array or None  Temperatures (times, nodes), or (members, times, nodes) of an ensemble, when OK. [K]
+    why : str               What was said; of a run that is OK, how it was done.
     """
 
     status: str
@@ -82,6 +82,73 @@ def modal(case: Case) -> Outcome:
     return _public(case, "modal")
 
 
+def large(case: Case) -> Outcome:
+    """The integrator of large networks, which chooses its method."""
+    return _public(case, "large")
+
+
+def explicit(case: Case) -> Outcome:
+    """RKC2, which a network with massless nodes is refused."""
+    return _public(case, "RKC2")
+
+
+def implicit(case: Case) -> Outcome:
+    """TR-BDF2 with conjugate gradients."""
+    return _public(case, "TR-BDF2")
+
+
+def lanes(case: Case) -> Outcome:
+    """An ensemble in the widest lanes of this machine, by one thread and by two, which must not differ in a bit."""
+    one, two = (_ensemble(case, "auto", threads) for threads in (1, 2))
+    same = one.status == two.status and (one.traces is None or np.array_equal(one.traces, two.traces))
+    return one if same else Outcome("DIFFERS", None, "with two threads")
+
+
+def scalar(case: Case) -> Outcome:
+    """The same ensemble in the portable lanes, within 1e-5 K of the widest."""
+    wide, found = lanes(case), _ensemble(case, "baseline", 1)
+    if wide.traces is None or found.traces is None:
+        return found
+    apart = float(np.abs(wide.traces - found.traces).max())
+    return found if apart <= 1e-5 else Outcome("DIFFERS", None, f"{apart:.2g} K from the widest lanes")
+
+
+MEMBERS = 9
+"""Of an ensemble: the case itself among seven that are like it, and once more in a group of its own."""
+
+
+def _ensemble(case: Case, simd: str, threads: int) -> Outcome:
+    net, options = case.net, dict(case.options)
+    rng = np.random.default_rng([21, case.seed])
+    scaled = {j for j in net.capacity if j >= 0} | {row[3][0] for row in net.conductors} | {row[2][0] for row in net.loads}
+    coef = np.repeat(net.values[:, None], MEMBERS, axis=1)
+    start = np.repeat(np.asarray(net.start, float)[:, None], MEMBERS, axis=1)
+    for j in scaled:
+        coef[j, 1:-1] *= np.exp(rng.normal(0.0, 0.3, MEMBERS - 2))
+    start[:, 1:-1] += rng.normal(0.0, 5.0, (len(net.start), MEMBERS - 2))
+    if rng.random() < 0.2 and len(net.values):  # a sick neighbour must not harm the others
+        coef[rng.integers(len(net.values)), rng.integers(1, MEMBERS - 1)] = rng.choice([np.nan, np.inf, -1.0, 0.0, 1e30])
+    t0, t_end = (float(options.pop(name, t)) for name, t in (("t0", case.times[0]), ("t_end", case.times[-1])))
+    nodes = np.arange(len(net.capacity), dtype=np.int32)
+    try:
+        run = k.Ensemble(net.problem(), coef, start, t0, t_end, case.times, nodes, simd=simd, **options)
+        stored = np.concatenate([run.advance(rows, threads) for rows in _parts(len(case.times))], axis=1)
+    except (ValueError, TypeError, OverflowError) as error:
+        return Outcome("refused", None, str(error))
+    traces = np.moveaxis(stored, 3, 1).reshape(-1, *stored.shape[1:3])[[0, MEMBERS - 1]]
+    status = [NAMES[run.status[m]] for m in (0, MEMBERS - 1)]
+    bad = next((m for m in (0, 1) if status[m] != "OK"), None)
+    if bad is not None:
+        m = bad * (MEMBERS - 1)
+        return Outcome(status[bad], None, f"at {run.time[m]:g} s, node {run.node[m]}")
+    return Outcome("OK", traces, "alone" if run.alone[[0, MEMBERS - 1]].all() else "in lanes")
+
+
+def _parts(count: int) -> list[int]:
+    """Outputs come in two parts, as they do where quantiles are taken."""
+    return [count] if count < 2 else [count // 2, count - count // 2]
+
+
 def _public(case: Case, method: str) -> Outcome:
     if {"t0", "t_end", "breaks"} & set(case.options) or case.times[0] != 0.0:
         return Outcome("refused", None, "not asked")
@@ -89,12 +156,13 @@ def _public(case: Case, method: str) -> Outcome:
         o = {"tolerance": "atol", "relative": "rtol", "input_tolerance": "input_atol", "max_step": "max_step", "max_steps": "max_steps"}
         options = td.Options(method=method, **{name: case.options[key] for name, key in o.items() if key in case.options})
         found = td.simulate(td.model_from_dict(deck(case.net)), scenario(case), times=case.times, options=options)
-        return Outcome("OK", np.column_stack([found[f"n{i}"].kelvin for i in range(len(case.net.capacity))]))
+        how = str(found.statistics["method"]) if method == "large" else ""
+        return Outcome("OK", np.column_stack([found[f"n{i}"].kelvin for i in range(len(case.net.capacity))]), how)
     except (td.ThermidError, ValueError, TypeError, OverflowError) as error:
         return Outcome("refused", None, str(error))
 
 
-CONTESTANTS: dict[str, Callable[[Case], Outcome]] = {f.__name__: f for f in (kernel, tight, sensitive, public, modal)}
+CONTESTANTS: dict[str, Callable[[Case], Outcome]] = {f.__name__: f for f in (kernel, tight, sensitive, public, modal, large, explicit, implicit, lanes, scalar)}
 
 
 def scenario(case: Case) -> td.Scenario:
