@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from thermid.identify.calibrate import calibrate as calibrate
     from thermid.identify.calibration import Calibration as Calibration
     from thermid.identify.compare import compare as compare
+    from thermid.identify.split import Split as Split
+    from thermid.identify.split import split as split
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import run_stages as run_stages
     from thermid.identify.validate import Criteria as Criteria
@@ -93,6 +95,8 @@ _PUBLIC = {
     "compare": "identify.compare",
     "calibrate": "identify.calibrate",
     "Calibration": "identify.calibration",
+    "split": "identify.split",
+    "Split": "identify.split",
     "load_values": "identify.values",
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",

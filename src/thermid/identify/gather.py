@@ -14,6 +14,7 @@ from thermid.identify.residuals import Problem
 from thermid.identify.ties import tied
 from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
 from thermid.model.signal import Constant, Table, literal
+from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
 
 __all__ = ["problem_for"]
@@ -64,6 +65,7 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
     values = flat.parameters.evaluate({})
     wanted = [*request.free, *(p for v in request.inherited for p in v.parameters)]
     priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
+    finishes = {flat.parameters.literal_behind(path): finish(named) for path, named in flat.finishes.items()}
     unknowns: dict[str, Unknown] = {}
     taken: set[str] = set()
     for raw in wanted:
@@ -76,7 +78,11 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
         given = flat.parameters.table[path].parameter
         unknown = parameter_unknown(path, given, flat.parameters.dimension(path), values[path], targets, None)
         unknown = replace(unknown, also=tuple(p for p in group if p != path))
-        unknowns[path] = replace(unknown, prior=_prior(unknown, priors.pop(path))) if path in priors else unknown
+        if path in priors:
+            unknown = replace(unknown, prior=_prior(unknown, priors.pop(path)))
+        elif path in finishes:
+            unknown = replace(unknown, prior=_prior(unknown, ("", f"{100.0 * finishes[path].log_sd!r} [%]")))
+        unknowns[path] = unknown
     for path in priors:
         raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)
     return list(unknowns.values())

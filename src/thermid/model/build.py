@@ -15,6 +15,7 @@ from thermid.model.kinds import KINDS
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter, parameter
 from thermid.model.signal import literal
+from thermid.physics.finishes import finish
 from thermid.units import unit
 
 __all__ = ["elements_from", "elements_to", "written"]
@@ -94,9 +95,18 @@ def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
             "a surface has htc (convection alone) or effective_htc (convection and radiation together, as fitted in air), not both.",
             where(key),
         )
+    if table["finish"]:
+        fields.setdefault("emissivity", _finished(table["finish"], where(f"{key}.finish")))
     if not {"htc", "htc.coefficient", "effective_htc", "emissivity"} & set(fields):
-        raise DeckError("a surface exchanges nothing: give htc, effective_htc or emissivity.", where(key))
-    return Surface(table["of"], table["to"], fields, table["radiates_to"], table["test_only"])
+        raise DeckError("a surface exchanges nothing: give htc, effective_htc, emissivity or finish.", where(key))
+    return Surface(table["of"], table["to"], fields, table["radiates_to"], table["test_only"], table["finish"])
+
+
+def _finished(name: str, where: str) -> Parameter:
+    """Return the emissivity of a finish."""
+    found = finish(name, where)
+    basis = f"finish '{name}', {found.low:g} to {found.high:g}: {found.source}"
+    return parameter({"value": found.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": basis}, where)
 
 
 def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
@@ -206,7 +216,11 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
     flag: Callable[[Any], dict[str, bool]] = lambda e: {"test_only": True} if e.test_only else {}  # noqa: E731
     nodes = {n: _grouped(e.fields) | ({"reference_point": True} if e.reference_point else {}) | flag(e) for n, e in model.nodes.items()}
     surfaces = {
-        n: {"of": e.of, "to": e.to} | _grouped(e.fields) | ({"radiates_to": e.radiates_to} if e.radiates_to else {}) | flag(e)
+        n: {"of": e.of, "to": e.to}
+        | _grouped({f: p for f, p in e.fields.items() if f != "emissivity" or not e.finish or p != _finished(e.finish, "")})
+        | ({"finish": e.finish} if e.finish else {})
+        | ({"radiates_to": e.radiates_to} if e.radiates_to else {})
+        | flag(e)
         for n, e in model.surfaces.items()
     }
     conductors = {

@@ -85,6 +85,7 @@ class Surface:
     to : str            The gas node or surroundings.
     fields : dict       area [m^2]; htc (or htc.coefficient and htc.exponent) or effective_htc; emissivity [-].
     radiates_to : str   Where it radiates to; `to` when empty.
+    finish : str        Finish that the emissivity comes from; empty where it is given itself.
     """
 
     of: str
@@ -92,6 +93,7 @@ class Surface:
     fields: Fields
     radiates_to: str = ""
     test_only: bool = False
+    finish: str = ""
 
     @property
     def is_effective(self) -> bool:

@@ -76,6 +76,7 @@ class Flat:
     parameters : ParameterSet           Every value by path.
     nodes, conductors, loads : tuple    The elements.
     surfaces : dict                     Surface path -> its area's parameter path and what joints take from it.
+    finishes : dict                     Parameter path of an emissivity -> the finish that it comes from.
     """
 
     names: Names
@@ -84,6 +85,7 @@ class Flat:
     conductors: tuple[FlatConductor, ...]
     loads: tuple[FlatLoad, ...]
     surfaces: Mapping[str, tuple[str, tuple[Take, ...]]] = field(default_factory=dict)
+    finishes: Mapping[str, str] = field(default_factory=dict)
 
 
 def _walk(model: Model, prefix: str = "") -> Iterator[tuple[Model, str]]:
@@ -106,6 +108,7 @@ def flatten(model: Model) -> Flat:
     conductors: list[FlatConductor] = []
     loads: list[FlatLoad] = []
     surfaces: dict[str, tuple[str, tuple[Take, ...]]] = {}
+    finishes: dict[str, str] = {}
     for owner, prefix in _walk(model):
         for name, node in owner.nodes.items():
             fields = {f: f"{prefix}{name}.{f}" for f in node.fields}
@@ -117,6 +120,7 @@ def flatten(model: Model) -> Flat:
         for name, surface in owner.surfaces.items():
             taken = tuple(takes.get(prefix + name, ()))
             surfaces[prefix + name] = (f"{prefix}{name}.area", taken)
+            finishes |= {f"{prefix}{name}.emissivity": surface.finish} if surface.finish else {}
             conductors += _surface(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
         for name, c in owner.conductors.items():
             key = f"conductors.{name}"
@@ -126,7 +130,7 @@ def flatten(model: Model) -> Flat:
             conductors.append(FlatConductor(prefix + name, c.kind, ends, fields, c.curve, gas=gas, where=owner.where(key)))
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
-    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces)
+    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes)
     _check_slots(flat)
     return flat
 

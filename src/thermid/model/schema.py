@@ -72,6 +72,7 @@ class SurfaceTable(_Strict):
     htc: Value | PowerLaw | None = None
     effective_htc: Value | None = None
     emissivity: Value | None = None
+    finish: str = ""
     radiates_to: str = ""
     test_only: bool = False
 

@@ -121,6 +121,10 @@ class Media:
             raise ScenarioError(f"the pressure of '{gas}' must jump between one atmosphere and vacuum: write hold = true.", where)
         return "changing"
 
+    def empty(self, gas: str, where: str = "") -> bool:
+        """Return whether there is no gas at a gas node at any time."""
+        return self._state(gas, where) == "vacuum"
+
     def rows(self, c: FlatConductor, law: Law, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[ConductorRow, ...]:
         """Return the rows that a conductor is, in the state of its gas.
 

@@ -54,7 +54,7 @@ def conductance(model: Model, name: str = "c") -> float:
         ),
         ({"nodes/case/capacitance": "1 [J/K]"}, "a node has mass and specific_heat, or capacitance, or nothing"),
         ({"surfaces/skin/effective_htc": "5 [W/(m^2 K)]"}, "Box, surfaces.skin: a surface has htc (convection alone) or effective_htc"),
-        ({"surfaces/skin/htc": None}, "Box, surfaces.skin: a surface exchanges nothing: give htc, effective_htc or emissivity."),
+        ({"surfaces/skin/htc": None}, "Box, surfaces.skin: a surface exchanges nothing: give htc, effective_htc, emissivity or finish."),
         ({"loads/heat/power": None}, "Box, loads.heat: a load has power, or a table of power over temperature; one of them."),
         (
             {"loads/heat/temperature_coefficient": "0.01 [1/K]"},

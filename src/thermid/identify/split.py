@@ -1,0 +1,290 @@
+"""An effective coefficient taken apart into radiation and convection, with what is known of each, or the refusal where they do not fit.
+
+Unknown are the logarithms of the emissivities. Known are a prior by finish, and per surface what a correlation says of convection, which
+with the radiation makes the coefficient that was fitted; gas at rest conducts a least amount. The fitted parameters are considered, not
+changed: their errors and correlations go into those of the emissivities.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import IdentificationError
+from thermid.identify.calibration import Calibration
+from thermid.identify.split_priors import Part, parts_of
+from thermid.identify.values import FittedValue, FittedValues
+from thermid.model.model import Model
+from thermid.simulation.scenario import Scenario
+
+__all__ = ["Split", "SplitSurface", "split"]
+
+Array = NDArray[np.float64]
+
+CORRELATION_SD = 0.25
+"""What a correlation of natural convection promises at equipment, relative, one sigma. [-]"""
+ALIKE = 0.5
+"""Correlation of the emissivities of two surfaces of one finish: half of what parts differ by is the batch, half the part. [-]"""
+CONFLICT = 2.0
+"""Standard deviations beyond which a correlation and what is left of the coefficient disagree. [-]"""
+POSSIBLE = 0.025
+"""Probability below which no emissivity of the finish leaves room for the conduction of gas at rest. [-]"""
+
+
+@dataclass(frozen=True)
+class SplitSurface:
+    """One coefficient taken apart. Errors are one sigma.
+
+    Parameters
+    ----------
+    path : str                          Of the surface.
+    effective, effective_error : float  The coefficient in air. [W/(m^2 K)]
+    radiative, convective : float       Its parts at the temperatures of the fit. [W/(m^2 K)]
+    error : float                       Of the radiative part; that of the convective one with `effective_error`. [W/(m^2 K)]
+    emissivity, emissivity_error : float    [-]
+    prior : str                         Where the emissivity was first taken from.
+    expected : float                    Convection by the correlation for the body. [W/(m^2 K)]
+    floor : float                       Conduction of gas at rest, the least. [W/(m^2 K)]
+    surface, gas : float                Temperatures of the fit. [K]
+    used : bool                         Whether the correlation had a say.
+    remark : str                        What a reader must know.
+    """
+
+    path: str
+    effective: float
+    effective_error: float
+    radiative: float
+    convective: float
+    error: float
+    emissivity: float
+    emissivity_error: float
+    prior: str
+    expected: float
+    floor: float
+    surface: float
+    gas: float
+    used: bool
+    remark: str = ""
+
+    @property
+    def convective_error(self) -> float:
+        """Standard error of the convective part. [W/(m^2 K)]"""
+        return math.hypot(self.error, self.effective_error)
+
+    @property
+    def correlation(self) -> float:
+        """Correlation of the errors of both parts: what is not radiation is convection. [-]"""
+        return -self.error / self.convective_error if self.error else 0.0
+
+    def __str__(self) -> str:
+        """The parts in one line, the remark in a second."""
+        own = f"{self.effective:.3g} = {self.radiative:.2g} radiation + {self.convective:.2g} convection, +- {self.error:.2g} between them"
+        line = f"{self.path}: {own} [W/(m^2 K)]   emissivity {self.emissivity:.3g} +- {self.emissivity_error:.1g} ({self.prior})"
+        return f"{line}\n  remark: {self.remark}" if self.remark else line
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Effective coefficients taken apart.
+
+    Parameters
+    ----------
+    surfaces : tuple        One entry per surface.
+    values : FittedValues   The fitted parameters and the emissivities, with their joint covariance: what a prediction without gas rests on.
+    model : Model           The model with all of them laid over it.
+    """
+
+    surfaces: tuple[SplitSurface, ...]
+    values: FittedValues
+    model: Model
+
+    def __getitem__(self, path: str) -> SplitSurface:
+        """Return the entry of a surface."""
+        path = self.model.canonical(path)
+        return next(s for s in self.surfaces if s.path == path)
+
+    def __str__(self) -> str:
+        """One entry per surface."""
+        return "\n".join(map(str, self.surfaces))
+
+
+def split(
+    of: Model | Calibration,
+    paths: str | Sequence[str] = (),
+    conditions: Scenario | None = None,
+    *,
+    priors: Mapping[str, tuple[float, float]] | None = None,
+) -> Split:
+    """Return effective coefficients taken apart into radiation and convection.
+
+    Parameters
+    ----------
+    of : Calibration or Model   A fit, whose records say at which temperatures the coefficients hold; or a model with `conditions`.
+    paths : str or sequence     Surfaces; every one with an effective coefficient by default.
+    conditions : Scenario       What was done when the coefficients were fitted, settled; for a model.
+    priors : dict               Path of an emissivity -> (mean, standard deviation), in place of the finish. [-]
+
+    Raises
+    ------
+    IdentificationError   When a coefficient leaves no room for the radiation of its finish beside the conduction of gas at rest; the
+                          message names the suspects. When nothing says what the emissivity may be.
+
+    References
+    ----------
+    Schmidt's filter for parameters that are considered and not estimated: Jazwinski, Stochastic Processes and Filtering Theory, 1970,
+    section 8.4.
+    """
+    wanted = (paths,) if isinstance(paths, str) else tuple(paths)
+    base = of.values.bare() if isinstance(of, Calibration) else FittedValues(of.title, {}, np.zeros((0, 0)))
+    model = of.fitted_model if isinstance(of, Calibration) else of
+    parts = parts_of(of, wanted, conditions, priors or {})
+    joint = _Joint(base, parts)
+    done = [joint.take(part) for part in parts]
+    values = joint.values()
+    origin = f"split of '{values.stage}'"
+    return Split(
+        tuple(joint.entry(p, used, remark) for p, (used, remark) in zip(parts, done, strict=True)), values, _laid(model, values, origin)
+    )
+
+
+def _laid(model: Model, values: FittedValues, origin: str) -> Model:
+    return model.with_values({p: v for p, v in values.assignments.items() if v.origin.startswith("split")}, origin)
+
+
+class _Joint:
+    """Fitted parameters and emissivities as one normal distribution of fitted forms; emissivities by their logarithms."""
+
+    def __init__(self, base: FittedValues, parts: Sequence[Part]) -> None:
+        self.base, n = base, len(base)
+        self.at = {path: k for k, path in enumerate(base)}
+        fresh = {p.emissivity: p for p in parts if p.emissivity not in self.at}
+        self.at |= {path: n + k for k, path in enumerate(fresh)}
+        self.mean = np.array([0.0] * n + [math.log(p.prior.mean) for p in fresh.values()])
+        self.cov = np.zeros((len(self.at), len(self.at)))
+        self.cov[:n, :n] = base.covariance
+        self.fresh = fresh
+        first = list(fresh.values())
+        for i, a in enumerate(first):
+            for j, b in enumerate(first):
+                share = 1.0 if i == j else ALIKE if a.prior.finish and a.prior.finish == b.prior.finish else 0.0
+                self.cov[n + i, n + j] = share * a.prior.log_sd * b.prior.log_sd
+
+    def emissivity(self, part: Part) -> float:
+        k = self.at[part.emissivity]
+        return float(np.exp(self.mean[k])) if part.emissivity in self.fresh else self.base[part.emissivity].value
+
+    def deviation(self, part: Part) -> float:
+        """Return the standard deviation of an emissivity. [-]"""
+        k = self.at[part.emissivity]
+        log = part.emissivity in self.fresh or self.base[part.emissivity].log
+        return math.sqrt(max(float(self.cov[k, k]), 0.0)) * (self.emissivity(part) if log else 1.0)
+
+    def _slope(self, part: Part) -> Array:
+        """Return the derivative of what is left for convection with respect to the joint forms. [W/(m^2 K)]"""
+        out = np.zeros(self.mean.size)
+        out[self.at[part.emissivity]] = -part.black * self.emissivity(part)
+        if part.fitted in self.at:
+            out[self.at[part.fitted]] = part.effective if self.base[part.fitted].log else 1.0
+        return out
+
+    def take(self, part: Part) -> tuple[bool, str]:
+        """Let a surface have its say: whether the correlation was used, and what a reader must know of it."""
+        if part.emissivity not in self.fresh:
+            return False, ""  # fitted itself: two pressures, powers or orientations
+        left = part.effective - part.black * self.emissivity(part)
+        slope = self._slope(part)
+        spread = math.sqrt(max(float(slope @ self.cov @ slope), 0.0))
+        self._room(part, left, spread)
+        doubt = CORRELATION_SD * part.expected
+        agrees = abs(left - part.expected) <= CONFLICT * math.hypot(spread, doubt)
+        if agrees:
+            self._learn(part, doubt)
+        self._above_floor(part)
+        return agrees, "" if agrees else part.conflict(left, spread)
+
+    def _learn(self, part: Part, doubt: float) -> None:
+        """Let the correlation speak: Gauss-Newton to the maximum, since radiation bends with the logarithm, then the covariance there."""
+        k, prior = self.at[part.emissivity], self.mean
+        for _ in range(30):
+            before, slope = self.mean, self._slope(part)
+            left = part.effective - part.black * self.emissivity(part) + slope[k] * (prior[k] - before[k])
+            self.mean = prior + self._gain(slope, doubt) * (part.expected - left)
+            if abs(self.mean[k] - before[k]) < 1e-10:
+                break
+        gain, slope = self._gain(self._slope(part), doubt), self._slope(part)
+        keep = np.eye(self.mean.size) - np.outer(gain, slope)  # Joseph's form, which holds for any gain
+        self.cov = keep @ self.cov @ keep.T + doubt**2 * np.outer(gain, gain)
+
+    def _gain(self, slope: Array, doubt: float) -> Array:
+        """Return the gain of the emissivities; fitted parameters are considered and stay."""
+        gain = self.cov @ slope / float(slope @ self.cov @ slope + doubt**2)
+        gain[: len(self.base)] = 0.0
+        return np.asarray(gain)
+
+    def _ceiling(self, part: Part) -> tuple[float, float]:
+        """Return the largest emissivity that leaves the conduction of gas at rest, as a logarithm, and how well it is known."""
+        room = max(part.effective - part.floor, 1e-3 * part.effective)
+        return math.log(room / part.black), part.effective_error / room
+
+    def _room(self, part: Part, left: float, spread: float) -> None:
+        """Refuse a coefficient without room for its finish."""
+        k = self.at[part.emissivity]
+        top, loose = self._ceiling(part)
+        if _normal((top - self.mean[k]) / max(math.hypot(math.sqrt(self.cov[k, k]), loose), 1e-12)) < POSSIBLE:
+            raise IdentificationError(part.suspects(), part.where)
+
+    def _above_floor(self, part: Part) -> None:
+        """Cut off emissivities that leave less than the conduction of gas at rest: moments of a normal that is cut softly."""
+        k = self.at[part.emissivity]
+        top, loose = self._ceiling(part)
+        v = float(self.cov[k, k])
+        w = math.hypot(math.sqrt(v), loose)
+        if v == 0.0:
+            return
+        z = (top - self.mean[k]) / w
+        ratio = math.exp(-0.5 * z * z) / math.sqrt(2 * math.pi) / max(_normal(z), 1e-300)
+        column = self.cov[:, k] / v
+        column[: len(self.base)] = 0.0
+        self.mean = self.mean - column * (v / w * ratio)
+        self.cov = self.cov - np.outer(column, column) * (v * v / (w * w) * ratio * (ratio + z))
+
+    def values(self) -> FittedValues:
+        """Return the fitted parameters and the emissivities with their joint covariance."""
+        items: dict[str, Any] = dict(self.base.items())
+        for path, part in self.fresh.items():
+            value, error = self.emissivity(part), self.deviation(part)
+            origin = f"split: {part.prior.text}"
+            items[path] = FittedValue(path, value, error, error, True, "1", part.prior.mean, (0.0, 1.0), origin)
+        return replace(self.base, items_=items, covariance=self.cov)
+
+    def entry(self, part: Part, used: bool, remark: str) -> SplitSurface:
+        """Return what was found for a surface."""
+        value, error = self.emissivity(part), self.deviation(part)
+        radiative = part.black * value
+        return SplitSurface(
+            part.path,
+            part.effective,
+            part.effective_error,
+            radiative,
+            part.effective - radiative,
+            part.black * error,
+            value,
+            error,
+            part.prior.text if part.emissivity in self.fresh else "fitted",
+            part.expected,
+            part.floor,
+            part.surface,
+            part.gas,
+            used,
+            remark,
+        )
+
+
+def _normal(z: float) -> float:
+    """Return the cumulative normal distribution."""
+    return 0.5 * math.erfc(-z / math.sqrt(2.0))
