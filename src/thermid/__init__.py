@@ -16,6 +16,12 @@ if TYPE_CHECKING:
     from thermid.identify.compare import compare as compare
     from thermid.identify.split import Split as Split
     from thermid.identify.split import split as split
+    from thermid.identify.identifiability import Identifiability as Identifiability
+    from thermid.identify.identifiability import identifiability as identifiability
+    from thermid.identify.profile import Profile as Profile
+    from thermid.identify.profile import Valley as Valley
+    from thermid.identify.profile import profile as profile
+    from thermid.identify.profile import valley as valley
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import run_stages as run_stages
     from thermid.identify.validate import Criteria as Criteria
@@ -45,6 +51,7 @@ if TYPE_CHECKING:
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
     from thermid.reporting.page import report as report
+    from thermid.reporting.trust import picture as picture
     from thermid.simulation.block_solution import BlockSolution as BlockSolution
     from thermid.simulation.draws import draw as draw
     from thermid.simulation.engine import Options as Options
@@ -97,6 +104,12 @@ _PUBLIC = {
     "Calibration": "identify.calibration",
     "split": "identify.split",
     "Split": "identify.split",
+    "identifiability": "identify.identifiability",
+    "Identifiability": "identify.identifiability",
+    "profile": "identify.profile",
+    "Profile": "identify.profile",
+    "valley": "identify.profile",
+    "Valley": "identify.profile",
     "load_values": "identify.values",
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",
@@ -104,6 +117,7 @@ _PUBLIC = {
     "validate": "identify.validate",
     "Verdict": "identify.validate",
     "report": "reporting.page",
+    "picture": "reporting.trust",
     "compare_htc": "physics.htc",
     "HtcComparison": "physics.htc",
     "read_initfcn": "interop.initfcn",

@@ -17,6 +17,8 @@ from thermid.model.model import Model
 
 if TYPE_CHECKING:
     from thermid.identify.experiment import Experiment
+    from thermid.identify.request import Request
+    from thermid.identify.residuals import Problem
 
 __all__ = ["Calibration", "Local"]
 
@@ -57,6 +59,8 @@ class Calibration:
     experiments : tuple         The records bound to the model.
     fitted : dict               Unknown -> its fitted form at the end.
     converged : bool            Whether the minimisation ended by its own tolerances.
+    request : Request           What was asked; None for a calibration that no fit of this session made.
+    problem : Problem           Its weighted residuals, with the noise that was used.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
     """
 
@@ -78,6 +82,8 @@ class Calibration:
     experiments: tuple[Experiment, ...] = field(default=(), repr=False)
     fitted: Mapping[str, float] = field(default_factory=dict, repr=False)
     converged: bool = True
+    request: Request | None = field(default=None, repr=False)
+    problem: Problem | None = field(default=None, repr=False)
 
     @property
     def fitted_model(self) -> Model:

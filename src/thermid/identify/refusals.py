@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError
-from thermid.identify.identifiability import Blind, blind_spots
+from thermid.identify.groups import SHARE, Group, listed, percent, structural_groups
+from thermid.identify.information import Information, elsewhere, null_space
 from thermid.identify.residuals import Problem
 from thermid.identify.solve import Fit
 from thermid.units import unit
@@ -33,27 +34,37 @@ def refuse_before(request: Request, problem: Problem, fit: Callable[[Request], C
     """
     if not problem.unknowns:
         return
-    start = np.array([u.to_fitted(u.start) for u in problem.unknowns])
-    spots = blind_spots(problem, start)
-    if spots:
-        raise IdentificationError(_words(spots[0], request, problem, fit), request.name or request.model.title)
+    info = Information.of(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
+    length = np.linalg.norm(info.rows, axis=0)
+    blind = set(np.flatnonzero(length <= 1e-12 * length.max()).tolist())
+    for direction in null_space(info.rows) * length:
+        blind |= set(np.flatnonzero(np.abs(direction) > SHARE * np.abs(direction).max()).tolist())
+    if blind:
+        names = {info.names[k] for k in blind}
+        groups = structural_groups(info, elsewhere(problem, info))
+        group = next(g for g in groups if names & set(g.names))
+        raise IdentificationError(_words(group, request, problem, fit), request.name or request.model.title)
 
 
-def _words(spot: Blind, request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> str:
-    """Return a blind spot in words."""
-    if spot.kind == "none":
-        return f"no reading depends on '{spot.names[0]}'. Fix it, or add a record in which it acts."
-    named = " and ".join(f"'{n}'" for n in spot.names) if len(spot.names) < 3 else ", ".join(f"'{n}'" for n in spot.names)
+def _words(group: Group, request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> str:
+    """Return what cannot be told apart, what is known instead, and what to do."""
+    if group.form == "unseen":
+        return f"no reading depends on '{group.names[0]}'. Fix it, or add a record in which it acts."
+    named = listed(group.names) if len(group.names) < 3 else ", ".join(f"'{n}'" for n in group.names)
     cure = "Free one of them, or add a record in which they act differently."
-    if spot.kind in ("product", "ratio"):
-        known = _known(spot, request, problem, fit)
-        return f"the data cannot tell {named} apart; they act only as a {spot.kind}{known}. {cure}"
-    logs = {u.name: u.log for u in problem.unknowns}
-    if all(logs[n] for n in spot.names):
-        moves = ", ".join(f"{n} by x^{w:.3g}" for n, w in zip(spot.names, spot.weights, strict=True))
-        powers = [n for n in spot.names if n.rpartition(".")[2] in ("power", "scale") or _is_power(n, problem)]
+    how = group.pair
+    if how in ("product", "ratio"):
+        known = _known(group, request, problem, fit)
+        return f"the data cannot tell {named} apart; they act only as a {how}{known}. {cure}"
+    about = "; ".join(f"{c.text} to about {percent(c.relative)}" for c in group.known)
+    known = f" Known: {about}." if about else ""
+    if group.form in ("sum", "series"):
+        return f"the data cannot tell {named} apart; {group.acting}.{known} {cure}"
+    if group.form == "power law":
+        moves = ", or ".join(", ".join(f"{n} by x^{w:.3g}" for n, w in move.items()) for move in group.moves)
+        powers = [n for n in group.names if n.rpartition(".")[2] in ("power", "scale") or _is_power(n, problem)]
         advice = f" Without a measured power only ratios are known: fix '{powers[0]}' or give it a prior." if powers else ""
-        return f"the data cannot tell {named} apart: changing {moves} together, with any x, changes no reading.{advice} {cure}"
+        return f"the data cannot tell {named} apart: changing {moves} together, with any x, changes no reading.{known}{advice} {cure}"
     return f"the data cannot tell {named} apart: a change of one is made up for by the others. {cure}"
 
 
@@ -61,9 +72,9 @@ def _is_power(name: str, problem: Problem) -> bool:
     return any(u.name == name and unit(u.unit).dimension == unit("W").dimension for u in problem.unknowns)
 
 
-def _known(spot: Blind, request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> str:
+def _known(group: Group, request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> str:
     """Return the value of a product or ratio of two parameters, from a fit that frees one of them."""
-    first, second = spot.names
+    first, second = group.names
     fewer = tuple(n for n in request.free if request.model.canonical(n) != second)
     if len(fewer) != len(request.free) - 1:
         return ""
@@ -71,15 +82,16 @@ def _known(spot: Blind, request: Request, problem: Problem, fit: Callable[[Reque
         found = fit(replace(request, free=fewer))
     except IdentificationError:
         return ""
+    combination = f"{first}{'*' if group.pair == 'product' else '/'}{second}"
     other = next(u for u in problem.unknowns if u.name == second)
     value = found.values[first]
-    factor = other.start if spot.kind == "product" else 1.0 / other.start
+    factor = other.start if group.pair == "product" else 1.0 / other.start
     of = unit(value.unit).dimension
     from thermid.units import NAMES
 
-    dimension = tuple(a + b if spot.kind == "product" else a - b for a, b in zip(of, unit(other.unit).dimension, strict=True))
+    dimension = tuple(a + b if group.pair == "product" else a - b for a, b in zip(of, unit(other.unit).dimension, strict=True))
     text = next((t for t in NAMES if unit(t).dimension == dimension), "SI")
-    return f" (known: {spot.combination()} = {value.value * factor:.3g} +- {value.error * factor:.2g} {text})"
+    return f" (known: {combination} = {value.value * factor:.3g} +- {value.error * factor:.2g} {text})"
 
 
 def refuse_after(request: Request, problem: Problem, found: Fit, total: Array) -> None:

@@ -62,6 +62,8 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
         problem.experiments,
         {u.name: float(x) for u, x in zip(problem.unknowns, found.fitted, strict=True)},
         found.converged,
+        request,
+        problem,
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from thermid.identify.calibrate import calibrate
 from thermid.identify.gather import problem_for
-from thermid.identify.identifiability import EXACT
+from thermid.identify.information import EXACT
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.residuals import Predictions, Problem
 from thermid.identify.statistics import Sums, pooled

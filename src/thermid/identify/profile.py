@@ -1,0 +1,357 @@
+"""`profile`: how far one parameter can go before the readings object, all others adjusting themselves; `valley`: the same for two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
+from thermid.identify.calibration import Calibration
+from thermid.identify.identifiability import Identifiability
+from thermid.identify.residuals import Compressed, Problem
+from thermid.identify.solve import minimise
+from thermid.identify.unknowns import Unknown
+from thermid.units import unit
+
+__all__ = ["Profile", "Valley", "profile", "valley"]
+
+Array = NDArray[np.float64]
+MOST_STEPS, FIRST, FARTHEST, GRID = 14, 0.7, 7.0, 25
+"""Points on one side; how far a logarithm goes at first, and at most (a factor of 1100); points along an axis of a valley."""
+
+
+@dataclass(frozen=True, eq=False)
+class Held(Problem):
+    """A problem with some unknowns held, whose readings scatter `spread` times as much as their noise says.
+
+    Parameters
+    ----------
+    whole : Problem             The problem.
+    values : array (unknowns,)  All unknowns, in the fitted form.
+    kept : array                Positions of those that are looked for.
+    spread : float
+    """
+
+    whole: Problem = field(default=None, repr=False)  # type: ignore[assignment]
+    values: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+    kept: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64), repr=False)
+    spread: float = 1.0
+
+    @classmethod
+    def of(cls, whole: Problem, values: Array, held: tuple[int, ...], spread: float) -> Held:
+        """Return a problem with some unknowns held at their values."""
+        kept = np.array([k for k in range(len(whole.unknowns)) if k not in held], dtype=np.int64)
+        unknowns = tuple(whole.unknowns[k] for k in kept)
+        return cls(whole.experiments, unknowns, whole.noise, whole.options, whole=whole, values=values, kept=kept, spread=spread)
+
+    def full(self, fitted: Array) -> Array:
+        """Return all unknowns."""
+        out = self.values.copy()
+        out[self.kept] = fitted
+        return out
+
+    def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: object = ()) -> Compressed:
+        """Return the residuals of the whole with the derivatives of what is looked for."""
+        found = self.whole.compressed(self.full(fitted), loss, knee, meshes)  # type: ignore[arg-type]
+        rows, slopes = found.rows / self.spread, found.slopes[:, self.kept] / self.spread
+        return replace(found, rows=rows, slopes=slopes, chi_square=found.chi_square / self.spread**2)
+
+    def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
+        """Return the residuals of all priors with the derivatives of what is looked for."""
+        rows, slopes = self.whole.prior_rows(self.full(fitted))
+        return rows, slopes[:, self.kept]
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """How far a parameter can go before the readings object.
+
+    Parameters
+    ----------
+    path, unit : str            The parameter, and the unit for people.
+    best : float                Where the fit is best. [SI]
+    low, high : float           The interval; infinite, or the bound, where the readings set no limit. [SI]
+    limited : (bool, bool)      Whether the readings set the lower and the upper limit.
+    level : float               Probability that the interval stands for. [-]
+    error : float               Standard error of the fit, for comparison. [SI]
+    bounds : (float, float)     [SI]
+    values : array (points,)    Where it was tried. [SI]
+    rise : array (points,)      Growth of the weighted sum of squares there, all other unknowns fitted anew. [-]
+    threshold : float           Growth at the ends of the interval. [-]
+    """
+
+    path: str
+    unit: str
+    best: float
+    low: float
+    high: float
+    limited: tuple[bool, bool]
+    level: float
+    error: float
+    bounds: tuple[float, float]
+    values: Array
+    rise: Array
+    threshold: float
+
+    def shown(self, value: float) -> str:
+        """Return a value in its unit."""
+        of = unit(self.unit)
+        return f"{(value - float(of.offset)) / float(of.factor):.4g}"
+
+    def __str__(self) -> str:
+        """Return the interval in words."""
+        head = f"{self.path} = {self.shown(self.best)} {self.unit}"
+        sure = f"{100 * self.level:.3g} %"
+        ends = [self.shown(v) if ok else "" for v, ok in zip((self.low, self.high), self.limited, strict=True)]
+        if all(self.limited):
+            text = f"{head}: {sure} sure between {ends[0]} and {ends[1]} {self.unit}"
+        elif any(self.limited):
+            text = f"{head}: {sure} sure {'above' if self.limited[0] else 'below'} {ends[0] or ends[1]} {self.unit}"
+        else:
+            text = head
+        for ok, side, end in zip(self.limited, ("lower", "upper"), (self.low, self.high), strict=True):
+            if not ok:
+                bound = self.bounds[side == "upper"]
+                to = f"the bound {self.shown(bound)}" if np.isfinite(bound) else f"{self.shown(end)}, the farthest tried"
+                text += f"; no {side} limit down to {to}" if side == "lower" else f"; no {side} limit up to {to}"
+        plain = [self.shown(self.best + side * self.threshold**0.5 * self.error) for side in (-1.0, 1.0)]
+        return f"{text}. The standard error alone would say {plain[0]} to {plain[1]}."
+
+
+def _asked(fit: Calibration, path: str) -> tuple[Problem, int]:
+    """Return the problem of a fit and the position of an unknown."""
+    if fit.problem is None:
+        raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
+    names = [u.name for u in fit.problem.unknowns]
+    name = fit.model.canonical(path)
+    if name not in names:
+        raise NameNotFoundError(f"'{path}' was not free in this fit.{nearest(name, names)}", fit.stage)
+    return fit.problem, names.index(name)
+
+
+def profile(fit: Calibration, path: str, level: float = 0.95) -> Profile:
+    """Return the interval of a parameter from its profile: it is moved step by step, and everything else is fitted anew each time.
+
+    Parameters
+    ----------
+    fit : Calibration   The fit.
+    path : str          Path of a fitted parameter.
+    level : float       Probability of the interval. [-]
+
+    Raises
+    ------
+    NameNotFoundError   When the parameter was not free.
+
+    Notes
+    -----
+    The interval ends where the weighted sum of squares, priors included, has grown by the quantile of chi-square with one degree of freedom
+    (Venzon and Moolgavkar, Applied Statistics 37 (1988) 87-94, DOI 10.2307/2347496). Readings weigh as they do in the errors of the fit.
+    """
+    from scipy.special import gammaincinv
+
+    problem, k = _asked(fit, path)
+    threshold = float(2.0 * gammaincinv(0.5, level))
+    at = np.array([fit.fitted[u.name] for u in problem.unknowns])
+    walk = _Walk(fit, problem, k, at, max(1.0, fit.reduced_chi_square) ** 0.5, threshold)
+    u, value = problem.unknowns[k], fit.values[problem.unknowns[k].name]
+    sides = [walk.side(sign) for sign in (-1.0, 1.0)]
+    for end, points, _ in sides:  # a smooth curve needs points on the way
+        points += [(x, walk.rise(x, walk.at)[0]) for x in walk.best + np.array([0.33, 0.66]) * (end - walk.best)]
+    line = sorted([*sides[0][1], *sides[1][1], (walk.best, 0.0)])
+    low, high = (u.to_value(end) for end, _, _ in sides)
+    limited = (sides[0][2], sides[1][2])
+    tried, rise = np.array([u.to_value(x) for x, _ in line]), np.array([r for _, r in line])
+    return Profile(u.name, u.unit, u.to_value(walk.best), low, high, limited, level, value.error, (u.low, u.high), tried, rise, threshold)
+
+
+class _Walk:
+    """A parameter on its way out from the best fit."""
+
+    def __init__(self, fit: Calibration, problem: Problem, k: int, at: Array, spread: float, threshold: float) -> None:
+        request = fit.request
+        self.loss, self.knee = (request.loss, request.knee) if request is not None else ("linear", 1.0)
+        self.problem, self.k, self.spread, self.threshold = problem, k, spread, threshold
+        whole = minimise(Held.of(problem, at, (), spread), self.loss, self.knee, at)
+        self.at, self.cost, self.best = whole.fitted, whole.cost, float(whole.fitted[k])
+        u: Unknown = problem.unknowns[k]
+        self.step = fit.values[u.name].error / u.slope(self.best)
+        self.bounds = u.fitted_bounds()
+        self.log = u.log
+        self.farthest = FARTHEST if u.log else 1e3 * self.step
+
+    def rise(self, x: float, start: Array) -> tuple[float, Array]:
+        """Return how much the sum of squares grows with the parameter at a value, and where all unknowns are then."""
+        values = start.copy()
+        values[self.k] = x
+        held = Held.of(self.problem, values, (self.k,), self.spread)
+        found = minimise(held, self.loss, self.knee, values[held.kept])
+        return max(0.0, 2.0 * (found.cost - self.cost)), held.full(found.fitted)
+
+    def side(self, sign: float) -> tuple[float, list[tuple[float, float]], bool]:
+        """Return where a side ends, the points on it, and whether the readings end it."""
+        limit = self.bounds[0] if sign < 0 else self.bounds[1]
+        room = min(abs(limit - self.best), self.farthest)
+        # a logarithm with a large error knows little of where the limit is
+        far, points = min(self.threshold**0.5 * self.step, FIRST if self.log else np.inf, room), list[tuple[float, float]]()
+        before, start = 0.0, self.at
+        for _ in range(MOST_STEPS):
+            try:
+                rise, place = self.rise(self.best + sign * far, start)
+            except SolverError:
+                break  # as far as the model can be run
+            points.append((self.best + sign * far, rise))
+            if rise >= self.threshold:
+                return self._crossing(sign, before, abs(points[-1][0] - self.best), start, points)
+            start = place
+            if far >= room * (1 - 1e-9):
+                break
+            before = abs(points[-1][0] - self.best)
+            far = min(far * float(np.clip((self.threshold / max(rise, 1e-12)) ** 0.5 * 1.05, 1.15, 3.0)), room)
+        return self.best + sign * room, points, False
+
+    def _crossing(
+        self, sign: float, low: float, high: float, place: Array, points: list[tuple[float, float]]
+    ) -> tuple[float, list[tuple[float, float]], bool]:
+        """Return where the rise reaches the threshold between two distances."""
+        from scipy.optimize import brentq
+
+        goal = self.threshold**0.5
+        known = {distance: rise**0.5 for distance, rise in ((abs(x - self.best), r) for x, r in points)}
+
+        def beyond(distance: float) -> float:
+            if distance not in known:
+                rise, _ = self.rise(self.best + sign * distance, place)
+                points.append((self.best + sign * distance, rise))
+                known[distance] = rise**0.5
+            return float(known[distance] - goal)
+
+        known |= {low: known.get(low, 0.0), high: known[high]}
+        at = float(brentq(beyond, low, high, xtol=0.01 * self.step, rtol=1e-3, maxiter=30, disp=False))
+        return self.best + sign * at, points, True
+
+
+@dataclass(frozen=True, eq=False)
+class Valley:
+    """The weighted sum of squares over two parameters, all others adjusting themselves.
+
+    Parameters
+    ----------
+    names, units : (str, str)           The parameters, and units for people.
+    first, second : array (points,)     Values. [SI]
+    rise : array (points, points)       Growth over the best, second down, first across; NaN where the model cannot be run. [-]
+    best : (float, float)               [SI]
+    along : array (line, 2)             The valley: for each value of the first, the best second. [SI]
+    bounds : pair of (float, float)     [SI]
+    logs : (bool, bool)                 Whether each is fitted by its logarithm.
+    fitted : bool                       Whether `best` is the end of a fit; else it is where one would start.
+    """
+
+    names: tuple[str, str]
+    units: tuple[str, str]
+    first: Array
+    second: Array
+    rise: Array
+    best: tuple[float, float]
+    along: Array
+    bounds: tuple[tuple[float, float], tuple[float, float]]
+    logs: tuple[bool, bool]
+    fitted: bool = True
+
+
+def valley(source: Calibration | Identifiability, first: str, second: str, points: int = GRID) -> Valley:
+    """Return how the fit worsens over two parameters; where they can make up for each other, the map shows a valley.
+
+    Parameters
+    ----------
+    source : Calibration or Identifiability     A fit, or what is known before one, where a fit would be refused.
+    first, second : str                         Paths of two free parameters.
+    points : int                                Values along each axis.
+
+    Notes
+    -----
+    Everything else follows by one step of Gauss and Newton at each point, from where the derivatives at the best place it.
+    """
+    if isinstance(source, Calibration):
+        (problem, i), (_, j) = _asked(source, first), _asked(source, second)
+        at, spread = np.array([source.fitted[u.name] for u in problem.unknowns]), max(1.0, source.reduced_chi_square) ** 0.5
+        error = np.array([source.values[problem.unknowns[k].name].error for k in (i, j)])
+        error = error / np.array([problem.unknowns[k].slope(at[k]) for k in (i, j)])
+    else:
+        problem, at, spread = source.problem, source.information.at, 1.0
+        i, j = (_position(source, path) for path in (first, second))
+        error = np.sqrt(np.diag(source.information.covariance()))[[i, j]]
+    pair = (problem.unknowns[i], problem.unknowns[j])
+    axes = [_axis(u, float(at[k]), float(e), points) for u, k, e in zip(pair, (i, j), error, strict=True)]
+    held = Held.of(problem, at, (i, j), spread)
+    response = _response(problem, at, (i, j), held.kept)
+    rise = np.full((points, points), np.nan)
+    for m, y in enumerate(axes[1]):
+        for n, x in enumerate(axes[0]):
+            moved = at.copy()
+            moved[held.kept] += response @ np.array([x - at[i], y - at[j]])
+            moved[[i, j]] = x, y
+            rise[m, n] = _settled(held, moved)
+    # before a fit the start is not the best; of a fit the middle of the map is
+    rise -= np.nanmin(rise)
+    values = [np.array([u.to_value(x) for x in axis]) for u, axis in zip(pair, axes, strict=True)]
+    best = pair[0].to_value(at[i]), pair[1].to_value(at[j])
+    along = np.column_stack([values[0], [_lowest(values[1], column) for column in rise.T]])
+    bounds = (pair[0].low, pair[0].high), (pair[1].low, pair[1].high)
+    names, units = (pair[0].name, pair[1].name), (pair[0].unit, pair[1].unit)
+    return Valley(
+        names, units, values[0], values[1], rise, best, along, bounds, (pair[0].log, pair[1].log), isinstance(source, Calibration)
+    )
+
+
+def _position(source: Identifiability, path: str) -> int:
+    names = source.information.names
+    if path not in names:
+        raise NameNotFoundError(f"'{path}' is not free here.{nearest(path, names)}", source.title)
+    return names.index(path)
+
+
+def _axis(u: Unknown, at: float, error: float, points: int) -> Array:
+    """Return the values to look at, in the fitted form: 3.5 standard errors either side, at most a factor of 4, within the bounds."""
+    wide = min(3.5 * error, 1.4) if u.log else 3.5 * error if np.isfinite(error) else 4.0 * u.scale
+    low, high = u.fitted_bounds()
+    return np.linspace(max(at - wide, low), min(at + wide, high), points)
+
+
+def _response(problem: Problem, at: Array, pair: tuple[int, int], kept: NDArray[np.int64]) -> Array:
+    """Return how the others move (others, 2) when the pair is moved from the best."""
+    rows = np.concatenate([problem.compressed(at).slopes, problem.prior_rows(at)[1]])
+    found: Array = np.linalg.lstsq(rows[:, kept], -rows[:, list(pair)], rcond=1e-10)[0]
+    return found
+
+
+def _settled(held: Held, moved: Array) -> float:
+    """Return the sum of squares at some values of all unknowns, the others following by two Newton steps; NaN where none runs."""
+    here, square, at = replace(held, values=moved), np.nan, moved[held.kept]
+    for last in (False, True):
+        try:
+            found = here.compressed(at)
+        except SolverError:
+            return square
+        priors, slopes = here.prior_rows(at)
+        rows, jacobian = np.concatenate([found.rows, priors]), np.concatenate([found.slopes, slopes])
+        step = np.linalg.lstsq(jacobian, -rows, rcond=1e-10)[0] if at.size else at
+        square = float(np.sum((rows + jacobian @ step) ** 2))
+        if last or not at.size:
+            break
+        at = at + step
+    return square
+
+
+def _lowest(values: Array, column: Array) -> float:
+    """Return where a column of the map is lowest, by a parabola through the lowest point and its neighbours."""
+    if np.isnan(column).all():
+        return float("nan")
+    k = int(np.nanargmin(column))
+    if not 0 < k < values.size - 1:
+        return float("nan")  # beyond the edge
+    left, middle, right = column[k - 1 : k + 2]
+    bend = left - 2.0 * middle + right
+    shift = 0.5 * (left - right) / bend if bend > 0 else 0.0
+    return float(np.interp(k + shift, np.arange(values.size), values))
