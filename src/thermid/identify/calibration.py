@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.identify.moved import Moves
 from thermid.identify.residuals import Block, Predictions
 from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
@@ -57,6 +58,7 @@ class Calibration:
     experiments : tuple         The records bound to the model.
     fitted : dict               Unknown -> its fitted form at the end.
     converged : bool            Whether the minimisation ended by its own tolerances.
+    moved : Moves               How far what stages below handed on had to move, and how surely.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
     """
 
@@ -78,6 +80,7 @@ class Calibration:
     experiments: tuple[Experiment, ...] = field(default=(), repr=False)
     fitted: Mapping[str, float] = field(default_factory=dict, repr=False)
     converged: bool = True
+    moved: Moves = field(default_factory=Moves)
 
     @property
     def fitted_model(self) -> Model:
@@ -155,6 +158,7 @@ class Calibration:
         if self.correlations:
             pairs = sorted(self.correlations.items(), key=lambda item: -abs(item[1]))[:10]
             lines.append("  correlations: " + "; ".join(f"{a} ~ {b} {c:+.2f}" for (a, b), c in pairs))
+        lines += self.moved.lines()
         lines.append(f"  reduced chi-square {self.reduced_chi_square:.3g}; {self.evaluations} evaluations")
         lines += [f"  warning: {w}" for w in self.warnings]
         return "\n".join(lines)

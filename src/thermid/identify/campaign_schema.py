@@ -43,6 +43,7 @@ class ScenarioTable(_Strict):
     commands: dict[str, Any] = {}
     gains: dict[str, str] = {}
     schedule: dict[str, Any] = {}
+    prescribed: dict[str, Any] = {}
     start: str = ""
     initial: dict[str, str] = {}
 
@@ -81,11 +82,12 @@ class StageTable(_Strict):
     model: str
     records: list[str]
     free: list[str] = []
+    freeze: list[str] = []
     bind: dict[str, str | dict[str, str]] = {}
     ignore: list[str] = []
     local: dict[str, LocalTable] = {}
     inherit: dict[str, InheritTable] = {}
-    priors: dict[str, PriorTable] = {}
+    priors: dict[str, PriorTable | Literal["range"]] = {}
     scenario: ScenarioTable = ScenarioTable()
     readings: dict[str, str | ReadingTable] = {}
     weights: dict[str, float] = {}

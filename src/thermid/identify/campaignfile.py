@@ -172,10 +172,11 @@ def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:
     """Return a channel with another target."""
     if isinstance(target, str):
         return replace(channel, target=target)
-    (role, path), *more = [(k, v) for k, v in target.items() if k in ("node", "boundary", "load", "command")] or [("", "")]
+    (role, path), *more = [(k, v) for k, v in target.items() if k in ("node", "boundary", "load", "command", "prescribed")] or [("", "")]
     if not role or more or set(target) - {role, "gain"}:
         raise RecordError(
-            f"a binding has one of node, boundary, load and command, and for a load a gain; not {', '.join(target)}.", channel.name
+            f"a binding has one of node, boundary, load, command and prescribed, and for a load a gain; not {', '.join(target)}.",
+            channel.name,
         )
     return replace(channel, role=role, target=path, gain=target.get("gain", channel.gain))
 

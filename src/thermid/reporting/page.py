@@ -13,7 +13,7 @@ import numpy as np
 from thermid.identify.calibration import Calibration
 from thermid.identify.stages import Campaign
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting import figures, origins, tables
+from thermid.reporting import figures, levels, origins, tables
 from thermid.reporting.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.diagram import diagram
 from thermid.reporting.extras import extra
@@ -162,6 +162,7 @@ def _stage(key: str, c: Calibration) -> StagePart:
         "instruments": tables.instruments(c),
         "records": tables.records(c),
         "local": tables.locals_(c),
+        "moved": levels.moved(c),
         "correlations": tables.correlations(c),
         "areas": tables.areas(c.fitted_model),
         "held": origins.held(c),
