@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from thermid.identify.calibration import Calibration as Calibration
     from thermid.identify.compare import compare as compare
     from thermid.identify.stages import Campaign as Campaign
+    from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
     from thermid.identify.validate import Criteria as Criteria
     from thermid.identify.validate import Verdict as Verdict
@@ -96,6 +97,7 @@ _PUBLIC = {
     "load_values": "identify.values",
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",
+    "joint": "identify.stages",
     "Criteria": "identify.validate",
     "validate": "identify.validate",
     "Verdict": "identify.validate",

@@ -73,7 +73,7 @@ def _sensor(s: SensorStatistics) -> dict[str, Any]:
 
 def calibration_object(fit: Calibration) -> dict[str, Any]:
     """Return the object of one stage."""
-    fitted = fit.values.parameters
+    fitted = {p: v for p, v in fit.values.items() if v.kind in ("parameter", "level")}
     return {
         "stage": fit.stage,
         "free": list(fitted),
@@ -147,6 +147,7 @@ def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
             "status": "ok",
             "title": campaign.title,
             "stages": [calibration_object(fit) for fit in campaign.stages.values()],
+            **({"joint": calibration_object(campaign.joint)} if campaign.joint is not None else {}),
             "verdicts": [_verdict(v) for v in campaign.verdicts],
             "passed": campaign.passed,
             "values_files": values,

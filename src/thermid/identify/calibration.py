@@ -137,7 +137,7 @@ class Calibration:
 
     def __str__(self) -> str:
         """Return values with random and total errors, statistics per sensor, correlations and warnings."""
-        fitted = self.values.parameters
+        fitted = {p: v for p, v in self.values.items() if v.kind in ("parameter", "level")}
         samples = sum(s.samples for s in self.sensors.values())
         kind = " (synthetic data)" if self.synthetic else ""
         count = f"{len(fitted)} free parameter{'s' if len(fitted) != 1 else ''}"

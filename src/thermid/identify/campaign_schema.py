@@ -108,6 +108,18 @@ class VerdictTable(_Strict):
     local: dict[str, LocalTable] = {}
     scenario: ScenarioTable | None = None
     readings: dict[str, str | ReadingTable] | None = None
+    values: Literal["stage", "joint"] = "stage"
+
+
+class JointTable(_Strict):
+    """A last fit over the records of all levels at once."""
+
+    stages: list[str] = []
+    freeze: list[str] = []
+    priors: dict[str, PriorTable] = {}
+    loss: Literal["linear", "soft_l1", "huber", "cauchy"] | None = None
+    knee: float | None = Field(None, gt=0.0)
+    note: str = ""
 
 
 class CampaignFile(_Strict):
@@ -119,7 +131,13 @@ class CampaignFile(_Strict):
     checksums: dict[str, str] = {}
     records: dict[str, RecordTable]
     stages: list[StageTable]
+    joint: JointTable | None = None
     verdicts: list[VerdictTable] = []
+
+    @property
+    def joint_table(self) -> JointTable:
+        """What is said of a joint fit; nothing where the campaign has no such table."""
+        return self.joint or JointTable.model_validate({})
 
 
 def json_schema() -> dict[str, Any]:

@@ -260,3 +260,7 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
     for k, verdict in enumerate(verdicts):
         if verdict.model not in done:
             raise DeckError(f"no stage '{verdict.model}'.{nearest(verdict.model, done)}", source.where(f"verdicts.{k}.model"))
+        if verdict.values == "joint" and source.content.joint is None:
+            raise DeckError(
+                "it judges the joint fit, but the campaign has no [joint] table. Add one.", source.where(f"verdicts.{k}.values")
+            )

@@ -16,7 +16,7 @@ from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
 from thermid.model.signal import Constant, Table, literal
 from thermid.units import TEMPERATURE, require
 
-__all__ = ["problem_for"]
+__all__ = ["prior_of", "problem_for"]
 
 
 def problem_for(request: Request) -> Problem:
@@ -76,13 +76,13 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
         given = flat.parameters.table[path].parameter
         unknown = parameter_unknown(path, given, flat.parameters.dimension(path), values[path], targets, None)
         unknown = replace(unknown, also=tuple(p for p in group if p != path))
-        unknowns[path] = replace(unknown, prior=_prior(unknown, priors.pop(path))) if path in priors else unknown
+        unknowns[path] = replace(unknown, prior=prior_of(unknown, priors.pop(path))) if path in priors else unknown
     for path in priors:
         raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)
     return list(unknowns.values())
 
 
-def _prior(unknown: Unknown, texts: tuple[str, str]) -> Prior:
+def prior_of(unknown: Unknown, texts: tuple[str, str]) -> Prior:
     """Return a prior in the fitted form of an unknown."""
     where = f"priors.{unknown.name}"
     slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, ThermidError, nearest
+from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.identify.cache import file_name, recall, remember
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, local_of, placed, read_campaign, scenario_of
+from thermid.identify.joint import Joint, fit_jointly, joint_key
+from thermid.identify.request import Request
 from thermid.identify.staging import key_of, plain_readings, request_of
 from thermid.identify.validate import Criteria, Verdict, validate
 from thermid.model.resolve import parameter_table
@@ -23,7 +25,7 @@ from thermid.model.signal import literal
 if TYPE_CHECKING:
     from thermid.identify.campaign_schema import VerdictTable
 
-__all__ = ["Campaign", "run_stages"]
+__all__ = ["Campaign", "joint", "run_stages"]
 
 Notice = Callable[[str, int, float], None]
 """Called with what is running, the number of evaluations and the RMS of the weighted residuals."""
@@ -40,6 +42,9 @@ class Campaign:
     verdicts : tuple            Verdicts, in order.
     keys : dict                 Stage -> hash of everything that its result depends on.
     note : str                  What the author says of it.
+    joint : Joint or None       The last fit over all levels, where the campaign asks for one.
+    source : CampaignSource     The file; None for one made in Python.
+    requests : dict             Stage -> what it asked.
     """
 
     title: str
@@ -47,6 +52,9 @@ class Campaign:
     verdicts: tuple[Verdict, ...]
     keys: Mapping[str, str]
     note: str = ""
+    joint: Joint | None = None
+    source: CampaignSource | None = field(default=None, repr=False)
+    requests: Mapping[str, Request] = field(default_factory=dict, repr=False)
 
     def __getitem__(self, stage: str) -> Calibration:
         """Return the calibration of a stage.
@@ -90,11 +98,16 @@ class Campaign:
             path = target / f"{file_name(name)}.values.toml"
             calibration.save(path)
             out.append(path)
+        if self.joint is not None:
+            out.append(target / "joint.values.toml")
+            self.joint.save(out[-1])
         return out
 
     def __str__(self) -> str:
         """Return all stages and verdicts as text."""
-        return "\n\n".join([self.title, *map(str, self.stages.values()), *map(str, self.verdicts)])
+        return "\n\n".join(
+            [self.title, *map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
+        )
 
 
 def run_stages(
@@ -121,9 +134,10 @@ def run_stages(
     folder = Path(cache) if cache is not None else None
     done: dict[str, Calibration] = {}
     keys: dict[str, str] = {}
+    requests: dict[str, Request] = {}
     for k, stage in enumerate(source.content.stages):
         try:
-            request = request_of(source, stage, k, done)
+            request = requests[stage.name] = request_of(source, stage, k, done)
             keys[stage.name] = key_of(request, [keys[name] for i in stage.inherit.values() for name in i.stages])
             kept = recall(folder, stage.name, keys[stage.name])
             found = fit(request, _told(notice, stage.name), kept)
@@ -132,9 +146,45 @@ def run_stages(
             done[stage.name] = found
         except ThermidError as error:
             raise placed(error, source.where(f"stages.{k}")) from None
+    made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests)
+    made = replace(made, joint=_joint(made, notice, folder)) if source.content.joint is not None else made
     used = {sha: user for c in done.values() for sha, user in c.seen.items()}
-    verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, done, used, notice))
-    return Campaign(source.content.title, done, verdicts, keys, source.content.note)
+    verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, made, used, notice))
+    return replace(made, verdicts=verdicts)
+
+
+def joint(
+    campaign: str | os.PathLike[str] | CampaignSource | Campaign,
+    *,
+    data: str | os.PathLike[str] | None = None,
+    notice: Notice | None = None,
+    cache: str | os.PathLike[str] | None = None,
+) -> Joint:
+    """Return one fit over the records of all levels of a campaign, each with the model of its own level.
+
+    Levels share a parameter where the part stands in the uppermost model as it stood below, so a component's ``skin.htc`` is
+    ``pre.ele.skin.htc`` above unless a ``[set]`` on the way sets it anew. It starts where the stages ended.
+
+    Parameters
+    ----------
+    campaign : path or Campaign     The campaign file, or what `run_stages` made of it; a ``[joint]`` table in it is heeded.
+    data, notice, cache             As in `run_stages`.
+
+    Raises
+    ------
+    ThermidError   From reading or fitting; a campaign that was made in Python has no file to read stages from.
+    """
+    made = campaign if isinstance(campaign, Campaign) else run_stages(campaign, data=data, notice=notice, cache=cache)
+    if made.source is None:
+        raise DeckError("a joint fit needs the campaign's file; this campaign was made in Python. Call run_stages on a file.", made.title)
+    return made.joint or _joint(made, notice, Path(cache) if cache is not None else None)
+
+
+def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> Joint:
+    source = campaign.source
+    assert source is not None
+    key = joint_key(campaign.keys, source.content.joint_table)
+    return fit_jointly(source, campaign.requests, campaign.stages, key, _told(notice, "joint"), folder)
 
 
 def _told(notice: Notice | None, name: str) -> Callable[[int, float], None] | None:
@@ -142,7 +192,7 @@ def _told(notice: Notice | None, name: str) -> Callable[[int, float], None] | No
 
 
 def _judge(
-    source: CampaignSource, table: VerdictTable, k: int, done: Mapping[str, Calibration], used: Mapping[str, str], notice: Notice | None
+    source: CampaignSource, table: VerdictTable, k: int, made: Campaign, used: Mapping[str, str], notice: Notice | None
 ) -> Iterator[Verdict]:
     """Yield one verdict per record of a verdict's pattern."""
     where = source.where(f"verdicts.{k}")
@@ -159,7 +209,7 @@ def _judge(
                     f"record '{name}' was used by {used[record.origin.sha256]}; a validation needs data that no fit has seen."
                 )
             yield validate(
-                done[table.model],
+                made.joint.at(table.model) if table.values == "joint" and made.joint is not None else made[table.model],
                 record,
                 Criteria.read(table.criteria, where),
                 scenario=scenario_of(table.scenario or stage.scenario, table.name or name),
