@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from thermid.identify.profile import profile as profile
     from thermid.identify.profile import valley as valley
     from thermid.identify.stages import Campaign as Campaign
+    from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
     from thermid.identify.validate import Criteria as Criteria
     from thermid.identify.validate import Verdict as Verdict
@@ -113,6 +114,7 @@ _PUBLIC = {
     "load_values": "identify.values",
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",
+    "joint": "identify.stages",
     "Criteria": "identify.validate",
     "validate": "identify.validate",
     "Verdict": "identify.validate",

@@ -114,6 +114,7 @@ def by_heading() -> dict[str, Names]:
         "Local value": _model(campaign_schema.LocalTable, LOCAL_UNITS),
         "Prior": _model(campaign_schema.PriorTable, CAMPAIGN_UNITS),
         "Scenario of a stage": _model(campaign_schema.ScenarioTable, SCENARIO_UNITS),
+        "Joint fit of a campaign": _model(campaign_schema.JointTable, CAMPAIGN_UNITS),
         "Verdict of a campaign": _model(campaign_schema.VerdictTable),
         "Criteria": _of(_plain(dataclasses.fields(Criteria)), {"rmse": "K", "max_error": "K", "mean_error": "K"}),
         "Options of the integrator": _of(

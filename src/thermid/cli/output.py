@@ -10,6 +10,7 @@ from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
     from thermid.identify.calibration import Calibration
+    from thermid.identify.moved import Moves
     from thermid.identify.stages import Campaign
     from thermid.identify.statistics import SensorStatistics
     from thermid.identify.validate import Verdict
@@ -72,7 +73,7 @@ def _sensor(s: SensorStatistics) -> dict[str, Any]:
 
 def calibration_object(fit: Calibration) -> dict[str, Any]:
     """Return the object of one stage."""
-    fitted = fit.values.parameters
+    fitted = {p: v for p, v in fit.values.items() if v.kind in ("parameter", "level")}
     return {
         "stage": fit.stage,
         "free": list(fitted),
@@ -84,6 +85,7 @@ def calibration_object(fit: Calibration) -> dict[str, Any]:
         "records": {r: {n: _sensor(s) for n, s in sensors.items()} for r, sensors in fit.statistics.items()},
         "median_rmse_K": {n: fit.median_rmse(n) for n in fit.sensors},
         "local": [_local(i) for i in fit.local],
+        "moved": _moved(fit.moved),
         "reduced_chi_square": fit.reduced_chi_square,
         "synthetic": fit.synthetic,
         "warnings": list(fit.warnings),
@@ -93,6 +95,33 @@ def calibration_object(fit: Calibration) -> dict[str, Any]:
 def _local(i: Any) -> dict[str, Any]:
     out = {"record": i.record, "name": i.name, "value": i.value, "error": i.error}
     return out | ({"value_C": i.value - ICE_POINT} if i.unit == "degC" else {})
+
+
+def _moved(moves: Moves) -> dict[str, Any]:
+    values = {
+        m.path: {
+            "stage": m.stage,
+            "part": m.part,
+            "below": m.below,
+            "here": m.here,
+            "deviations": m.deviations,
+            "chance": m.chance,
+            "verdict": m.verdict,
+        }
+        for m in moves.values
+    }
+    groups = [
+        {
+            "name": g.name,
+            "parameters": list(g.paths),
+            "chi_square": g.chi_square,
+            "directions": g.directions,
+            "chance": g.chance,
+            "verdict": g.verdict,
+        }
+        for g in moves.groups
+    ]
+    return {"values": values, "groups": groups}
 
 
 def _verdict(v: Verdict) -> dict[str, Any]:
@@ -118,6 +147,7 @@ def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
             "status": "ok",
             "title": campaign.title,
             "stages": [calibration_object(fit) for fit in campaign.stages.values()],
+            **({"joint": calibration_object(campaign.joint)} if campaign.joint is not None else {}),
             "verdicts": [_verdict(v) for v in campaign.verdicts],
             "passed": campaign.passed,
             "values_files": values,

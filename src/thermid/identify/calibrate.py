@@ -13,6 +13,7 @@ from thermid.identify.gather import problem_for
 from thermid.identify.refusals import refuse_after, refuse_before
 from thermid.identify.request import LocalSpec, Request
 from thermid.identify.residuals import Problem
+from thermid.identify.selection import freed, priors_of
 from thermid.identify.solve import Fit, covariances, ended, minimise
 from thermid.identify.statistics import pooled
 from thermid.identify.summary import summarise
@@ -20,7 +21,7 @@ from thermid.measure import Record
 from thermid.model.model import Model
 from thermid.simulation.scenario import Scenario
 
-__all__ = ["calibrate", "fit"]
+__all__ = ["calibrate", "fit", "fit_problem"]
 
 Progress = Callable[[int, float], None]
 
@@ -32,7 +33,7 @@ def calibrate(
     *,
     scenario: Scenario | Mapping[str, Scenario] | None = None,
     local: Mapping[str, Any] | None = None,
-    priors: Mapping[str, tuple[str, str]] | None = None,
+    priors: Mapping[str, tuple[str, str] | str] | None = None,
     loss: str = "linear",
     name: str = "",
     progress: Progress | None = None,
@@ -43,10 +44,10 @@ def calibrate(
     ----------
     model : Model               What the hardware is.
     records : Record(s)         Logs whose channels are bound to nodes, boundaries, loads or commands.
-    free : sequence of str      Paths of the parameters to fit; all others stay as they are.
+    free : sequence of str      Paths of the parameters to fit, or globs such as ``pre.*.htc``; all others stay as they are.
     scenario : Scenario(s)      What the logs do not say; one for all, or one by record name.
     local : dict                Values that each record has for itself: boundary or ``initial.<node>`` -> ``{start, sd}``.
-    priors : dict               Path -> (mean, standard deviation), texts with units.
+    priors : dict               Path or glob -> (mean, standard deviation), texts with units; or ``"range"`` for that of its data sheet.
     loss : str                  linear, soft_l1, huber or cauchy.
     progress : callable         Called with the number of evaluations and the RMS of the weighted residuals.
 
@@ -57,8 +58,9 @@ def calibrate(
     many = (records,) if isinstance(records, Record) else tuple(records)
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
-    request = Request(model, many, tuple(free), scenarios, specs, priors=dict(priors or {}), loss=loss, name=name)
-    return fit(request, progress)
+    wanted, _ = freed(model, free, (), name or model.title)
+    known = priors_of(model, priors or {}, name or model.title)
+    return fit(Request(model, many, tuple(wanted), scenarios, specs, priors=known, loss=loss, name=name), progress)
 
 
 def fit(request: Request, progress: Progress | None = None, known: Mapping[str, float] | None = None) -> Calibration:
@@ -66,7 +68,13 @@ def fit(request: Request, progress: Progress | None = None, known: Mapping[str, 
 
     `known` is the end of the same fit from before, unknown -> fitted form; it is then evaluated and not searched again.
     """
-    problem = problem_for(request)
+    return fit_problem(request, problem_for(request), progress, known)
+
+
+def fit_problem(
+    request: Request, problem: Problem, progress: Progress | None = None, known: Mapping[str, float] | None = None
+) -> Calibration:
+    """Return the calibration of a problem that was made for a request."""
     stated = all(o.noise is not None for o in problem.observations())
     if known is not None and list(known) == [u.name for u in problem.unknowns]:
         found = ended(problem, np.array(list(known.values())), request.loss, request.knee)

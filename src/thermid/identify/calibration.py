@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.identify.moved import Moves
 from thermid.identify.residuals import Block, Predictions
 from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
@@ -61,6 +62,7 @@ class Calibration:
     converged : bool            Whether the minimisation ended by its own tolerances.
     request : Request           What was asked; None for a calibration that no fit of this session made.
     problem : Problem           Its weighted residuals, with the noise that was used.
+    moved : Moves               How far what stages below handed on had to move, and how surely.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
     """
 
@@ -84,6 +86,7 @@ class Calibration:
     converged: bool = True
     request: Request | None = field(default=None, repr=False)
     problem: Problem | None = field(default=None, repr=False)
+    moved: Moves = field(default_factory=Moves)
 
     @property
     def fitted_model(self) -> Model:
@@ -140,7 +143,7 @@ class Calibration:
 
     def __str__(self) -> str:
         """Return values with random and total errors, statistics per sensor, correlations and warnings."""
-        fitted = self.values.parameters
+        fitted = {p: v for p, v in self.values.items() if v.kind in ("parameter", "level")}
         samples = sum(s.samples for s in self.sensors.values())
         kind = " (synthetic data)" if self.synthetic else ""
         count = f"{len(fitted)} free parameter{'s' if len(fitted) != 1 else ''}"
@@ -161,6 +164,7 @@ class Calibration:
         if self.correlations:
             pairs = sorted(self.correlations.items(), key=lambda item: -abs(item[1]))[:10]
             lines.append("  correlations: " + "; ".join(f"{a} ~ {b} {c:+.2f}" for (a, b), c in pairs))
+        lines += self.moved.lines()
         lines.append(f"  reduced chi-square {self.reduced_chi_square:.3g}; {self.evaluations} evaluations")
         lines += [f"  warning: {w}" for w in self.warnings]
         return "\n".join(lines)

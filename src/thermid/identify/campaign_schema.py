@@ -43,6 +43,7 @@ class ScenarioTable(_Strict):
     commands: dict[str, Any] = {}
     gains: dict[str, str] = {}
     schedule: dict[str, Any] = {}
+    prescribed: dict[str, Any] = {}
     start: str = ""
     initial: dict[str, str] = {}
 
@@ -81,11 +82,12 @@ class StageTable(_Strict):
     model: str
     records: list[str]
     free: list[str] = []
+    freeze: list[str] = []
     bind: dict[str, str | dict[str, str]] = {}
     ignore: list[str] = []
     local: dict[str, LocalTable] = {}
     inherit: dict[str, InheritTable] = {}
-    priors: dict[str, PriorTable] = {}
+    priors: dict[str, PriorTable | Literal["range"]] = {}
     scenario: ScenarioTable = ScenarioTable()
     readings: dict[str, str | ReadingTable] = {}
     weights: dict[str, float] = {}
@@ -106,6 +108,18 @@ class VerdictTable(_Strict):
     local: dict[str, LocalTable] = {}
     scenario: ScenarioTable | None = None
     readings: dict[str, str | ReadingTable] | None = None
+    values: Literal["stage", "joint"] = "stage"
+
+
+class JointTable(_Strict):
+    """A last fit over the records of all levels at once."""
+
+    stages: list[str] = []
+    freeze: list[str] = []
+    priors: dict[str, PriorTable] = {}
+    loss: Literal["linear", "soft_l1", "huber", "cauchy"] | None = None
+    knee: float | None = Field(None, gt=0.0)
+    note: str = ""
 
 
 class CampaignFile(_Strict):
@@ -117,7 +131,13 @@ class CampaignFile(_Strict):
     checksums: dict[str, str] = {}
     records: dict[str, RecordTable]
     stages: list[StageTable]
+    joint: JointTable | None = None
     verdicts: list[VerdictTable] = []
+
+    @property
+    def joint_table(self) -> JointTable:
+        """What is said of a joint fit; nothing where the campaign has no such table."""
+        return self.joint or JointTable.model_validate({})
 
 
 def json_schema() -> dict[str, Any]:

@@ -172,10 +172,11 @@ def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:
     """Return a channel with another target."""
     if isinstance(target, str):
         return replace(channel, target=target)
-    (role, path), *more = [(k, v) for k, v in target.items() if k in ("node", "boundary", "load", "command")] or [("", "")]
+    (role, path), *more = [(k, v) for k, v in target.items() if k in ("node", "boundary", "load", "command", "prescribed")] or [("", "")]
     if not role or more or set(target) - {role, "gain"}:
         raise RecordError(
-            f"a binding has one of node, boundary, load and command, and for a load a gain; not {', '.join(target)}.", channel.name
+            f"a binding has one of node, boundary, load, command and prescribed, and for a load a gain; not {', '.join(target)}.",
+            channel.name,
         )
     return replace(channel, role=role, target=path, gain=target.get("gain", channel.gain))
 
@@ -259,3 +260,7 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
     for k, verdict in enumerate(verdicts):
         if verdict.model not in done:
             raise DeckError(f"no stage '{verdict.model}'.{nearest(verdict.model, done)}", source.where(f"verdicts.{k}.model"))
+        if verdict.values == "joint" and source.content.joint is None:
+            raise DeckError(
+                "it judges the joint fit, but the campaign has no [joint] table. Add one.", source.where(f"verdicts.{k}.values")
+            )

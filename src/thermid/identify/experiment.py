@@ -110,8 +110,10 @@ def _bound(record: Record, channel: Channel, network: Network) -> tuple[str, str
             )
         return ("command" if channel.role == "command" else "load"), canonical
     path = network.find(target, where)
+    if channel.role == "prescribed" and path in network.flat.names.boundaries:
+        raise RecordError(f"'{target}' is a boundary of {network.title}, so it is given anyway. Bind the channel with boundary.", where)
     role = "boundary" if path in network.boundaries else "node"
-    if channel.role not in ("auto", role):
+    if channel.role not in ("auto", role, "prescribed"):
         raise RecordError(f"'{target}' is a {role} of {network.title}, not a {channel.role}.", where)
     if channel.quantity != "temperature":
         raise RecordError(
@@ -173,7 +175,8 @@ def meet(
     RecordError   When a channel is bound to nothing, or no channel observes a node.
     """
     base = scenario or Scenario(record.name)
-    network = compile_network(model, media=base.media(), prescribed=tuple(base.prescribed))
+    driven = [c.target or c.name for c in record.channels.values() if c.role == "prescribed"]
+    network = compile_network(model, media=base.media(), prescribed=(*base.prescribed, *driven))
     zero = float(record.times[0])
     given = {network.find(k): v for k, v in base.boundaries.items()}
     inputs = _Inputs(given, dict(base.loads), dict(base.commands), dict(base.gains))

@@ -17,7 +17,7 @@ from thermid.model.signal import Constant, Table, literal
 from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
 
-__all__ = ["problem_for"]
+__all__ = ["prior_of", "problem_for"]
 
 
 def problem_for(request: Request) -> Problem:
@@ -79,16 +79,16 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
         unknown = parameter_unknown(path, given, flat.parameters.dimension(path), values[path], targets, None)
         unknown = replace(unknown, also=tuple(p for p in group if p != path))
         if path in priors:
-            unknown = replace(unknown, prior=_prior(unknown, priors.pop(path)))
+            unknown = replace(unknown, prior=prior_of(unknown, priors.pop(path)))
         elif path in finishes:
-            unknown = replace(unknown, prior=_prior(unknown, ("", f"{100.0 * finishes[path].log_sd!r} [%]")))
+            unknown = replace(unknown, prior=prior_of(unknown, ("", f"{100.0 * finishes[path].log_sd!r} [%]")))
         unknowns[path] = unknown
     for path in priors:
         raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)
     return list(unknowns.values())
 
 
-def _prior(unknown: Unknown, texts: tuple[str, str]) -> Prior:
+def prior_of(unknown: Unknown, texts: tuple[str, str]) -> Prior:
     """Return a prior in the fitted form of an unknown."""
     where = f"priors.{unknown.name}"
     slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit

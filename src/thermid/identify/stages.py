@@ -2,34 +2,30 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from importlib.metadata import version
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, ThermidError, nearest
-from thermid.identify.cache import file_name, in_full, recall, remember
+from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
+from thermid.identify.cache import file_name, recall, remember
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, local_of, placed, read_campaign, scenario_of
-from thermid.identify.inherit import counted_twice
-from thermid.identify.request import LocalSpec, Reading, Request
+from thermid.identify.joint import Joint, fit_jointly, joint_key
+from thermid.identify.request import Request
+from thermid.identify.staging import key_of, plain_readings, request_of
 from thermid.identify.validate import Criteria, Verdict, validate
-from thermid.identify.values import FittedValues
-from thermid.model.model import Model
 from thermid.model.resolve import parameter_table
 from thermid.model.signal import literal
 
 if TYPE_CHECKING:
-    from thermid.identify.campaign_schema import StageTable, VerdictTable
+    from thermid.identify.campaign_schema import VerdictTable
 
-__all__ = ["Campaign", "run_stages"]
+__all__ = ["Campaign", "joint", "run_stages"]
 
 Notice = Callable[[str, int, float], None]
 """Called with what is running, the number of evaluations and the RMS of the weighted residuals."""
@@ -46,6 +42,9 @@ class Campaign:
     verdicts : tuple            Verdicts, in order.
     keys : dict                 Stage -> hash of everything that its result depends on.
     note : str                  What the author says of it.
+    joint : Joint or None       The last fit over all levels, where the campaign asks for one.
+    source : CampaignSource     The file; None for one made in Python.
+    requests : dict             Stage -> what it asked.
     """
 
     title: str
@@ -53,6 +52,9 @@ class Campaign:
     verdicts: tuple[Verdict, ...]
     keys: Mapping[str, str]
     note: str = ""
+    joint: Joint | None = None
+    source: CampaignSource | None = field(default=None, repr=False)
+    requests: Mapping[str, Request] = field(default_factory=dict, repr=False)
 
     def __getitem__(self, stage: str) -> Calibration:
         """Return the calibration of a stage.
@@ -96,11 +98,16 @@ class Campaign:
             path = target / f"{file_name(name)}.values.toml"
             calibration.save(path)
             out.append(path)
+        if self.joint is not None:
+            out.append(target / "joint.values.toml")
+            self.joint.save(out[-1])
         return out
 
     def __str__(self) -> str:
         """Return all stages and verdicts as text."""
-        return "\n\n".join([self.title, *map(str, self.stages.values()), *map(str, self.verdicts)])
+        return "\n\n".join(
+            [self.title, *map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
+        )
 
 
 def run_stages(
@@ -127,10 +134,11 @@ def run_stages(
     folder = Path(cache) if cache is not None else None
     done: dict[str, Calibration] = {}
     keys: dict[str, str] = {}
+    requests: dict[str, Request] = {}
     for k, stage in enumerate(source.content.stages):
         try:
-            request = _request(source, stage, k, done)
-            keys[stage.name] = _key(request, [keys[name] for i in stage.inherit.values() for name in i.stages])
+            request = requests[stage.name] = request_of(source, stage, k, done)
+            keys[stage.name] = key_of(request, [keys[name] for i in stage.inherit.values() for name in i.stages])
             kept = recall(folder, stage.name, keys[stage.name])
             found = fit(request, _told(notice, stage.name), kept)
             if kept is None and found.converged:
@@ -138,148 +146,53 @@ def run_stages(
             done[stage.name] = found
         except ThermidError as error:
             raise placed(error, source.where(f"stages.{k}")) from None
+    made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests)
+    made = replace(made, joint=_joint(made, notice, folder)) if source.content.joint is not None else made
     used = {sha: user for c in done.values() for sha, user in c.seen.items()}
-    verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, done, used, notice))
-    return Campaign(source.content.title, done, verdicts, keys, source.content.note)
+    verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, made, used, notice))
+    return replace(made, verdicts=verdicts)
+
+
+def joint(
+    campaign: str | os.PathLike[str] | CampaignSource | Campaign,
+    *,
+    data: str | os.PathLike[str] | None = None,
+    notice: Notice | None = None,
+    cache: str | os.PathLike[str] | None = None,
+) -> Joint:
+    """Return one fit over the records of all levels of a campaign, each with the model of its own level.
+
+    Levels share a parameter where the part stands in the uppermost model as it stood below, so a component's ``skin.htc`` is
+    ``pre.ele.skin.htc`` above unless a ``[set]`` on the way sets it anew. It starts where the stages ended.
+
+    Parameters
+    ----------
+    campaign : path or Campaign     The campaign file, or what `run_stages` made of it; a ``[joint]`` table in it is heeded.
+    data, notice, cache             As in `run_stages`.
+
+    Raises
+    ------
+    ThermidError   From reading or fitting; a campaign that was made in Python has no file to read stages from.
+    """
+    made = campaign if isinstance(campaign, Campaign) else run_stages(campaign, data=data, notice=notice, cache=cache)
+    if made.source is None:
+        raise DeckError("a joint fit needs the campaign's file; this campaign was made in Python. Call run_stages on a file.", made.title)
+    return made.joint or _joint(made, notice, Path(cache) if cache is not None else None)
+
+
+def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> Joint:
+    source = campaign.source
+    assert source is not None
+    key = joint_key(campaign.keys, source.content.joint_table)
+    return fit_jointly(source, campaign.requests, campaign.stages, key, _told(notice, "joint"), folder)
 
 
 def _told(notice: Notice | None, name: str) -> Callable[[int, float], None] | None:
     return None if notice is None else lambda count, rms: notice(name, count, rms)
 
 
-def _request(source: CampaignSource, stage: StageTable, k: int, done: Mapping[str, Calibration]) -> Request:
-    """Return what a stage asks, with what it inherits laid under the parent's own [set]."""
-    where = source.where(f"stages.{k}")
-    model = source.model(stage.model, where)
-    handed: list[FittedValues] = []
-    told: dict[str, Calibration] = {}
-    bias_priors: dict[str, tuple[float, float]] = {}
-    seen: dict[str, str] = {}
-    remarks: list[str] = []
-    for part, inherit in stage.inherit.items():
-        for name in inherit.stages:
-            below = done[name]
-            values = below.values.only(inherit.only) if inherit.only else below.values
-            part, prefix = model.canonical(part), "" if part == "." else f"{model.canonical(part)}."
-            model = _inherited(model, part, values)
-            hidden = _shadowed(model, prefix, values)
-            remarks += hidden.values()
-            seen |= below.seen
-            if inherit.as_ == "prior":
-                # a second part takes the same values, but what they say of sensors counts once
-                values = values.only([p for p in values.parameters if p not in hidden])
-                values = values.bare() if name in told else values
-                told[name] = below
-                handed.append(_prefixed(values, prefix))
-            else:
-                bias_priors |= {s: (v.value, v.error) for s, v in values.sensors.items()}
-                remarks += _held(part, name, values)
-    records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
-    return Request(
-        model,
-        records,
-        tuple(stage.free),
-        {"*": scenario_of(stage.scenario, stage.name)},
-        {n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(stage.local).items()},
-        record_local={r.name: source.local_of_record(r.name) for r in records},
-        priors={p: (t.mean, t.sd) for p, t in stage.priors.items()},
-        inherited=tuple(handed),
-        bias_priors=bias_priors,
-        weights=stage.weights,
-        knee=stage.knee,
-        untie=stage.untie,
-        loss=stage.loss,
-        window=literal(stage.window, "s", where),
-        name=stage.name,
-        remarks=(*remarks, *counted_twice(told, records)),
-        seen=seen,
-        readings=readings_of(stage.readings),
-    )
-
-
-def _held(part: str, stage: str, values: FittedValues) -> list[str]:
-    """Return a remark that values from below are taken as exact, where the stage below did not know them so."""
-    unsure = [p for p, v in values.parameters.items() if v.error > 0]
-    if not unsure:
-        return []
-    what = "the model" if part == "." else f"'{part}'"
-    return [
-        f"{len(unsure)} values of {what} are held as stage '{stage}' found them; the errors here leave theirs out. Hand them on with "
-        'as = "prior" to count them.'
-    ]
-
-
-def readings_of(tables: Mapping[str, Any]) -> dict[str, Reading]:
-    """Return the readings of a stage or verdict."""
-    return {n: Reading(t) if isinstance(t, str) else Reading(t.channel, t.offset) for n, t in tables.items()}
-
-
-def _plain(tables: Mapping[str, Any]) -> dict[str, Any]:
-    return {n: t if isinstance(t, str) else t.model_dump() for n, t in tables.items()}
-
-
-def _inherited(model: Model, part: str, below: FittedValues) -> Model:
-    """Return the model with the values of a stage below laid over one of its parts; ``.`` is the model itself."""
-    values = below.assignments
-    if part == ".":
-        return model.with_values(values, _origin(below))
-    inner = model.submodel(part)
-    known = parameter_table(inner)
-    missing = [p for p in values if p not in known]
-    if missing:
-        raise NameNotFoundError(
-            f"stage '{below.stage}' fitted '{missing[0]}', which '{part}' does not have.{nearest(missing[0], known)}", model.title
-        )
-    return model.replace(part, inner.with_values(values, _origin(below)))
-
-
-def _origin(below: FittedValues) -> str:
-    return f"stage '{below.stage}'"
-
-
-def _shadowed(model: Model, prefix: str, below: FittedValues) -> dict[str, str]:
-    """Return path -> a remark for every inherited value that the deck's own [set] hides; it is not handed on as a prior either."""
-    table = {p: parameter_table(model)[prefix + p] for p in below.assignments}
-    return {
-        p: f"'{prefix}{p}' is {entry.parameter.text} by {entry.origin}, which hides what stage '{below.stage}' found."
-        for p, entry in table.items()
-        if any(who == _origin(below) for who, _ in entry.shadowed)
-    }
-
-
-def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
-    """Return fitted values under the paths that they have in the model above."""
-    items = {prefix + p if v.kind == "parameter" else p: replace(v, also=tuple(prefix + q for q in v.also)) for p, v in values.items()}
-    return FittedValues(values.stage, items, values.covariance, values.provenance)
-
-
-def _key(request: Request, below: list[str]) -> str:
-    """Return the hash of everything that a stage's result depends on."""
-    content = {
-        "version": version("thermid"),
-        "model": request.model.identity(),
-        "records": {
-            r.name: [r.origin.sha256, list(r.steps), {n: [c.role, c.target, c.gain, c.noise, c.accuracy] for n, c in r.channels.items()}]
-            for r in request.records
-        },
-        "free": request.free,
-        "scenario": request.scenarios,
-        "local": repr(sorted(request.local.items())),
-        "priors": repr(sorted(request.priors.items())),
-        "bias": repr(sorted(request.held_bias.items())),
-        "record_local": repr(sorted((n, sorted(t.items())) for n, t in request.record_local.items())),
-        "bias priors": repr(sorted(request.bias_priors.items())),
-        "how": [request.untie, request.loss, request.knee, request.window, repr(request.options)],
-        "readings": repr(sorted(request.readings.items())),
-        "weights": sorted(request.weights.items()),
-        "inherited": [list(values) for values in request.inherited],
-        "below": below,
-    }
-    return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()
-
-
 def _judge(
-    source: CampaignSource, table: VerdictTable, k: int, done: Mapping[str, Calibration], used: Mapping[str, str], notice: Notice | None
+    source: CampaignSource, table: VerdictTable, k: int, made: Campaign, used: Mapping[str, str], notice: Notice | None
 ) -> Iterator[Verdict]:
     """Yield one verdict per record of a verdict's pattern."""
     where = source.where(f"verdicts.{k}")
@@ -296,13 +209,13 @@ def _judge(
                     f"record '{name}' was used by {used[record.origin.sha256]}; a validation needs data that no fit has seen."
                 )
             yield validate(
-                done[table.model],
+                made.joint.at(table.model) if table.values == "joint" and made.joint is not None else made[table.model],
                 record,
                 Criteria.read(table.criteria, where),
                 scenario=scenario_of(table.scenario or stage.scenario, table.name or name),
                 local=local_of(table.local),
                 window=literal(stage.window, "s", where),
-                readings=_plain(table.readings if table.readings is not None else stage.readings),
+                readings=plain_readings(table.readings if table.readings is not None else stage.readings),
                 title=table.name,
             )
         except ThermidError as error:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.calibration import Calibration, Local
+from thermid.identify.moved import moves_above
 from thermid.identify.residuals import Predictions, Problem
 from thermid.identify.solve import Fit
 from thermid.identify.unknowns import Unknown
@@ -43,6 +44,7 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
     blocks = Predictions(found.sums, lambda: problem.blocks(found.fitted))
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
     freedom = problem.samples - len(problem.unknowns)
+    moved = moves_above(request.inherited, request.model, problem, found, total)
     return Calibration(
         name,
         request.model,
@@ -56,7 +58,7 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
         freedom,
         found.evaluations,
         request.loss,
-        (*request.remarks, *_warnings(problem, found, total, freedom)),
+        (*request.remarks, *_warnings(problem, found, total, freedom), *moved.warnings()),
         bool(provenance["synthetic"]),
         {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
         problem.experiments,
@@ -64,6 +66,7 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
         found.converged,
         request,
         problem,
+        moved,
     )
 
 
@@ -114,11 +117,6 @@ def _warnings(problem: Problem, found: Fit, total: Array, freedom: int) -> list[
             out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
     out += _strained(problem, found)
     reduced = found.chi_square / max(freedom, 1)
-    for names, far, freed in _moved(problem, found):
-        out.append(
-            f"what the stage below handed on for {names} had to move by {far:.1f} standard deviations in {freed} directions: the parts do "
-            "not behave in the assembly as they did alone, or the stage below missed something."
-        )
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:
         out.append(f"the residuals are {np.sqrt(reduced):.2g} times the stated noise; the errors were widened by that factor.")
@@ -148,17 +146,3 @@ def _strained(problem: Problem, found: Fit) -> list[str]:
         f"{len(far)} of {count} values of single records lie more than 3 standard deviations from their priors, '{worst}' the farthest "
         f"with {far[worst]:.1f}: the priors are too tight, or the model makes these values answer for something that it misses."
     ]
-
-
-def _moved(problem: Problem, found: Fit) -> list[tuple[str, float, int]]:
-    """Return the joint priors that the data contradict: names, distance in standard deviations and number of directions.
-
-    The squared distance is chi-square distributed when the prior holds; it is reported beyond mean + 3 standard deviations.
-    """
-    out = []
-    for at, mean, root in problem.coupled:
-        distance = float(np.sum((root @ (found.fitted[at] - mean)) ** 2))
-        known = root.shape[0]
-        if distance > known + 3.0 * np.sqrt(2.0 * known):
-            out.append((_listed([problem.unknowns[k].name for k in at]), float(np.sqrt(distance)), known))
-    return out

@@ -13,7 +13,7 @@ from thermid.units import TEMPERATURE, describe, require, unit
 
 __all__ = ["Binding", "bindings", "find_column", "sd", "unit_and_quantity"]
 
-_ROLE_KEYS: Final = ("node", "boundary", "load", "command")
+_ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
 _KEYS: Final = (*_ROLE_KEYS, "gain", "noise", "accuracy", "resolution", "unit")
 
 
@@ -119,7 +119,7 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
         of = unit(text)
         if binding.unit and header_unit and _known(header_unit) and unit(header_unit) != replace(of, text=unit(header_unit).text):
             raise RecordError(f"its header says [{header_unit}] and its unit is given as '{binding.unit}'. Correct one of them.")
-        if binding.role in ("node", "boundary"):
+        if binding.role in ("node", "boundary", "prescribed"):
             require(of.dimension, TEMPERATURE, text, of.absolute)
         elif binding.role == "load" and not drives:
             require(of.dimension, "W", text)

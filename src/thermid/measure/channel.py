@@ -17,7 +17,7 @@ __all__ = ["HELD", "ROLES", "BoolArray", "Channel", "FloatArray", "Origin", "dig
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-ROLES: Final = ("auto", "node", "boundary", "load", "command")
+ROLES: Final = ("auto", "node", "boundary", "load", "command", "prescribed")
 HELD: Final = frozenset({"power", "command"})
 """Quantities that keep their value until the next sample (zero-order hold); all others run straight from sample to sample."""
 
@@ -79,7 +79,7 @@ class Channel:
     values : array (samples,)       Samples; a masked sample keeps its number, a missing one is NaN. [SI]
     valid : array (samples,)        False where a sample is masked.
     quantity : str                  'temperature', 'power', 'command' or another word.
-    role : str                      'auto', 'node', 'boundary', 'load' or 'command'.
+    role : str                      'auto', 'node', 'boundary', 'load', 'command' or 'prescribed' (a node that the reading drives).
     target : str or None            Path in the model.
     gain : str or None              Path of the parameter that turns a command into a power.
     noise : float or None           Standard deviation of one sample. [SI]

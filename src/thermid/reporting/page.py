@@ -13,7 +13,7 @@ import numpy as np
 from thermid.identify.calibration import Calibration
 from thermid.identify.stages import Campaign
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting import figures, origins, tables
+from thermid.reporting import figures, levels, origins, tables
 from thermid.reporting.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.diagram import diagram
 from thermid.reporting.extras import extra
@@ -115,7 +115,7 @@ def report(
         coefficients=coefficients,
         others=others,
         overview=figures.overview(_dots(campaign), "overview") if campaign.stages else None,
-        stages=[_stage(f"stage-{k}", c) for k, c in enumerate(campaign.stages.values(), 1)],
+        stages=[_stage(f"stage-{k}", c) for k, c in enumerate(_fits(campaign), 1)],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
         data=origins.data(campaign),
         models=origins.models(campaign),
@@ -125,6 +125,11 @@ def report(
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(content, encoding="utf-8")
     return target
+
+
+def _fits(campaign: Campaign) -> list[Calibration]:
+    """Return every stage, and the joint fit at the end."""
+    return [*campaign.stages.values(), *([campaign.joint] if campaign.joint is not None else [])]
 
 
 def _template() -> Template:
@@ -162,6 +167,7 @@ def _stage(key: str, c: Calibration) -> StagePart:
         "instruments": tables.instruments(c),
         "records": tables.records(c),
         "local": tables.locals_(c),
+        "moved": levels.moved(c),
         "correlations": tables.correlations(c),
         "areas": tables.areas(c.fitted_model),
         "held": origins.held(c),

@@ -253,7 +253,11 @@ BAD = [
     (*before(VERDICTS, "weights = { T_C = 0.5 }"), STAGES, r"a weight is given for 'T_C', which is no sensor here"),
     (*before(VERDICTS, 'ignore = ["T_C"]'), STAGES, r"no channel 'T_C'"),
     (*before(VERDICTS, 'bind = { T_C = "a.case" }'), STAGES, r"no channel 'T_C'"),
-    (*before(VERDICTS, 'bind = { T_A = { nod = "a.case" } }'), STAGES, r"a binding has one of node, boundary, load and command.*not nod"),
+    (
+        *before(VERDICTS, 'bind = { T_A = { nod = "a.case" } }'),
+        STAGES,
+        r"a binding has one of node, boundary, load, command and prescribed.*not nod",
+    ),
     (*before(VERDICTS, 'bind = { T_A = { node = "a.case", noise = "1 [K]" } }'), STAGES, r"not node, noise"),
     (*before(VERDICTS, 'readings = { room = "T_C" }'), STAGES, r"no channel 'T_C'"),
     (*before(VERDICTS, 'local = { room = { sd = "1 [K]" } }'), None, r"local\.room\.start: is missing"),
@@ -492,3 +496,27 @@ class TestCache:
 
 def test_the_campaign_text_of_these_tests_runs_as_it_stands(made: Path) -> None:
     assert made.read_text() == CAMPAIGN
+
+
+def test_freeze_ranges_and_measured_neighbours_from_a_campaign(project: Path) -> None:
+    text = project.read_text().replace(FIXED, 'as = "prior"')
+    stage = text[text.index('[[stages]]\nname    = "pair"') : text.index("[[verdicts]]")]
+    frozen = stage.replace('"pair"\n', '"frozen"\n', 1).replace("free    =", 'freeze  = ["a.*.mass"]\nfree    =')
+    driven = stage.replace('"pair"\n', '"driven"\n', 1).replace("[stages", "[stages")
+    driven += 'bind = { T_A = { prescribed = "a.case" } }\n'
+    driven = "\n".join(line for line in driven.splitlines() if not line.startswith("inherit")) + "\n"
+    project.write_text(text.replace("[[verdicts]]", f"{frozen}\n{driven}\n[[verdicts]]"))
+    campaign = run_stages(project)
+    assert set(campaign["pair"].values.parameters) == {JOINT, f"a.{HTC}", f"a.{MASS}"}
+    assert set(campaign["frozen"].values.parameters) == {JOINT, f"a.{HTC}"}
+    assert any(w.startswith(f"a.{MASS}: frozen as stage 'box' found") for w in campaign["frozen"].warnings)
+    assert [m.path for m in campaign["pair"].moved.values] == [f"a.{HTC}", f"a.{MASS}"]
+    assert list(campaign["driven"].sensors) == ["T_B"]
+    assert campaign["driven"][JOINT].value == pytest.approx(150.0, rel=0.1)
+
+
+def test_a_range_that_is_none_says_where(project: Path) -> None:
+    changed(project, ('inherit = { a = { stage = "box", as = "fixed" } }', f'priors = {{ "{JOINT}" = "range" }}'))
+    error = refused(project)
+    assert re.search(r"the range of 'stack\.contact_conductance' is no prior", str(error))
+    assert f"priors.{JOINT}" in error.where

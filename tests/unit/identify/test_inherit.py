@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.inherit import counted_twice, handed_on
 from thermid.identify.request import Request
-from thermid.identify.summary import _moved as moved
 from thermid.measure import Record
 from thermid.model.model import Model
 from unit.identify.bench import box, log, pair
@@ -116,15 +114,6 @@ def test_accuracies_about_another_value_than_zero_count_once(stack: Model, recor
         assert two[path].error == pytest.approx(joint[path].error, rel=1e-4)
 
 
-@pytest.mark.parametrize(("far", "said"), [(3.6, True), (3.4, False)])
-def test_moved_is_beyond_three_standard_deviations_of_a_chi_square(far: float, said: bool) -> None:
-    # four directions: 4 + 3 sqrt(8) = 12.5 = 3.53^2
-    coupled = ((np.arange(4), np.zeros(4), np.eye(4)),)
-    problem = SimpleNamespace(coupled=coupled, unknowns=[SimpleNamespace(name=n) for n in "pqrs"])
-    found = SimpleNamespace(fitted=np.array([far, 0.0, 0.0, 0.0]))
-    assert [(n, round(d, 6), k) for n, d, k in moved(problem, found)] == ([("p, q, r, s", far, 4)] if said else [])  # type: ignore[arg-type]
-
-
 def test_fixed_values_are_not_that(stack: Model, records: tuple[Record, Record], below: Calibration, joint: Calibration) -> None:
     model = stack.with_values({"a.power": below["a.power"]}, "below")
     biases = {s: (v.value, v.error) for s, v in below.values.sensors.items()}
@@ -162,6 +151,6 @@ def test_what_has_to_move_is_said(stack: Model, below: Calibration) -> None:
     # in the assembly the first part gives 8 W, far from what it gave alone
     data = log(stack, {"a.power": "7 [W]"}, {"A": "a.case", "B": "b.case"}, boundary="room", accuracy=0.4, noise=0.3, seed=4)
     moved = fit(Request(stack, (data,), FREE, inherited=(below.values,)))
-    assert any("what the stage below handed on for" in w and "had to move by" in w for w in moved.warnings)
+    assert any("what the stage below handed on for" in w and "had to move: chi-square" in w for w in moved.warnings)
     same = fit(Request(stack, (bench(stack, "x", 9, "30 [degC]"),), FREE, inherited=(below.values,)))
     assert not any("had to move" in w for w in same.warnings)

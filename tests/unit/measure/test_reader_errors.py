@@ -140,7 +140,8 @@ def test_arguments(log, arguments, message):
         ({"T1": 3}, "bench.csv, channels.T1: 3 is neither the name of a column nor a table."),
         (
             {"T1": {"nod": "a"}},
-            "bench.csv, channels.T1: no key 'nod'; there are node, boundary, load, command, gain, noise, accuracy, resolution, unit. "
+            "bench.csv, channels.T1: no key 'nod'; there are node, boundary, load, command, prescribed, gain, noise, "
+            "accuracy, resolution, unit. "
             "Did you mean 'node'?",
         ),
         ({"T1": {"node": "a", "boundary": "b"}}, "bench.csv, channels.T1: it has the roles node and boundary; a channel has one."),

@@ -83,7 +83,7 @@ def test_with_channels_and_select():
         (lambda: Channel("a", np.array([1.0, np.nan]), np.ones(2, bool)), "channel 'a': a valid sample is not finite. Mask it."),
         (
             lambda: Channel.of("a", [1.0], role="nod"),
-            "channel 'a': no role 'nod'; it is one of auto, node, boundary, load, command. Did you mean 'node'?",
+            "channel 'a': no role 'nod'; it is one of auto, node, boundary, load, command, prescribed. Did you mean 'node'?",
         ),
         (lambda: Channel.of("a", [1.0], resolution=0.0), "channel 'a': its resolution is 0; a finite number above zero is needed."),
     ],

@@ -1,0 +1,283 @@
+"""Whether what a level below found had to move at the level above: by how much, and how surely."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.units import unit
+
+if TYPE_CHECKING:
+    from thermid.identify.residuals import Problem
+    from thermid.identify.solve import Fit
+    from thermid.identify.values import FittedValues
+    from thermid.model.model import Model
+
+__all__ = ["Group", "Move", "Moves", "moves_above", "moves_from"]
+
+Array = NDArray[np.float64]
+SURE, LIKELY = 0.003, 0.05
+"""Chance below which a value had to move, or may have: about 3 and 2 standard deviations."""
+INFORMED = 1e-6
+"""Part of what is known of a direction that must come from below, for below to have said anything of it."""
+
+
+def _word(chance: float) -> str:
+    if not math.isfinite(chance):
+        return "not tested"
+    return "had to move" if chance < SURE else "may have moved" if chance < LIKELY else "held"
+
+
+@dataclass(frozen=True)
+class Move:
+    """One parameter against what the stage below found.
+
+    Parameters
+    ----------
+    path : str              Its path in the model of the level above.
+    part : str              The part that it belongs to; empty for the model itself.
+    stage : str             Who found it below.
+    below, here : float     Its value there and here. [SI]
+    unit : str              For people.
+    deviations : float      The shift over sqrt(variance below - variance here), of the fitted form; NaN where the level above says
+                            nothing of it. [-]
+    chance : float          Of a shift of this size when nothing but noise moves it. [-]
+    """
+
+    path: str
+    part: str
+    stage: str
+    below: float
+    here: float
+    unit: str
+    deviations: float
+    chance: float
+
+    @property
+    def verdict(self) -> str:
+        """Had to move, may have moved, held, or not tested."""
+        return _word(self.chance)
+
+    def __str__(self) -> str:
+        """Return one line."""
+        of = unit(self.unit)
+        low, high = ((v - float(of.offset)) / float(of.factor) for v in (self.below, self.here))
+        share = f" ({100 * (high / low - 1):+.2g} %)" if low else ""
+        how = f"{abs(self.deviations):.1f} standard deviations" if math.isfinite(self.deviations) else "this level says nothing of it"
+        return f"{self.path}  {low:.4g} -> {high:.4g} {self.unit}{share}: {self.verdict}, {how}"
+
+
+@dataclass(frozen=True)
+class Group:
+    """Several parameters together: a part, or all that was handed on.
+
+    Parameters
+    ----------
+    name : str              What they are.
+    paths : tuple of str    Their paths.
+    chi_square : float      Squared distance, in standard deviations, all correlations taken along. [-]
+    directions : int        How many of their combinations this level says anything of.
+    chance : float          Of such a distance when nothing but noise moves them. [-]
+    """
+
+    name: str
+    paths: tuple[str, ...]
+    chi_square: float
+    directions: int
+    chance: float
+
+    @property
+    def verdict(self) -> str:
+        """Had to move, may have moved, held, or not tested."""
+        return _word(self.chance)
+
+    def __str__(self) -> str:
+        """Return one line."""
+        if not self.directions:
+            return f"{self.name}: not tested"
+        many = f"{self.directions} direction{'s' if self.directions > 1 else ''}"
+        return f"{self.name}: {self.verdict}, chi-square {self.chi_square:.3g} in {many} (chance {self.chance:.2g})"
+
+
+@dataclass(frozen=True)
+class Moves:
+    """All that stages below handed on, tested against the data of this level, parameter by parameter and part by part."""
+
+    values: tuple[Move, ...] = ()
+    groups: tuple[Group, ...] = ()
+
+    def __bool__(self) -> bool:
+        """Whether anything was handed on."""
+        return bool(self.values)
+
+    def __getitem__(self, path: str) -> Move:
+        """Return the move of a parameter."""
+        return next(m for m in self.values if m.path == path)
+
+    @property
+    def had_to_move(self) -> tuple[str, ...]:
+        """Names of the parameters and groups that had to move."""
+        return tuple(m.path for m in self.values if m.verdict == "had to move") + tuple(
+            g.name for g in self.groups if g.verdict == "had to move"
+        )
+
+    def lines(self) -> Iterator[str]:
+        """Yield it as text, a line each."""
+        if self:
+            yield "  against the stages below:"
+            yield from (f"    {line}" for line in (*self.values, *self.groups))
+
+    def warnings(self) -> list[str]:
+        """Return a remark where a whole part, or all parts together, had to move."""
+        return [
+            f"what the stage below handed on for {_listed(g.paths)} had to move: chi-square {g.chi_square:.3g} in {g.directions} "
+            f"direction{'s' if g.directions > 1 else ''}, chance {g.chance:.2g}. The parts do not behave in the assembly as they did "
+            "alone, or the stage below missed something."
+            for g in self.groups[-1:]
+            if g.verdict == "had to move"
+        ]
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 4 else f"{names[0]} ... {names[-1]} ({len(names)} parameters)"
+
+
+def part_of(model: Model, path: str) -> str:
+    """Return the path of the deepest submodel that a parameter belongs to; empty for the model itself."""
+    head, _, rest = path.partition(".")
+    if not rest or head not in model.submodels:
+        return ""
+    inner = part_of(model.submodels[head].model, rest)
+    return f"{head}.{inner}" if inner else head
+
+
+def moves_above(handed: Sequence[FittedValues], model: Model, problem: Problem, found: Fit, total: Array) -> Moves:
+    """Return how far this level's data moved what stages below handed on as priors.
+
+    With P the information of all priors, A that of this level's data and x0 where the priors alone would stand, the fit ends at
+    x = x0 + (A + P)^-1 J'(y - J x0). Its shift x - x0 has the covariance P^-1 - (A + P)^-1 when the priors hold (J. A. Hausman,
+    Econometrica 46 (1978) 1251, lemma 2.1); where residuals are larger than the noise, by the factor that the errors were widened with,
+    the shift scatters more, and that is counted.
+    """
+    names = [u.name for u in problem.unknowns]
+    stages = {p: v.stage for v in handed for p in v.parameters}
+    members = [k for k, u in enumerate(problem.unknowns) if u.kind == "parameter" and u.name in stages]
+    if not members:
+        return Moves()
+    shift, spread, known = _shift(problem, found, total)
+    means = {k: problem.unknowns[k].to_value(float(found.fitted[k] - shift[k])) for k in members}
+    values = []
+    for k in members:
+        u = problem.unknowns[k]
+        sd = math.sqrt(max(spread[k, k], 0.0))
+        tested = known[k] and sd > math.sqrt(INFORMED * total[k, k])
+        far = float(shift[k]) / sd if tested else math.nan
+        values.append(
+            Move(u.name, part_of(model, u.name), stages[u.name], means[k], u.to_value(float(found.fitted[k])), u.unit, far, _normal(far))
+        )
+    tested_rows = {names[k]: k for k, m in zip(members, values, strict=True) if math.isfinite(m.deviations)}
+    together = lambda paths: _together([tested_rows[p] for p in paths if p in tested_rows], shift, spread)  # noqa: E731
+    return Moves(tuple(values), _groups(values, together))
+
+
+def _shift(problem: Problem, found: Fit, total: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return fitted less what the priors alone say, its covariance, and of which unknowns the priors say anything."""
+    finite = np.isfinite(np.diag(total)) & (np.diag(total) > 0)
+    scale = np.where(finite, np.sqrt(np.where(finite, np.diag(total), 1.0)), 1.0)
+    data, priors = found.jacobian * scale, found.priors * scale
+    rows = problem.prior_rows(found.fitted)[0]
+    seen, prior = data.T @ data, priors.T @ priors
+    sizes, vectors = np.linalg.eigh(prior)
+    own, free = vectors[:, sizes > INFORMED], vectors[:, sizes <= INFORMED]
+    size = sizes[sizes > INFORMED]
+    # what the data say of the directions that have priors, those without marginalised
+    cross = own.T @ seen @ free
+    left = own.T @ seen @ own - cross @ np.linalg.pinv(free.T @ seen @ free, hermitian=True) @ cross.T
+    gain = np.linalg.inv(left + np.diag(size))
+    widened = _widened(found, problem)
+    moved = own @ (own.T @ (priors.T @ rows) / size)
+    spread = own @ (gain @ (widened * left + left @ (left / size[:, None])) @ gain) @ own.T
+    known = finite & (np.linalg.norm(free, axis=1) < 1e-3)
+    return scale * moved, spread * np.outer(scale, scale), known
+
+
+def _widened(found: Fit, problem: Problem) -> float:
+    """Return the factor by which the residuals exceed the noise, in squares."""
+    return max(1.0, found.chi_square / max(problem.samples - len(problem.unknowns), 1))
+
+
+def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], found: FittedValues, place: Callable[[str], str]) -> Moves:
+    """Return how far a joint fit moved what the stages found.
+
+    Parameters
+    ----------
+    staged : sequence       Per stage its values, and path there -> path in the joint fit.
+    found : FittedValues    The joint fit's.
+    place : callable        Path in the joint fit -> the part that it belongs to.
+
+    The covariance of a shift is that of the stage less that of the joint fit, which holds the stage's data too (Hausman, as above). In
+    directions where the joint fit knows little more than the stage (which took other values for exact, or met smaller residuals) the
+    stage's own covariance is the measure.
+    """
+    order = list(found)
+    values, shift, spread = [], np.zeros(len(order)), np.zeros((len(order), len(order)))
+    for stage, names in staged:
+        own = list(stage)
+        at, rows = [own.index(p) for p in names], [order.index(q) for q in names.values()]
+        below = stage.covariance[np.ix_(at, at)]
+        spread[np.ix_(rows, rows)] = _less(below, found.covariance[np.ix_(rows, rows)])
+        for path, q in names.items():
+            k, before, here = order.index(q), stage[path], found[q]
+            shift[k] = math.log(here.value / before.value) if here.log else here.value - before.value
+            sd = math.sqrt(spread[k, k])
+            far = float(shift[k]) / sd if sd > 0 and math.isfinite(sd) else math.nan
+            values.append(Move(q, place(q), stage.stage, before.value, here.value, here.unit, far, _normal(far)))
+    rows_of = {m.path: order.index(m.path) for m in values if math.isfinite(m.deviations)}
+    return Moves(tuple(values), _groups(values, lambda paths: _together([rows_of[p] for p in paths if p in rows_of], shift, spread)))
+
+
+def _less(below: Array, here: Array) -> Array:
+    """Return one covariance less another, and the first alone in directions where less than a tenth would be left."""
+    root = np.linalg.cholesky(below)
+    half = np.linalg.solve(root, here)
+    sizes, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
+    along = root @ vectors
+    return np.asarray((along * np.where(sizes < 0.9, 1.0 - sizes, 1.0)) @ along.T)
+
+
+def _normal(far: float) -> float:
+    """Return the chance of a standard normal number at least so far from zero."""
+    return math.erfc(abs(far) / math.sqrt(2.0)) if math.isfinite(far) else math.nan
+
+
+def _together(rows: Sequence[int], shift: Array, spread: Array) -> tuple[float, int, float]:
+    """Return chi-square, directions and chance of several shifts together."""
+    from scipy.stats import chi2
+
+    if not rows:
+        return 0.0, 0, math.nan
+    sd = np.sqrt(np.diag(spread)[list(rows)])
+    sizes, vectors = np.linalg.eigh(spread[np.ix_(rows, rows)] / np.outer(sd, sd))
+    kept = sizes > 1e-6 * sizes.max()
+    along = vectors[:, kept].T @ (shift[list(rows)] / sd)
+    square, count = float(np.sum(along**2 / sizes[kept])), int(kept.sum())
+    return square, count, float(chi2.sf(square, count))
+
+
+def _groups(values: Sequence[Move], test: Callable[[Sequence[str]], tuple[float, int, float]]) -> tuple[Group, ...]:
+    """Return one group per part, and one of all together."""
+    parts: dict[str, list[str]] = {}
+    for m in values:
+        parts.setdefault(m.part, []).append(m.path)
+    out = [
+        Group(f"part '{part}'" if part else "the model's own", tuple(paths), *test(paths))
+        for part, paths in parts.items()
+        if len(parts) > 1
+    ]
+    every = [m.path for m in values]
+    return (*out, Group("all together", tuple(every), *test(every)))

@@ -1,0 +1,168 @@
+"""From a stage of a campaign to what its fit is asked, and the hash of everything that its result depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+from thermid.errors import NameNotFoundError, nearest
+from thermid.identify.cache import in_full
+from thermid.identify.calibration import Calibration
+from thermid.identify.campaignfile import CampaignSource, local_of, scenario_of
+from thermid.identify.inherit import counted_twice
+from thermid.identify.request import LocalSpec, Reading, Request
+from thermid.identify.selection import freed, priors_of
+from thermid.identify.values import FittedValues
+from thermid.model.model import Model
+from thermid.model.resolve import parameter_table
+from thermid.model.signal import literal
+
+if TYPE_CHECKING:
+    from thermid.identify.campaign_schema import StageTable
+
+__all__ = ["key_of", "plain_readings", "readings_of", "request_of"]
+
+
+def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[str, Calibration]) -> Request:
+    """Return what a stage asks, with what it inherits laid under the parent's own [set]."""
+    where = source.where(f"stages.{k}")
+    model = source.model(stage.model, where)
+    handed: list[FittedValues] = []
+    told: dict[str, Calibration] = {}
+    bias_priors: dict[str, tuple[float, float]] = {}
+    seen: dict[str, str] = {}
+    remarks: list[str] = []
+    for part, inherit in stage.inherit.items():
+        for name in inherit.stages:
+            below = done[name]
+            values = below.values.only(inherit.only) if inherit.only else below.values
+            part, prefix = model.canonical(part), "" if part == "." else f"{model.canonical(part)}."
+            model = _inherited(model, part, values)
+            hidden = _shadowed(model, prefix, values)
+            remarks += hidden.values()
+            seen |= below.seen
+            if inherit.as_ == "prior":
+                # a second part takes the same values, but what they say of sensors counts once
+                values = values.only([p for p in values.parameters if p not in hidden])
+                values = values.bare() if name in told else values
+                told[name] = below
+                handed.append(_prefixed(values, prefix))
+            else:
+                bias_priors |= {s: (v.value, v.error) for s, v in values.sensors.items()}
+                remarks += _held(part, name, values)
+    records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
+    free, frozen = freed(model, stage.free, stage.freeze, where, [p for values in handed for p in values.parameters])
+    remarks += [line for values in handed for line in _frozen(values, frozen)]
+    handed = [values.only([p for p in values.parameters if p not in frozen]) if frozen else values for values in handed]
+    return Request(
+        model,
+        records,
+        tuple(free),
+        {"*": scenario_of(stage.scenario, stage.name)},
+        {n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(stage.local).items()},
+        record_local={r.name: source.local_of_record(r.name) for r in records},
+        priors=priors_of(model, {p: t if isinstance(t, str) else (t.mean, t.sd) for p, t in stage.priors.items()}, where),
+        inherited=tuple(handed),
+        bias_priors=bias_priors,
+        weights=stage.weights,
+        knee=stage.knee,
+        untie=stage.untie,
+        loss=stage.loss,
+        window=literal(stage.window, "s", where),
+        name=stage.name,
+        remarks=(*remarks, *counted_twice(told, records)),
+        seen=seen,
+        readings=readings_of(stage.readings),
+    )
+
+
+def _held(part: str, stage: str, values: FittedValues) -> list[str]:
+    """Return a remark that values from below are taken as exact, where the stage below did not know them so."""
+    unsure = [p for p, v in values.parameters.items() if v.error > 0]
+    if not unsure:
+        return []
+    what = "the model" if part == "." else f"'{part}'"
+    return [
+        f"{len(unsure)} values of {what} are held as stage '{stage}' found them; the errors here leave theirs out. Hand them on with "
+        'as = "prior" to count them.'
+    ]
+
+
+def _frozen(values: FittedValues, frozen: set[str]) -> list[str]:
+    """Return a remark that some of the values handed on as a prior are held here."""
+    held = [p for p in values.parameters if p in frozen]
+    return [f"{', '.join(held)}: frozen as stage '{values.stage}' found them; the errors here leave theirs out."] if held else []
+
+
+def readings_of(tables: Mapping[str, Any]) -> dict[str, Reading]:
+    """Return the readings of a stage or verdict."""
+    return {n: Reading(t) if isinstance(t, str) else Reading(t.channel, t.offset) for n, t in tables.items()}
+
+
+def plain_readings(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the readings of a stage or verdict as `validate` takes them."""
+    return {n: t if isinstance(t, str) else t.model_dump() for n, t in tables.items()}
+
+
+def _inherited(model: Model, part: str, below: FittedValues) -> Model:
+    """Return the model with the values of a stage below laid over one of its parts; ``.`` is the model itself."""
+    values = below.assignments
+    if part == ".":
+        return model.with_values(values, _origin(below))
+    inner = model.submodel(part)
+    known = parameter_table(inner)
+    missing = [p for p in values if p not in known]
+    if missing:
+        raise NameNotFoundError(
+            f"stage '{below.stage}' fitted '{missing[0]}', which '{part}' does not have.{nearest(missing[0], known)}", model.title
+        )
+    return model.replace(part, inner.with_values(values, _origin(below)))
+
+
+def _origin(below: FittedValues) -> str:
+    return f"stage '{below.stage}'"
+
+
+def _shadowed(model: Model, prefix: str, below: FittedValues) -> dict[str, str]:
+    """Return path -> a remark for every inherited value that the deck's own [set] hides; it is not handed on as a prior either."""
+    table = {p: parameter_table(model)[prefix + p] for p in below.assignments}
+    return {
+        p: f"'{prefix}{p}' is {entry.parameter.text} by {entry.origin}, which hides what stage '{below.stage}' found."
+        for p, entry in table.items()
+        if any(who == _origin(below) for who, _ in entry.shadowed)
+    }
+
+
+def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
+    """Return fitted values under the paths that they have in the model above."""
+    items = {prefix + p if v.kind == "parameter" else p: replace(v, also=tuple(prefix + q for q in v.also)) for p, v in values.items()}
+    return FittedValues(values.stage, items, values.covariance, values.provenance)
+
+
+def key_of(request: Request, below: list[str]) -> str:
+    """Return the hash of everything that a stage's result depends on."""
+    content = {
+        "version": version("thermid"),
+        "model": request.model.identity(),
+        "records": {
+            r.name: [r.origin.sha256, list(r.steps), {n: [c.role, c.target, c.gain, c.noise, c.accuracy] for n, c in r.channels.items()}]
+            for r in request.records
+        },
+        "free": request.free,
+        "scenario": request.scenarios,
+        "local": repr(sorted(request.local.items())),
+        "priors": repr(sorted(request.priors.items())),
+        "bias": repr(sorted(request.held_bias.items())),
+        "record_local": repr(sorted((n, sorted(t.items())) for n, t in request.record_local.items())),
+        "bias priors": repr(sorted(request.bias_priors.items())),
+        "how": [request.untie, request.loss, request.knee, request.window, repr(request.options)],
+        "readings": repr(sorted(request.readings.items())),
+        "weights": sorted(request.weights.items()),
+        "inherited": [list(values) for values in request.inherited],
+        "below": below,
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()
