@@ -274,6 +274,11 @@ class Problem:
         """How many readings there are."""
         return sum(o.index.size for e in self.experiments for o in e.observations)
 
+    def square(self, found: Compressed) -> float:
+        """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""
+        sigma = [o.sigma(self.noise) for o in self.observations()]
+        return sum(s.count * s.mean_square / size**2 for (_, _, s), size in zip(found.sums, sigma, strict=True))
+
     def jacobian(self, fitted: Array) -> Array:
         """Return d residuals / d fitted (samples, unknowns) in full; what a fit needs of it is in `compressed`."""
         parts = [self._bench_jacobian(i, bench, fitted) for i, bench in enumerate(self.benches())]

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, SolverError
-from thermid.identify.residuals import FAILED, Compressed, Problem
+from thermid.identify.residuals import FAILED, Compressed
 from thermid.identify.statistics import Sums
+from thermid.identify.unknowns import Unknown
 
-__all__ = ["Fit", "at_least_square", "covariances", "ended", "minimise"]
+__all__ = ["Fit", "LeastSquares", "at_least_square", "covariances", "ended", "minimise"]
 
 Array = NDArray[np.float64]
 
@@ -20,6 +22,32 @@ NEAR, DONE = 0.02, 1e-4
 """A search goes on with new steps once the step ahead is below this part of every unknown's typical change, and ends once it is below this
 part of a standard error."""
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
+
+
+class LeastSquares(Protocol):
+    """What can be minimised: the records of a fit (`Problem`), or a plain function of its unknowns."""
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """What is looked for."""
+        ...
+
+    @property
+    def samples(self) -> int:
+        """How many readings there are."""
+        ...
+
+    def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
+        """Return the weighted residuals of all data with their derivatives."""
+        ...
+
+    def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
+        """Return the residuals of the priors and their derivatives."""
+        ...
+
+    def square(self, found: Compressed) -> float:
+        """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +89,10 @@ class _Arrived(Exception):  # noqa: N818 - it ends a search, nothing went wrong
 class _Search:
     """What `least_squares` asks for; residuals and derivatives come from one run, all runs on the steps of one among them."""
 
-    def __init__(self, problem: Problem, loss: str, knee: float, progress: Callable[[int, float], None] | None) -> None:
-        self.problem, self.loss, self.knee, self.progress = problem, loss, knee, progress
+    def __init__(
+        self, problem: LeastSquares, loss: str, knee: float, progress: Callable[[int, float], None] | None, done: float = DONE
+    ) -> None:
+        self.problem, self.loss, self.knee, self.progress, self.done = problem, loss, knee, progress, done
         self.count = 0
         self.fine = False
         self.scale = np.array([u.scale for u in problem.unknowns])
@@ -96,7 +126,7 @@ class _Search:
         samples = self.problem.samples
         try:
             found = self.at(x)
-            rows, square = found.rows, self._square(found)
+            rows, square = found.rows, self.problem.square(found)
         except SolverError:
             square = samples * FAILED**2
             rows = np.zeros(next(iter(self._known.values())).rows.size)
@@ -114,32 +144,29 @@ class _Search:
         if not self.fine and (np.abs(step) < NEAR).all():
             raise _Arrived(x, f"{NEAR} of every typical change")
         gain = float(np.sum(((slopes / self.scale) @ step) ** 2))  # in squares of a standard error, where the noise is what is stated
-        if self.fine and gain < DONE**2 * max(1.0, self._square(found) / self.problem.samples):
-            raise _Arrived(x, f"{DONE} standard errors")
+        if self.fine and gain < self.done**2 * max(1.0, self.problem.square(found) / self.problem.samples):
+            raise _Arrived(x, f"{self.done:g} standard errors")
         return slopes
-
-    def _square(self, found: Compressed) -> float:
-        """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""
-        sigma = [o.sigma(self.problem.noise) for o in self.problem.observations()]
-        return sum(s.count * s.mean_square / size**2 for (_, _, s), size in zip(found.sums, sigma, strict=True))
 
 
 def minimise(
-    problem: Problem,
+    problem: LeastSquares,
     loss: str = "linear",
     knee: float = 1.0,
     start: Array | None = None,
     progress: Callable[[int, float], None] | None = None,
+    done: float = DONE,
 ) -> Fit:
     """Return the least-squares fit of a problem.
 
     Parameters
     ----------
-    problem : Problem
+    problem : LeastSquares
     loss : str              linear, soft_l1, huber or cauchy, on residuals in units of the noise; priors stay quadratic.
     knee : float            Residual, in units of the noise, from which the loss bends.
     start : array           In the fitted form; the unknowns' own start by default.
     progress : callable     Called with the number of evaluations and the RMS of the weighted residuals.
+    done : float            The search ends once the step ahead is below this part of a standard error. [-]
 
     Raises
     ------
@@ -154,7 +181,7 @@ def minimise(
         return ended(problem, at, loss, knee, message="nothing was free")
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     at = np.clip(at, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))
-    search = _Search(problem, loss, knee, progress)
+    search = _Search(problem, loss, knee, progress, done)
     for fine in (False, True):
         search.fine = fine
         search.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
@@ -166,7 +193,7 @@ def _searched(search: _Search, at: Array, bounds: tuple[Array, Array]) -> tuple[
     """Return where a search from some values ends, how, and whether it converged."""
     from scipy.optimize import least_squares
 
-    tolerance = 1e-10 if search.fine else 1e-3
+    tolerance = min(1e-10, max(search.done**2, 1e-15)) if search.fine else 1e-3
     try:
         found = least_squares(
             search.residuals,
@@ -176,7 +203,7 @@ def _searched(search: _Search, at: Array, bounds: tuple[Array, Array]) -> tuple[
             x_scale=search.scale,
             method="trf",
             ftol=tolerance,
-            xtol=1e-10,
+            xtol=min(1e-10, max(search.done**2, 1e-15)),
             gtol=1e-10,
             max_nfev=200,
         )
@@ -186,7 +213,7 @@ def _searched(search: _Search, at: Array, bounds: tuple[Array, Array]) -> tuple[
 
 
 def ended(
-    problem: Problem,
+    problem: LeastSquares,
     fitted: Array,
     loss: str = "linear",
     knee: float = 1.0,
@@ -198,13 +225,13 @@ def ended(
     return _fit_at(problem, fitted, problem.compressed(fitted, loss, knee), evaluations, message, converged)
 
 
-def _fit_at(problem: Problem, fitted: Array, data: Compressed, evaluations: int, message: str, converged: bool) -> Fit:
+def _fit_at(problem: LeastSquares, fitted: Array, data: Compressed, evaluations: int, message: str, converged: bool) -> Fit:
     rows, slopes = problem.prior_rows(fitted)
     cost = 0.5 * (data.chi_square + float(rows @ rows))
     return Fit(fitted, data.slopes, slopes, cost, data.chi_square, data.sums, evaluations, message, converged)
 
 
-def covariances(fit: Fit, problem: Problem) -> tuple[Array, Array]:
+def covariances(fit: Fit, problem: LeastSquares) -> tuple[Array, Array]:
     """Return the covariance of the fitted form: total, and the part of it that comes from the noise of the readings alone (random).
 
     With C the total covariance, data and priors together, and J the weighted derivatives of the data, the values that a repeat of the

@@ -89,7 +89,7 @@ class Unknown:
         if self.prior is not None:
             return self.prior.sd
         width = self.high - self.low
-        return width / 4 if math.isfinite(width) else max(abs(self.start), 0.1)
+        return width / 4 if math.isfinite(width) else abs(self.start) or 0.1
 
     def fitted_bounds(self) -> tuple[float, float]:
         """Return the bounds in the fitted form."""
