@@ -92,7 +92,7 @@ def solved(name: str, k: int) -> tuple[Fit, np.ndarray]:
     # the certified errors divide by the degrees of freedom
     curve = replace(curve, noise=curve.noise * float(np.sqrt(curve.samples / (curve.samples - len(start)))))
     found = minimise(curve, start=found.fitted, done=1e-9)
-    return found, np.sqrt(np.diag(covariances(found, curve)[0]))
+    return found, np.sqrt(np.diag(covariances(found)[0]))
 
 
 def digits(found: np.ndarray, certified: Sequence[float]) -> float:

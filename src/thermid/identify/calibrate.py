@@ -17,6 +17,7 @@ from thermid.identify.selection import freed, priors_of
 from thermid.identify.solve import Fit, covariances, ended, minimise
 from thermid.identify.statistics import pooled
 from thermid.identify.summary import summarise
+from thermid.identify.wander import wander
 from thermid.measure import Record
 from thermid.model.model import Model
 from thermid.simulation.scenario import Scenario
@@ -89,9 +90,10 @@ def fit_problem(
         problem = replace(problem, noise=_measured_noise(problem, found, request.loss))
         again = ended(problem, found.fitted, request.loss, request.knee)
         found = replace(again, evaluations=found.evaluations, message=found.message, converged=found.converged)
-    total, random = covariances(found, problem)
+    spread = wander(problem, found, request.loss, request.knee)
+    total, random, weights = covariances(found, spread.level, spread.excess)
     refuse_after(request, problem, found, total)
-    return summarise(request, problem, found, total, random)
+    return summarise(request, problem, found, total, random, weights, spread)
 
 
 def _measured_noise(problem: Problem, found: Fit, loss: str) -> dict[str, float]:

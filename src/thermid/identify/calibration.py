@@ -64,6 +64,7 @@ class Calibration:
     problem : Problem           Its weighted residuals, with the noise that was used.
     moved : Moves               How far what stages below handed on had to move, and how surely.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
+    effective : dict            (record, sensor) -> independent samples that its readings are worth; all where none are given.
     """
 
     stage: str
@@ -87,6 +88,7 @@ class Calibration:
     request: Request | None = field(default=None, repr=False)
     problem: Problem | None = field(default=None, repr=False)
     moved: Moves = field(default_factory=Moves)
+    effective: Mapping[tuple[str, str], float] = field(default_factory=dict, repr=False)
 
     @property
     def fitted_model(self) -> Model:
@@ -114,16 +116,18 @@ class Calibration:
         """Record -> sensor -> statistics."""
         out: dict[str, dict[str, SensorStatistics]] = {}
         for record, sensor, sums in self._sums():
-            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0))
+            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0), self.effective.get((record, sensor)))
         return out
 
     @property
     def sensors(self) -> dict[str, SensorStatistics]:
         """Sensor -> statistics over all records together."""
         parts: dict[str, list[Sums]] = {}
-        for _, sensor, sums in self._sums():
+        worth: dict[str, float] = {}
+        for record, sensor, sums in self._sums():
             parts.setdefault(sensor, []).append(sums)
-        return {n: pooled(several).statistics(self.bias.get(n, 0.0)) for n, several in parts.items()}
+            worth[sensor] = worth.get(sensor, 0.0) + self.effective.get((record, sensor), sums.count)
+        return {n: pooled(several).statistics(self.bias.get(n, 0.0), worth[n]) for n, several in parts.items()}
 
     def median_rmse(self, sensor: str) -> float:
         """Return the median over records of a sensor's RMSE. [K]"""
@@ -155,8 +159,9 @@ class Calibration:
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
         for name, s in self.sensors.items():
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
+            worth = f", worth {s.effective_samples:.2g} independent samples" if s.effective_samples < 0.9 * s.samples else ""
             lines.append(
-                f"  {name}: RMSE {s.rmse:.3g} K   largest {abs(s.largest):.3g} K   residuals white: {white}" + _bias_text(name, self)
+                f"  {name}: RMSE {s.rmse:.3g} K   largest {abs(s.largest):.3g} K   residuals white: {white}{worth}" + _bias_text(name, self)
             )
         if self.local:
             lines.append("  per record:")

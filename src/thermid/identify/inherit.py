@@ -26,25 +26,33 @@ def handed_on(values: FittedValues, unknowns: Sequence[Unknown]) -> tuple[NDArra
 
     The covariance of the stage holds the accuracies of its instruments too. They hold for the stage above as well, so they are taken out
     here, or they would count twice: information = inverse covariance - that of the accuracies. A prior that the stage below was given for
-    a parameter is part of what it hands on. The residual of the joint prior is ``root @ (fitted - mean)``.
+    a parameter is part of what it hands on. Where residuals wandered, what the data said is N with the weights of the fit and worth
+    ``N S^-1 N``, S what the scores of the data scattered by (see `covariances`). The residual of the joint prior is
+    ``root @ (fitted - mean)``.
     """
     order = {u.name: k for k, u in enumerate(unknowns)}
     names = list(values)
     members = [p for p in names if p in order]
     rows = [names.index(p) for p in members]
     mean = np.array([unknowns[order[p]].to_fitted(values[p].value) for p in members])
-    information = np.linalg.inv(values.covariance[np.ix_(rows, rows)])
-    vector = information @ mean
+    total = values.covariance[np.ix_(rows, rows)]
+    weights = total if values.weights is None else values.weights[np.ix_(rows, rows)]
+    whole = np.linalg.inv(weights)
+    information, vector = whole.copy(), whole @ mean
     for k, p in enumerate(members):
         prior = values[p].prior
         if prior is not None and values[p].kind != "parameter":
             information[k, k] -= prior[1] ** -2
             vector[k] -= prior[0] * prior[1] ** -2
-    scale = np.sqrt(np.maximum(np.diag(values.covariance[np.ix_(rows, rows)]), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(weights), 1e-300))
     s, v = np.linalg.eigh(information * np.outer(scale, scale))
     kept = s > NEGLIGIBLE * s.max(initial=0.0)
-    root = (v[:, kept] * np.sqrt(s[kept])).T / scale
-    centre = scale * (v[:, kept] / s[kept] @ (v[:, kept].T @ (scale * vector)))
+    s, v = s[kept], v[:, kept]
+    centre = scale * (v / s @ (v.T @ (scale * vector)))
+    # in the basis where the data's information by weights is the unit matrix, wandering adds this to the covariance of their scores
+    basis = (v / np.sqrt(s)).T * scale
+    sizes, turned = np.linalg.eigh(basis @ whole @ (total - weights) @ whole @ basis.T)
+    root = ((turned / np.sqrt(1.0 + np.maximum(sizes, 0.0))).T * np.sqrt(s)) @ v.T / scale
     return np.array([order[p] for p in members], dtype=np.int64), centre, root
 
 

@@ -42,15 +42,19 @@ class Bench:
         wiring = Wiring(experiment.network, experiment.scenario, free)
         return cls(experiment, tuple(free), wiring, Engine(wiring))
 
-    def temperatures(self, x: Array, gradients: bool, options: Options) -> tuple[Array, Array]:
-        """Return observed temperatures (times, sensors) [K] and their derivatives (times, sensors, free), empty when not asked for."""
+    def temperatures(self, x: Array, gradients: bool, options: Options, times: Array | None = None) -> tuple[Array, Array]:
+        """Return observed temperatures (times, sensors) [K] and their derivatives (times, sensors, free), empty when not asked for.
+
+        `times` are the experiment's own where none are given. [s]
+        """
+        wanted = self.experiment.times if times is None else times
         assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
         nodes = tuple(o.node for o in self.experiment.observations)
         kept = kept_for(assembled, nodes)
         duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
         stepped = replace(options, method="integrator")  # as least squares are, so that traces and statistics agree
-        answer = self.engine.integrate(assembled, self.experiment.times, kept, duration, stepped, gradients and bool(self.free))
-        traces = Traces(self.wiring, assembled, self.experiment.times, kept, answer.temperatures, answer.sensitivities)
+        answer = self.engine.integrate(assembled, wanted, kept, duration, stepped, gradients and bool(self.free))
+        traces = Traces(self.wiring, assembled, wanted, kept, answer.temperatures, answer.sensitivities)
         columns = np.column_stack([traces.temperature(n) for n in nodes])
         derivatives = np.stack([traces.slope(n) for n in nodes], axis=1) if gradients else np.zeros((0, 0, 0))
         return columns, derivatives
@@ -281,20 +285,24 @@ class Problem:
 
     def jacobian(self, fitted: Array) -> Array:
         """Return d residuals / d fitted (samples, unknowns) in full; what a fit needs of it is in `compressed`."""
-        parts = [self._bench_jacobian(i, bench, fitted) for i, bench in enumerate(self.benches())]
+        parts = []
+        for i, experiment in enumerate(self.experiments):
+            slopes = self.slopes(i, fitted)
+            parts += [slopes[o.index, k, :] for k, o in enumerate(experiment.observations)]
         return np.concatenate(parts)
 
-    def _bench_jacobian(self, i: int, bench: Bench, fitted: Array) -> Array:
-        x, slopes = self._inputs(i, fitted)
-        _, derivatives = bench.temperatures(x, True, self.options)
-        rows = []
+    def slopes(self, i: int, fitted: Array, times: Array | None = None) -> Array:
+        """Return d weighted residuals / d fitted (times, sensors, unknowns) of an experiment, at its own times or at others [s]."""
+        bench = self.benches()[i]
+        x, chain = self._inputs(i, fitted)
+        columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
+        out = -(derivatives @ chain) if x.size else np.zeros((*columns.shape, len(self.unknowns)))
         for k, o in enumerate(bench.experiment.observations):
-            part = -derivatives[o.index, k, :] @ slopes / o.sigma(self.noise)
             _, position = self._bias(o.sensor, fitted)
             if position is not None:
-                part[:, position] -= 1.0 / o.sigma(self.noise)
-            rows.append(part)
-        return np.concatenate(rows)
+                out[:, k, position] -= 1.0
+            out[:, k, :] /= o.sigma(self.noise)
+        return np.asarray(out)
 
     def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
         """Return the residuals of the priors and their derivatives."""

@@ -231,19 +231,21 @@ def _fit_at(problem: LeastSquares, fitted: Array, data: Compressed, evaluations:
     return Fit(fitted, data.slopes, slopes, cost, data.chi_square, data.sums, evaluations, message, converged)
 
 
-def covariances(fit: Fit, problem: LeastSquares) -> tuple[Array, Array]:
-    """Return the covariance of the fitted form: total, and the part of it that comes from the noise of the readings alone (random).
+def covariances(fit: Fit, level: float = 1.0, excess: Array | None = None) -> tuple[Array, Array, Array]:
+    """Return three covariances of the fitted form: total, random, and the one that the weights of the fit stand for.
 
-    With C the total covariance, data and priors together, and J the weighted derivatives of the data, the values that a repeat of the
-    same tests with the same instruments would give scatter by ``C J'J C``; what is left is what the priors hold of constant errors.
-    Where the residuals are larger than the noise says, the errors grow with them.
+    The weights stand for ``C = (J'J / level + priors)^-1``, J the weighted derivatives of the data and `level` the variance of residuals
+    that do not wander, in squares of the noise. Residuals that wander add ``C E C / level^2``, with E (unknowns, unknowns) the `excess` of
+    the covariance of J'r over ``level J'J``: the sandwich of Huber, Proc. 5th Berkeley Symposium 1 (1967) 221, which widens the directions
+    along which they wander and leaves the others. The random part is the scatter of a repeat of the same tests with the same instruments;
+    what is left is what the priors hold of constant errors.
     """
-    freedom = max(problem.samples - len(problem.unknowns), 1)
-    data = fit.jacobian / np.sqrt(max(1.0, fit.chi_square / freedom))
-    total = _inverse(np.concatenate([data, fit.priors]))
-    spread = data @ np.where(np.isfinite(total), total, 0.0)
-    random = spread.T @ spread
-    return total, np.where(np.isinf(total), np.inf, random)
+    data = fit.jacobian / np.sqrt(level)
+    weights = _inverse(np.concatenate([data, fit.priors]))
+    known = np.where(np.isfinite(weights), weights, 0.0)
+    spread = data @ known
+    added = known @ excess @ known / level**2 if excess is not None else np.zeros_like(known)
+    return weights + added, np.where(np.isinf(weights), np.inf, spread.T @ spread + added), weights
 
 
 def at_least_square(rows: Array) -> Array:

@@ -23,6 +23,7 @@ class SensorStatistics:
     samples : int
     bias : float                    The sensor's constant error as fitted or given. [K]
     lag_one : float                 Autocorrelation of neighbouring residuals. [-]
+    effective_samples : float       Independent samples that would say as much; all of them where the residuals do not wander.
     """
 
     rmse: float
@@ -31,6 +32,7 @@ class SensorStatistics:
     samples: int
     bias: float
     lag_one: float
+    effective_samples: float = 0.0
 
     @property
     def white(self) -> bool:
@@ -88,12 +90,14 @@ class Sums:
         """The mean of the squared residuals. [K^2]"""
         return max(self._about(0.0)[1], 0.0) / self.count
 
-    def statistics(self, bias: float) -> SensorStatistics:
-        """Return what they say of a sensor with a constant error [K]."""
+    def statistics(self, bias: float, effective: float | None = None) -> SensorStatistics:
+        """Return what they say of a sensor with a constant error [K], worth `effective` samples; all of them where nothing is given."""
         mean = self.first + self.total / self.count
         _, power, lagged = self._about(mean)
         lag = lagged / power if self.count > 2 and power > 0 else 0.0
-        return SensorStatistics(float(np.sqrt(self.mean_square)), mean, self.largest, int(self.count), bias, lag)
+        count = int(self.count)
+        worth = float(count) if effective is None else effective
+        return SensorStatistics(float(np.sqrt(self.mean_square)), mean, self.largest, count, bias, lag, worth)
 
 
 def pooled(parts: list[Sums]) -> Sums:

@@ -18,15 +18,18 @@ from thermid.identify.values import FittedValue, FittedValues
 
 if TYPE_CHECKING:
     from thermid.identify.request import Request
+    from thermid.identify.wander import Wander
 
 __all__ = ["summarise"]
 
 Array = NDArray[np.float64]
-CHANCE = 0.05
+CHANCE = 0.01
 
 
-def summarise(request: Request, problem: Problem, found: Fit, total: Array, random: Array) -> Calibration:
-    """Return the calibration that a fit ended with."""
+def summarise(
+    request: Request, problem: Problem, found: Fit, total: Array, random: Array, weights: Array, spread: Wander | None = None
+) -> Calibration:
+    """Return the calibration that a fit ended with; `weights` is the covariance that its weights stand for."""
     name = request.name or request.model.title
     origin = f"{name}: {_listed([r.name for r in request.records])}"
     kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
@@ -39,7 +42,8 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
         "records": records,
         "synthetic": any(r.origin.synthetic for r in request.records),
     }
-    values = FittedValues(name, items, total[np.ix_(kept, kept)], provenance)
+    own = np.ix_(kept, kept)
+    values = FittedValues(name, items, total[own], provenance, None if np.array_equal(weights, total) else weights[own])
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
     blocks = Predictions(found.sums, lambda: problem.blocks(found.fitted))
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
@@ -58,7 +62,12 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
         freedom,
         found.evaluations,
         request.loss,
-        (*request.remarks, *_warnings(problem, found, total, freedom), *moved.warnings()),
+        (
+            *request.remarks,
+            *_warnings(problem, found, total, freedom),
+            *(_wandering(spread) if spread is not None else ()),
+            *moved.warnings(),
+        ),
         bool(provenance["synthetic"]),
         {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
         problem.experiments,
@@ -67,6 +76,7 @@ def summarise(request: Request, problem: Problem, found: Fit, total: Array, rand
         request,
         problem,
         moved,
+        spread.effective if spread is not None else {},
     )
 
 
@@ -120,15 +130,21 @@ def _warnings(problem: Problem, found: Fit, total: Array, freedom: int) -> list[
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:
         out.append(f"the residuals are {np.sqrt(reduced):.2g} times the stated noise; the errors were widened by that factor.")
-    coloured = [s for _, _, s in found.sums if s.count > 20 and not s.statistics(0.0).white]
-    # at the 95 % level one white trace in twenty looks coloured
-    if len(coloured) > CHANCE * len(found.sums) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(found.sums)):
-        share = f"{len(coloured)} of {len(found.sums)} traces" if len(found.sums) > 1 else "the trace"
-        out.append(
-            f"residuals of {share} are not white: the model misses something, or the readings were filtered; "
-            "the random errors are too small."
-        )
     return out
+
+
+def _wandering(spread: Wander) -> list[str]:
+    """Return one remark on traces whose residuals wander."""
+    slow = [t for t in spread.traces if t.effective < 0.9 * t.samples]
+    # one white trace in a hundred looks as if it wandered
+    if len(slow) <= CHANCE * len(spread.traces) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(spread.traces)):
+        return []
+    share = f"{len(slow)} of {len(spread.traces)} traces" if len(spread.traces) > 1 else "the trace"
+    count, worth = sum(t.samples for t in slow), sum(t.effective for t in slow)
+    return [
+        f"residuals of {share} are not white: the model misses something, or the readings were filtered. Their {count} samples are worth "
+        f"{worth:.2g} independent ones, and the errors were widened accordingly."
+    ]
 
 
 def _strained(problem: Problem, found: Fit) -> list[str]:

@@ -92,12 +92,14 @@ class FittedValues(Mapping[str, FittedValue]):
     items_ : dict                   Path -> FittedValue.
     covariance : array              Of the fitted forms, in the order of `items_`.
     provenance : dict               Records with checksums, version, date.
+    weights : array or None         The covariance that the weights of the fit stand for, where wandering residuals made the errors wider.
     """
 
     stage: str
     items_: Mapping[str, FittedValue]
     covariance: Array
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    weights: Array | None = None
 
     def __getitem__(self, path: str) -> FittedValue:
         """Return one value.
@@ -133,12 +135,18 @@ class FittedValues(Mapping[str, FittedValue]):
             self[path]
         kept = [k for k, (p, v) in enumerate(self.items_.items()) if v.kind != "parameter" or p in paths]
         items = {p: v for k, (p, v) in enumerate(self.items_.items()) if k in kept}
-        return FittedValues(self.stage, items, self.covariance[np.ix_(kept, kept)], self.provenance)
+        return self._some(kept, items)
 
     def bare(self) -> FittedValues:
         """Return the parameters without the constant errors of instruments, which are marginalised."""
         kept = [k for k, v in enumerate(self.items_.values()) if v.kind == "parameter"]
-        return FittedValues(self.stage, self.parameters, self.covariance[np.ix_(kept, kept)], self.provenance)
+        return self._some(kept, self.parameters)
+
+    def _some(self, kept: Sequence[int], items: Mapping[str, FittedValue]) -> FittedValues:
+        """Return the values at some positions."""
+        own = np.ix_(kept, kept)
+        weights = self.weights[own] if self.weights is not None else None
+        return FittedValues(self.stage, items, self.covariance[own], self.provenance, weights)
 
     def draws(self, members: int, seed: int) -> dict[str, Array]:
         """Return path -> value of every member (members,) for `ensemble`, normal in the fitted forms with their covariance.
@@ -212,6 +220,8 @@ class FittedValues(Mapping[str, FittedValue]):
             table.add(name, entry)
         document.add("values", table)
         document.add("covariance", [[float(x) for x in row] for row in self.covariance])
+        if self.weights is not None:
+            document.add("weights", [[float(x) for x in row] for row in self.weights])
         Path(path).write_text(tomlkit.dumps(document), encoding="utf-8")
 
 
@@ -249,6 +259,7 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
             for name, v in data["values"].items()
         }
         covariance = np.array(data["covariance"], dtype=float).reshape(len(items), len(items))
-        return FittedValues(data["stage"], items, covariance, data["provenance"])
+        weights = np.array(data["weights"], dtype=float).reshape(covariance.shape) if "weights" in data else None
+        return FittedValues(data["stage"], items, covariance, data["provenance"], weights)
     except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError, UnicodeDecodeError) as error:
         raise DeckError(f"this is no values file of thermid: {error}.", target.name) from None

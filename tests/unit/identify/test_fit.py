@@ -63,7 +63,7 @@ def test_a_direction_without_readings_has_no_finite_error() -> None:
     data = log(box(), {}, {"T": "case"}).trim(0.0, 60.0)
     problem = problem_for(Request(box(), (data,), (HTC, MASS)))
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
-    total, _ = covariances(ended(problem, at), problem)
+    total, _, _ = covariances(ended(problem, at))
     assert problem.samples < len(problem.unknowns)
     assert np.isinf(total[0, 0])
 
@@ -286,7 +286,7 @@ class TestWarnings:
         problem = problem_for(Request(box(), (data,), (HTC,)))
         at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
         stopped = ended(problem, at, message="nothing left", converged=False)
-        told = summarise(Request(box(), (data,), (HTC,)), problem, stopped, *covariances(stopped, problem))
+        told = summarise(Request(box(), (data,), (HTC,)), problem, stopped, *covariances(stopped))
         assert "the fit did not converge: nothing left" in told.warnings
         assert not told.converged
 

@@ -1,0 +1,207 @@
+"""Residuals that wander: how many independent samples a trace is worth, and how much its readings then say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.identify.residuals import Problem
+from thermid.identify.solve import Fit
+
+__all__ = ["Trace", "Wander", "wander"]
+
+Array = NDArray[np.float64]
+
+BINS = 80
+"""A trace of more than twice as many samples is looked at in so many equal stretches of time; what ties neighbours within one together
+shows as a larger scatter of their means."""
+TIMES = 7
+"""Correlation times that are tried, from one stretch to half the record."""
+SURE = 5.0
+"""Twice the logarithm of the likelihood ratio from which a trace is held to wander: a few white traces in a hundred would."""
+FEWEST = 12
+"""Stretches beyond the unknowns, below which nothing can be said."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """The residuals of one sensor in one record, as an independent part and one that wanders.
+
+    Parameters
+    ----------
+    record, sensor : str
+    samples : int
+    own : float         Variance of the independent part, in squares of the noise; 0 where nothing wanders. [-]
+    slow : float        Variance of the part that wanders, in squares of the noise. [-]
+    time : float        Its correlation time. [s]
+    effective : float   Independent samples that would say as much about a mean. [-]
+    """
+
+    record: str
+    sensor: str
+    samples: int
+    own: float
+    slow: float
+    time: float
+    effective: float
+
+
+@dataclass(frozen=True, eq=False)
+class Wander:
+    """What the residuals of a fit say about themselves.
+
+    Parameters
+    ----------
+    traces : tuple of Trace                 One per record and sensor.
+    level : float                           Variance of the traces that do not wander, in squares of the noise, never below 1. [-]
+    excess : array (unknowns, unknowns)     What wandering adds to the covariance of J'r, over `level` times J'J; zeros where there is none.
+    """
+
+    traces: tuple[Trace, ...]
+    level: float
+    excess: Array
+
+    @property
+    def effective(self) -> dict[tuple[str, str], float]:
+        """(record, sensor) -> effective samples."""
+        return {(t.record, t.sensor): t.effective for t in self.traces}
+
+
+@dataclass(frozen=True, eq=False)
+class _Binned:
+    """A trace in stretches of time: means of the residuals, samples and derivatives in each, the variance inside them and its freedom."""
+
+    mean: Array
+    count: Array
+    times: Array
+    slopes: Array
+    within: float
+    inner: int
+    squares: float
+
+
+def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0) -> Wander:
+    """Return how the residuals of a fit wander, and what that does to J'r.
+
+    Each trace is split into equal stretches of time. The means of its residuals there are held to be the sum of what the unknowns can
+    change, independent errors, and a part with correlations ``exp(-|t1 - t2| / time)``; the variances and the time have the largest
+    restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545), which does not take for quietness what the fit has removed.
+    Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
+    """
+    size = len(problem.unknowns)
+    binned = _binned(problem, found.fitted, _psi(loss, knee))
+    parts = {key: _parts(b) for key, b in binned.items()}
+    calm = [key for key, (own, _, _) in parts.items() if own == 0.0]
+    level = 1.0
+    if calm:
+        squares, samples = sum(binned[k].squares for k in calm), sum(float(binned[k].count.sum()) for k in calm)
+        if len(calm) == len(parts):
+            squares = found.chi_square
+        level = max(1.0, squares / max(samples * (1.0 - size / max(problem.samples, 1)), 1.0))
+    traces, excess = [], np.zeros((size, size))
+    for (record, sensor), (own, slow, time) in parts.items():
+        b = binned[record, sensor]
+        total = float(b.count.sum())
+        effective = total
+        if own > 0.0:
+            weighed = b.count[:, None] * b.slopes
+            like = _correlation(b.times, time)
+            excess += max(own - level, 0.0) * b.slopes.T @ weighed + slow * weighed.T @ like @ weighed
+            one = own if slow > 0.0 else b.within
+            effective = total * min((one + slow) / (own + slow * float(b.count @ like @ b.count) / total), 1.0)
+        traces.append(Trace(record, sensor, int(total), own, slow, time, effective))
+    return Wander(tuple(traces), level, excess)
+
+
+def _psi(loss: str, knee: float) -> Callable[[Array], Array]:
+    """Return the weight that a loss gives to a residual in units of the noise."""
+    forms: dict[str, Callable[[Array], Array]] = {
+        "linear": np.ones_like,
+        "soft_l1": lambda r: 1.0 / np.sqrt(1.0 + (r / knee) ** 2),
+        "huber": lambda r: np.minimum(1.0, knee / np.maximum(np.abs(r), 1e-300)),
+        "cauchy": lambda r: 1.0 / (1.0 + (r / knee) ** 2),
+    }
+    return forms[loss]
+
+
+def _binned(problem: Problem, fitted: Array, weight: Callable[[Array], Array]) -> dict[tuple[str, str], _Binned]:
+    """Return (record, sensor) -> its residuals in stretches of time."""
+    out: dict[tuple[str, str], _Binned] = {}
+    blocks = iter(problem.blocks(fitted))
+    for i, experiment in enumerate(problem.experiments):
+        times = experiment.times
+        own = times.size <= 2 * BINS
+        edges = times if own else np.linspace(times[0], times[-1], BINS + 1)[:-1]
+        centres = times if own else edges + 0.5 * (times[-1] - times[0]) / BINS
+        slopes = problem.slopes(i, fitted, centres)
+        for k, o in enumerate(experiment.observations):
+            block = next(blocks)
+            z = block.residuals / o.sigma(problem.noise)
+            w = weight(z)
+            place = np.searchsorted(edges, times[o.index], side="right") - 1
+            count = np.bincount(place, minlength=edges.size).astype(float)
+            mean = np.bincount(place, w * z, minlength=edges.size) / np.maximum(count, 1.0)
+            inside = w * z - mean[place]
+            full = count > 0
+            spare = z.size - int(full.sum())
+            within = float(inside @ inside) / max(spare, 1)
+            squares = float(w @ z**2)
+            out[block.record, o.sensor] = _Binned(mean[full], count[full], centres[full], slopes[full, k, :], within, spare, squares)
+    return out
+
+
+def _correlation(times: Array, time: float) -> Array:
+    """Return the correlations (times, times) of what wanders with a correlation time [s]."""
+    return np.asarray(np.exp(-np.abs(times[:, None] - times[None, :]) / time)) if time > 0 else np.eye(times.size)
+
+
+def _parts(b: _Binned) -> tuple[float, float, float]:
+    """Return the variances of the independent and the wandering part of a trace, and the time of the latter; zeros where it is white."""
+    root = np.sqrt(b.count)
+    free = _beside(root[:, None] * b.slopes)
+    spare = free.shape[1]
+    if spare < FEWEST:
+        return 0.0, 0.0, 0.0
+    y = free.T @ (root * b.mean)
+    calm = float(y @ y) / spare
+    if not calm > 0:
+        return 0.0, 0.0, 0.0
+    best = (SURE, calm, 0.0, 0.0)
+    spacing, span = float(np.median(np.diff(b.times))), float(b.times[-1] - b.times[0])
+    for time in np.geomspace(spacing, max(0.5 * span, 2.0 * spacing), TIMES):
+        within = free.T @ (root[:, None] * _correlation(b.times, time) * root) @ free
+        if not _suspected(within, y, calm):
+            continue
+        sizes, vectors = np.linalg.eigh(within)
+        sizes, parts = np.maximum(sizes, 0.0), (vectors.T @ y) ** 2
+        ratios = np.geomspace(0.01 / sizes[-1], 1e4 / sizes.mean(), 60)
+        variances = 1.0 + ratios[:, None] * sizes
+        own = (parts / variances).mean(axis=1)
+        gain = spare * np.log(calm) - spare * np.log(own) - np.log(variances).sum(axis=1)
+        k = int(gain.argmax())
+        if gain[k] > best[0]:
+            best = (float(gain[k]), float(own[k]), float(ratios[k] * own[k]), float(time))
+    _, own, slow, time = best
+    # a filter, or steps of the sensor, tie neighbours within a stretch together: the means of stretches then scatter more than they should
+    quick = b.inner > spare and own > b.within * (1.0 + 3.0 * np.sqrt(2.0 / spare + 2.0 / b.inner))
+    return (own, slow, time) if slow > 0 or quick else (0.0, 0.0, 0.0)
+
+
+def _suspected(within: Array, y: Array, calm: float) -> bool:
+    """Return whether residuals lean towards a correlation by more than a standard deviation of chance (the score test for no wandering)."""
+    mean = float(np.trace(within)) / y.size
+    spread = 2.0 * (float(np.sum(within**2)) - y.size * mean**2)
+    return bool(float(y @ within @ y) / calm - y.size * mean > np.sqrt(max(spread, 0.0)))
+
+
+def _beside(slopes: Array) -> Array:
+    """Return an orthonormal basis (stretches, directions) of what the unknowns cannot change."""
+    size = np.linalg.norm(slopes, axis=0)
+    seen = slopes[:, size > 0] / size[size > 0]
+    if not seen.size:
+        return np.eye(slopes.shape[0])
+    basis, s, _ = np.linalg.svd(seen, full_matrices=True)
+    return np.asarray(basis[:, int((s > 1e-8 * s[0]).sum()) :])

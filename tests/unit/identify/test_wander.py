@@ -1,0 +1,153 @@
+"""Residuals that wander: found where they do, and the errors that follow are those that repeats show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thermid.identify.calibrate import calibrate, fit
+from thermid.identify.calibration import Calibration
+from thermid.identify.inherit import handed_on
+from thermid.identify.request import Request
+from thermid.identify.unknowns import Unknown
+from thermid.identify.values import load_values
+from thermid.measure import Channel, Record
+from thermid.model.modelfile import load_model
+from thermid.simulation import simulate
+from thermid.simulation.scenario import Scenario
+from unit.identify.bench import HTC, MASS, box, log, room
+
+NOISE, SLOW, TIME = 0.05, 0.15, 900.0
+TRUTH = {HTC: 5.0, MASS: 1.7}
+
+
+def wandering(seed: int, slow: float = SLOW, samples: int = 301, gap: bool = False) -> Record:
+    """A log whose sensor errs by white noise and by a slow part with correlations exp(-dt / TIME)."""
+    rng = np.random.default_rng(seed)
+    times = np.linspace(0.0, 18000.0, samples)
+    if gap:
+        times = times[(times < 6000.0) | (times > 10000.0)]
+    hidden = box().with_values({HTC: "5 [W/(m^2 K)]", MASS: "1.7 [kg]"})
+    given = Scenario("bench", boundaries={"air": (times, room(times))}, start="24 [degC]", duration=float(times[-1]))
+    truth = simulate(hidden, given, times=times)["case"].kelvin
+    root = np.linalg.cholesky(np.exp(-np.abs(times[:, None] - times) / TIME) + 1e-12 * np.eye(times.size))
+    readings = truth + NOISE * rng.standard_normal(times.size) + slow * root @ rng.standard_normal(times.size)
+    case = Channel.of("T", readings, role="node", target="case", noise=NOISE)
+    return Record.from_arrays(f"r{seed}", times, {"T": case, "ROOM": Channel.of("ROOM", room(times), role="boundary", target="air")})
+
+
+def scores(**more: object) -> np.ndarray:
+    """Deviations from the truth in stated errors (draws, parameters)."""
+    out = []
+    for seed in range(24):
+        found = calibrate(box(), wandering(seed, **more), [HTC, MASS])  # type: ignore[arg-type]
+        out.append([np.log(found[p].value / v) * found[p].value / found[p].error for p, v in TRUTH.items()])
+    return np.array(out)
+
+
+@pytest.mark.parametrize("gap", [False, True])
+def test_errors_are_the_scatter_of_repeats_where_residuals_wander(gap: bool) -> None:
+    squares = np.mean(scores(gap=gap) ** 2, axis=0)
+    # 24 draws of a chi-square: 1 +- 0.29; the width of the wandering is itself estimated from each log
+    assert np.all(squares < 1.8), squares
+    assert np.all(squares > 0.4), squares
+
+
+def test_as_they_were_the_errors_would_be_three_times_too_small() -> None:
+    found = fit(Request(box(), (wandering(1),), (HTC, MASS)))
+    assert found.values.weights is not None
+    ratio = np.sqrt(np.diag(found.values.covariance) / np.diag(found.values.weights))
+    assert np.all(ratio > 2.5)
+    told = found.sensors["T"]
+    assert told.samples == 301
+    # 18000 s hold n_eff = n / (1 + 2 sum rho) of the mean: about 10 of the slow part
+    assert 3 < told.effective_samples < 40
+    assert any("worth" in w and "the errors were widened accordingly" in w for w in found.warnings)
+    assert "independent samples" in str(found)
+
+
+def test_slow_directions_widen_more_than_fast_ones() -> None:
+    """A coefficient is read from the level of hours; the start from the first minutes."""
+    found = calibrate(box(), wandering(2, slow=0.05, samples=1801), [HTC, MASS])
+    assert found.values.weights is not None
+    widening = np.sqrt(np.diag(found.values.covariance) / np.diag(found.values.weights))
+    plain = calibrate(box(), wandering(2, slow=0.0, samples=1801), [HTC, MASS])
+    assert widening.max() > 2.0
+    start = (found.local[0].error / plain.local[0].error, found[HTC].error / plain[HTC].error)
+    assert start[0] != pytest.approx(start[1], rel=0.05)
+
+
+def test_white_residuals_change_nothing() -> None:
+    same = 0
+    for seed in range(20):
+        found = calibrate(box(), log(box(), {}, {"T": "case"}, seed=seed), [HTC, MASS])
+        same += found.values.weights is None and found.sensors["T"].effective_samples == 301
+    assert same >= 17  # one white trace in thirty is taken for one that wanders
+
+
+def test_readings_that_were_filtered_count_as_fewer() -> None:
+    data = log(box(), {}, {"T": "case"}, noise=0.05, samples=3001, seed=5)
+    plain = calibrate(box(), data, [HTC])
+    smooth = np.convolve(np.pad(data["T"].values, 10, mode="edge"), np.ones(21) / 21, mode="valid")
+    filtered = data.with_channels(replace(data["T"], values=smooth, noise=0.05 / np.sqrt(21)))
+    found = calibrate(box(), filtered, [HTC])
+    assert found[HTC].error == pytest.approx(plain[HTC].error, rel=0.35)
+    assert found.sensors["T"].effective_samples == pytest.approx(3001 / 21, rel=0.6)
+
+
+def test_a_short_record_says_nothing_about_wandering() -> None:
+    found = calibrate(box(), wandering(3, samples=9), [HTC])
+    assert found.sensors["T"].effective_samples == 9
+
+
+@pytest.fixture(scope="module")
+def biased() -> Calibration:
+    data = wandering(4)
+    return fit(Request(box(), (data.with_channels(replace(data["T"], accuracy=0.5)),), (HTC, MASS), name="below"))
+
+
+def test_what_is_handed_on_gives_the_same_values_and_errors_again(biased: Calibration) -> None:
+    unknowns = [Unknown(p, v.kind, (), v.value, v.log) for p, v in biased.values.items()]
+    at, mean, root = handed_on(biased.values, unknowns)
+    information = root.T @ root
+    prior = np.zeros_like(information)
+    prior[2, 2] = 0.5**-2
+    assert biased.values["sensor T"].prior == (0.0, 0.5)
+    assert at.tolist() == [0, 1, 2]
+    # S is what the scores scatter by; the weights then make of it the total covariance again
+    weights, total = biased.values.weights, biased.values.covariance
+    assert weights is not None
+    nominal = np.linalg.inv(weights) - prior
+    score = np.linalg.inv(weights) @ total @ np.linalg.inv(weights) - prior
+    assert information == pytest.approx(nominal @ np.linalg.pinv(score) @ nominal, rel=1e-4, abs=1e-6 * np.abs(information).max())
+    fitted = np.array([np.log(biased.values[p].value) if biased.values[p].log else biased.values[p].value for p in biased.values])
+    assert nominal @ (mean - fitted) == pytest.approx(prior @ fitted, rel=1e-4, abs=1e-3)
+
+
+def test_the_weights_are_kept_in_the_file(biased: Calibration, tmp_path: object) -> None:
+    path = f"{tmp_path}/one.values.toml"
+    biased.save(path)
+    again = load_values(path)
+    assert again.weights == pytest.approx(biased.values.weights)
+    assert again.bare().weights == pytest.approx(biased.values.bare().weights)
+
+
+def test_a_massless_node_and_a_robust_loss_work_too() -> None:
+    from recovery.cases import STACK
+
+    model = load_model(STACK)
+    times = np.linspace(0.0, 18000.0, 201)
+    given = Scenario("s", boundaries={"cv": "24 [degC]"}, start="24 [degC]", duration=18000.0)
+    run = simulate(model, given, times=times)
+    rng = np.random.default_rng(3)
+    slow = 0.1 * np.cumsum(rng.standard_normal(201)) / 5.0
+    channels = {
+        s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(201) + slow, role="node", target=n, noise=0.05)
+        for s, n in (("T1", "proc.case"), ("MID", "cd"))
+    }
+    data = Record.from_arrays("bench", times, channels)
+    found = fit(Request(model, (data,), ("stack.contact_conductance",), {"*": Scenario("s", boundaries={"cv": "24 [degC]"})}, loss="huber"))
+    assert found.sensors["T1"].effective_samples < 60
+    assert found.values.weights is not None
