@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from thermid.identify.compare import compare as compare
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import run_stages as run_stages
+    from thermid.identify.study import Study as Study
+    from thermid.identify.study import load_study as load_study
     from thermid.identify.validate import Criteria as Criteria
     from thermid.identify.validate import Verdict as Verdict
     from thermid.identify.validate import validate as validate
@@ -93,6 +95,8 @@ _PUBLIC = {
     "Criteria": "identify.validate",
     "validate": "identify.validate",
     "Verdict": "identify.validate",
+    "load_study": "identify.study",
+    "Study": "identify.study",
     "report": "reporting.page",
     "compare_htc": "physics.htc",
     "HtcComparison": "physics.htc",
