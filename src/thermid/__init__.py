@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
+    from thermid.identify.study import Study as Study
+    from thermid.identify.study import load_study as load_study
     from thermid.identify.validate import Criteria as Criteria
     from thermid.identify.validate import Verdict as Verdict
     from thermid.identify.validate import validate as validate
@@ -118,6 +120,8 @@ _PUBLIC = {
     "Criteria": "identify.validate",
     "validate": "identify.validate",
     "Verdict": "identify.validate",
+    "load_study": "identify.study",
+    "Study": "identify.study",
     "report": "reporting.page",
     "picture": "reporting.trust",
     "compare_htc": "physics.htc",

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 import thermid as td
 from thermid import errors
-from thermid.identify import campaign_schema
+from thermid.identify import campaign_schema, study_schema
 from thermid.identify.validate import Criteria
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.measure.bindings import _KEYS as CHANNEL_KEYS
@@ -40,6 +40,9 @@ JOINT_SLOTS = {k: v for kind in ("contact", "conduction") for k, v in KINDS[kind
 SCENARIO_UNITS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ANY}
 SCENARIO_UNITS |= {"start": TEMPERATURE, "initial": TEMPERATURE, "duration": "s"}
 CAMPAIGN_UNITS = {"window": "s", "sd": ANY, "mean": ANY, "weights": "1", "knee": "1"}
+STUDY_UNITS = {"lowest": TEMPERATURE, "highest": TEMPERATURE, "tolerance": "K", "relative": "1", "accuracy": "K", "resolution": "K"}
+STUDY_UNITS |= {"range": TEMPERATURE, "conversion": "s"}
+STUDY = ("Knowledge", "Component", "Box", "Theory", "Experiment", "Sensor", "Procedure", "Action")
 LOCAL_UNITS = {"start": TEMPERATURE, "sd": "K"}
 ERROR_UNITS = {"noise": ANY, "accuracy": ANY, "resolution": ANY}
 
@@ -117,6 +120,8 @@ def by_heading() -> dict[str, Names]:
         "Joint fit of a campaign": _model(campaign_schema.JointTable, CAMPAIGN_UNITS),
         "Verdict of a campaign": _model(campaign_schema.VerdictTable),
         "Criteria": _of(_plain(dataclasses.fields(Criteria)), {"rmse": "K", "max_error": "K", "mean_error": "K"}),
+        "Study": _model(study_schema.StudyFile),
+        **{name: _model(getattr(study_schema, f"{name}Table"), STUDY_UNITS) for name in STUDY},
         "Options of the integrator": _of(
             _plain(dataclasses.fields(td.Options)), {"tolerance": "K", "relative": "1", "input_tolerance": "K", "max_step": "s"}
         ),
@@ -130,7 +135,7 @@ def unheaded() -> set[str]:
     shown = [set(names) for names in by_heading().values()]
     conductor = set(by_heading()["Conductor"])
     out = set()
-    for module in (schema, campaign_schema):
+    for module in (schema, campaign_schema, study_schema):
         for made in vars(module).values():
             if isinstance(made, type) and issubclass(made, BaseModel) and made.__module__ == module.__name__ and made.model_fields:
                 keys = set(_model(made))

@@ -38,7 +38,7 @@ def _load_campaign(path: Path) -> None:
         source.model(stage.model, stage.name)
 
 
-LOADERS = {"deck": _load_deck, "scenario": td.load_scenario, "campaign": _load_campaign, "values": td.load_values}
+LOADERS = {"deck": _load_deck, "scenario": td.load_scenario, "campaign": _load_campaign, "values": td.load_values, "study": td.load_study}
 
 
 @dataclass
@@ -79,8 +79,8 @@ class Workshop:
                 raise AssertionError(f"{place}: nobody knows a block '{' '.join(block.words)}'")
 
     def _toml(self, block: Block, rest: tuple[str, ...], place: str) -> None:
-        assert rest, f"{place}: say what it is: toml deck, scenario, campaign or values"
-        assert rest[0] in LOADERS, f"{place}: say what it is: toml deck, scenario, campaign or values"
+        assert rest, f"{place}: say what it is: toml deck, scenario, campaign, study or values"
+        assert rest[0] in LOADERS, f"{place}: say what it is: toml deck, scenario, campaign, study or values"
         path = self.folder / (rest[1] if len(rest) > 1 else f"line_{block.line}.toml")
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(block.text, encoding="utf-8")

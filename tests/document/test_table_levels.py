@@ -382,7 +382,7 @@ def test_levels_survive_their_files(level: Any, tmp_path: Path) -> None:
 # B12: Table 2 ------------------------------------------------------------------------------------------------------------------------
 
 
-def test_table_2_as_printed() -> None:
+def test_B12_table_2_as_printed() -> None:  # noqa: N802
     """Five columns, seven rows; a dash is "not given" and never zero."""
     assert len(TABLE_2) == 7
     assert all(len(row) == len(LEVELS) == 5 for row in TABLE_2.values())
@@ -411,7 +411,7 @@ def test_table_2_as_printed() -> None:
         ),
     ],
 )
-def test_table_2_per_level(build: Any, level: str, paths: dict[str, str]) -> None:
+def test_B12_table_2_per_level(build: Any, level: str, paths: dict[str, str]) -> None:  # noqa: N802
     """The value that holds at each level is the table's, whoever set it: the outermost deck wins."""
     values = flatten(build()).parameters.evaluate({})
     assert {p: values[f"{p}.skin.effective_htc"] for p in paths} == {p: given(n, level) for p, n in paths.items()}
@@ -428,7 +428,7 @@ def test_levels_are_a_shadow_list() -> None:
 @pytest.mark.parametrize(
     ("name", "level"), [("AccS", "component"), ("IMUS", "component"), ("IMUS", "m_AccS"), ("Disk", "component"), ("Disk", "m_IMU")]
 )
-def test_a_dash_is_asked_for(name: str, level: str) -> None:
+def test_B12_a_dash_is_asked_for(name: str, level: str) -> None:  # noqa: N802
     """B12: where the table has no value, the part is refused and says what to give; the disk has no row at all."""
     with pytest.raises(DeckError, match=rf"{name}, surfaces\.skin: a surface exchanges nothing: give htc, effective_htc or emissivity\."):
         component(name, level)

@@ -46,6 +46,17 @@ def test_nine_levels_run_from_one_campaign(campaign: td.Campaign) -> None:
     assert all(campaign[stage].converged for stage in campaign)
 
 
+def test_A6_only_coefficients_and_joints_of_the_full_model_are_tuned(campaign: td.Campaign) -> None:  # noqa: N802
+    """What the stages below found stays bit for bit; free are Table 2's column Sd, the disk's coefficient and the disk's joints."""
+    full = campaign["m_Sd"]
+    own = {"imu_foot_conductivity", "cd_conductivity"}
+    assert {p for p in full.values.parameters if not p.endswith("effective_htc")} == own
+    before, after = (td.compile_network(m).numbers().values for m in (full.model, full.fitted_model))
+    tuned = {q for p, v in full.values.parameters.items() for q in (p, *v.also)}
+    moved = {p for p, v in before.items() if float(after[p]) != float(v)}
+    assert moved - tuned == {"foot.contact_conductance", "pillar.conductivity"}  # by the two joints' own expressions
+
+
 def test_levels_differ_as_in_table_2(campaign: td.Campaign) -> None:
     """The full model convects less than the parts alone: the document's observation, which the hidden unit has too."""
     table = campaign.table("effective_htc")

@@ -14,6 +14,7 @@ from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.model.model import Model
 from thermid.model.signal import Constant, literal
+from thermid.network.medium import Environment
 from thermid.network.network import Network, compile_network
 from thermid.network.reach import unreached
 from thermid.simulation.engine import Engine, Options
@@ -235,4 +236,11 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
     out = [part.message() for part in unreached(wiring.network, numbers, powers)]
     if scenario.as_printed:
         out.append("vacuum as printed: every coefficient is zero, radiation in it included; the temperatures are an upper bound")
+    for gas, e in scenario.environment.items():
+        if e.humidity != Environment().humidity:
+            of = "of every gas" if gas == "*" else f"of '{gas}'"
+            out.append(
+                f"the relative humidity {of}, {100 * e.humidity:g} %, does not enter the classical equations. What it changes can be "
+                "given: a schedule of coefficients for the properties of moist air, a load for latent heat"
+            )
     return tuple(out)
