@@ -112,7 +112,13 @@ def natural(name: str) -> str:
     for key, surface in surfaces.items():
         emissivity, finish = FINISH.get(name, ALUMINIUM)
         surface["htc"] = {"coefficient": value(f"{key}.effective_htc"), "exponent": EXPONENT}
-        surface["emissivity"] = {"value": emissivity, "min": 0.02, "max": 0.9, "source": "assumed", "basis": f"{finish}; thermid.physics.materials"}
+        surface["emissivity"] = {
+            "value": emissivity,
+            "min": 0.02,
+            "max": 0.9,
+            "source": "assumed",
+            "basis": f"{finish}; thermid.physics.materials",
+        }
         del surface["effective_htc"]
     settings: Any = deck.get("set", {})
     if name == "m_IMU":  # the document shares the support's mass among the gyros; here it weighs by itself
@@ -133,7 +139,10 @@ def campaign() -> str:
     for stage in plan["stages"]:
         asked = STAGES[stage["name"]]
         stage["free"], stage["priors"] = asked["free"], asked["priors"]
-        handed = {part: {"stage": below, "as": "prior"} | ({"only": only} if only else {}) for part, (below, *only) in asked.get("inherit", {}).items()}
+        handed = {
+            part: {"stage": below, "as": "prior"} | ({"only": only} if only else {})
+            for part, (below, *only) in asked.get("inherit", {}).items()
+        }
         stage["inherit"] = handed
     return tomlkit.dumps(plan)
 

@@ -162,7 +162,9 @@ def _public(case: Case, method: str) -> Outcome:
         return Outcome("refused", None, str(error))
 
 
-CONTESTANTS: dict[str, Callable[[Case], Outcome]] = {f.__name__: f for f in (kernel, tight, sensitive, public, modal, large, explicit, implicit, lanes, scalar)}
+CONTESTANTS: dict[str, Callable[[Case], Outcome]] = {
+    f.__name__: f for f in (kernel, tight, sensitive, public, modal, large, explicit, implicit, lanes, scalar)
+}
 
 
 def scenario(case: Case) -> td.Scenario:

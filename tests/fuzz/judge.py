@@ -16,8 +16,8 @@ from thermid import _kernel as k
 SLOW = 20.0
 """CPU time that no case may take. [s]"""
 TIED, TIED_ERROR = 1e10, 0.1
-"""Between steps the outputs of nodes that are tied together by this conductance or more [W/K] may be this far off [K]: temperatures are rounded
-to 6e-14 K, and 1e12 W/K make 0.06 W of that, which a slope between steps shows. The ends of the steps are right."""
+"""Between steps the outputs of nodes that are tied together by this conductance or more [W/K] may be this far off [K]: temperatures are
+rounded to 6e-14 K, and 1e12 W/K make 0.06 W of that, which a slope between steps shows. The ends of the steps are right."""
 LARGE, LARGE_ERROR = ("large", "explicit", "implicit"), 0.1
 MAY_REFUSE = ("modal", *LARGE)
 
@@ -87,7 +87,9 @@ def _fault(case: Case, who: str, found: Outcome, knows: str, real: np.ndarray | 
     if found.status != "OK" or found.traces is None:
         if found.status == "refused" and not found.why:
             return "refused without a word"
-        return f"gives up on a benign network: {found.status} {found.why}" if case.benign and not case.broken and who not in MAY_REFUSE else ""
+        return (
+            f"gives up on a benign network: {found.status} {found.why}" if case.benign and not case.broken and who not in MAY_REFUSE else ""
+        )
     if not np.isfinite(found.traces).all():
         return "says OK with temperatures that are no numbers"
     if knows == "undefined":

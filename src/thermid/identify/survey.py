@@ -10,7 +10,7 @@ from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import placed, read_campaign
 from thermid.identify.identifiability import Identifiability, identifiability, identifiability_of
-from thermid.identify.stages import _request
+from thermid.identify.stages import request_of
 
 __all__ = ["survey"]
 
@@ -54,7 +54,7 @@ def survey(
         if name not in needed:
             continue
         try:
-            request = _request(source, table, k, done)
+            request = request_of(source, table, k, done)
             if name in wanted and not after and request.free:
                 out[name] = identifiability_of(request)
             if name in fits:
