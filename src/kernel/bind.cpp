@@ -1,6 +1,5 @@
 // Python bindings: arrays in, arrays out. Shapes and indices are checked here; messages of failed runs are made in Python.
 #include "bind.hpp"
-#include "integrator.hpp"
 
 namespace thermid { void bind_ensemble(nanobind::module_& m); }  // bind_ensemble.cpp
 
@@ -65,7 +64,7 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
     need(coef.size() == static_cast<size_t>(p.nc), "coef: wrong length");
     need(T0.size() == static_cast<size_t>(p.n), "T0: wrong length");
     need(std::isfinite(t0) && std::isfinite(t_end) && t_end >= t0, "t_end must not lie before t0");
-    need(rtol >= 0.0 && atol > 0.0 && input_atol > 0.0 && max_step > 0.0, "tolerances and max_step must be positive");
+    Options o = options_of(rtol, atol, input_atol, max_step, max_steps, breaks);
     for (size_t i = 0; i < times.size(); ++i)
         need(times(i) >= (i ? times(i - 1) : t0) && times(i) <= t_end, "output_times must increase and lie in [t0, t_end]");
     for (size_t i = 0; i < nodes.size(); ++i) need(nodes(i) >= 0 && nodes(i) < p.nodes(), "output_nodes: no such node");
@@ -77,18 +76,8 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
         }
         need(dT0->shape(0) == static_cast<size_t>(p.n) && dT0->shape(1) == static_cast<size_t>(d.np), "dT0: must be (nodes, parameters)");
     }
-    Options o;
-    o.rtol = rtol;
-    o.atol = atol;
-    o.input_atol = input_atol;
-    o.max_step = max_step;
-    o.max_steps = max_steps;
     o.energy = energy;
-    if (breaks) o.breaks = copy<double>(*breaks);
-    if (on) {
-        need(on->size() == static_cast<size_t>(p.load.size()), "on: one entry for each load");
-        o.on = copy<int>(*on);
-    }
+    o.on = thermostats_of(p, on);
     o.poll = poll_interrupt;
     const size_t nt = times.size(), no = nodes.size(), np = d.np;
     const auto [traces, to] = room(nb::make_tuple(nt, no));

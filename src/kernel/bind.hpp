@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "problem.hpp"
+#include "integrator.hpp"
 
 namespace thermid {
 
@@ -74,6 +74,25 @@ inline CoefJacobian jacobian_of(const Problem& p, const std::optional<Csr>& csr)
     for (int j = 0; j < p.nc; ++j) need(d.indptr[j] <= d.indptr[j + 1], "dcoef: indptr must not decrease");
     for (int i : d.indices) need(i >= 0 && i < np, "dcoef: no such parameter");
     return d;
+}
+
+// What every kind of run is told of its steps.
+inline Options options_of(double rtol, double atol, double input_atol, double max_step, long max_steps, const std::optional<Reals>& breaks) {
+    need(rtol >= 0.0 && atol > 0.0 && input_atol > 0.0 && max_step > 0.0, "tolerances and max_step must be positive");
+    Options o;
+    o.rtol = rtol;
+    o.atol = atol;
+    o.input_atol = input_atol;
+    o.max_step = max_step;
+    o.max_steps = max_steps;
+    if (breaks) o.breaks = copy<double>(*breaks);
+    return o;
+}
+
+inline std::vector<int> thermostats_of(const Problem& p, const std::optional<Ints>& on) {
+    if (!on) return {};
+    need(on->size() == static_cast<size_t>(p.load.size()), "on: one entry for each load");
+    return copy<int>(*on);
 }
 
 void bind_modal(nb::module_& m);

@@ -15,18 +15,11 @@ void make_ensemble(Ensemble* self, const Problem& p, In<double, 2> coef, In<doub
     need(coef.shape(0) == static_cast<size_t>(p.nc), "coef: must be (coefficients, members)");
     need(T0.shape(0) == static_cast<size_t>(p.n) && T0.shape(1) == members, "T0: must be (nodes, members)");
     need(std::isfinite(t0) && std::isfinite(t_end) && t_end >= t0, "t_end must not lie before t0");
-    need(rtol >= 0.0 && atol > 0.0 && input_atol > 0.0 && max_step > 0.0, "tolerances and max_step must be positive");
+    const Options o = options_of(rtol, atol, input_atol, max_step, max_steps, breaks);
     need(times.size() > 0, "output_times must not be empty");
     for (size_t i = 0; i < times.size(); ++i)
         need(times(i) >= (i ? times(i - 1) : t0) && times(i) <= t_end, "output_times must increase and lie in [t0, t_end]");
     for (size_t i = 0; i < nodes.size(); ++i) need(nodes(i) >= 0 && nodes(i) < p.n, "output_nodes: no such node");
-    Options o;
-    o.rtol = rtol;
-    o.atol = atol;
-    o.input_atol = input_atol;
-    o.max_step = max_step;
-    o.max_steps = max_steps;
-    if (breaks) o.breaks = copy<double>(*breaks);
     new (self) Ensemble(p, simd, o, copy<double>(coef), copy<double>(T0), static_cast<long>(members), t0, t_end, copy<double>(times), copy<int>(nodes));
 }
 

@@ -2,7 +2,6 @@
 #include <chrono>
 
 #include "bind.hpp"
-#include "integrator.hpp"
 #include "large.hpp"
 
 namespace thermid {

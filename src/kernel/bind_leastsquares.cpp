@@ -1,6 +1,5 @@
 // Bindings of the least squares: readings once, then one evaluation after the other.
 #include "bind.hpp"
-#include "integrator.hpp"
 
 using namespace thermid;
 using namespace nb::literals;
@@ -72,7 +71,8 @@ PySquares least_squares(const Problem& p, const Readings& readings, Reals coef, 
     need(coef.size() == static_cast<size_t>(p.nc) && T0.size() == static_cast<size_t>(p.n), "coef or T0: wrong length");
     need(std::isfinite(t0) && std::isfinite(t_end) && t_end >= t0, "t_end must not lie before t0");
     need(readings.times.empty() || (readings.times.front() >= t0 && readings.times.back() <= t_end), "readings must lie in [t0, t_end]");
-    need(rtol >= 0.0 && atol > 0.0 && input_atol > 0.0 && max_step > 0.0 && knee > 0.0, "tolerances, max_step and knee must be positive");
+    need(knee > 0.0, "knee must be positive");
+    Options o = options_of(rtol, atol, input_atol, max_step, max_steps, breaks);
     need(loss >= SQUARE && loss <= CAUCHY, "loss: no such kind");
     need(sigma.size() == channels && bias.size() == channels && bias_column.size() == channels, "sigma, bias, bias_column: one for each channel");
     CoefJacobian d = jacobian_of(p, dcoef);
@@ -82,20 +82,10 @@ PySquares least_squares(const Problem& p, const Readings& readings, Reals coef, 
     for (size_t c = 0; c < channels; ++c) need(sigma(c) > 0.0 && bias_column(c) >= -1 && bias_column(c) < static_cast<int>(channels), "sigma must be positive, bias_column small");
     Weighing w{sigma.data(), bias.data(), bias_column.data(), 0, weight.data(), slope.data(), loss, knee};
     for (size_t c = 0; c < channels; ++c) w.biases = std::max(w.biases, bias_column(c) + 1);
-    Options o;
-    o.rtol = rtol;
-    o.atol = atol;
-    o.input_atol = input_atol;
-    o.max_step = max_step;
-    o.max_steps = max_steps;
     o.energy = false;
     o.poll = poll_interrupt;
-    if (breaks) o.breaks = copy<double>(*breaks);
     if (mesh) o.mesh = copy<double>(*mesh);
-    if (on) {
-        need(on->size() == static_cast<size_t>(p.load.size()), "on: one entry for each load");
-        o.on = copy<int>(*on);
-    }
+    o.on = thermostats_of(p, on);
     LeastSquares squares(readings, w, d.np);
     Result r;
     Integrator run(p, coef.data(), d, o, &squares);

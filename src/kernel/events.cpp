@@ -25,13 +25,21 @@ double Integrator::gap_rate(int l) const {
     return eo_.on[l] ? rate - follow(p_.load.c[2][l]) : follow(p_.load.c[1][l]) - rate;
 }
 
-// At the start: on if the sensor is at or below the lower threshold, unless given. eo_ holds the initial temperatures.
+// At the start: on if the sensor is at or below the lower threshold, unless given. eo_ holds the initial temperatures. A massless node feels its
+// heater at once, so what its sensor then says may switch off again, before anything is seen of it.
 void Integrator::decide_thermostats() {
-    for (int l : p_.thermostats) {
-        const int given = o_.on.empty() ? -1 : o_.on[l];
+    auto given = [&](int l) { return o_.on.empty() ? -1 : o_.on[l]; };
+    for (int l : p_.thermostats)
         if (!(eo_.ceff[p_.load.c[1][l]] < eo_.ceff[p_.load.c[2][l]])) throw Failure{BAD_INPUT, p_.load.node[l]};
-        e_.on[l] = eo_.on[l] = given >= 0 ? given : eo_.t[p_.load.sensor[l]] <= eo_.ceff[p_.load.c[1][l]];
+    for (int l : p_.thermostats) eo_.on[l] = given(l) >= 0 ? given(l) : eo_.t[p_.load.sensor[l]] <= eo_.ceff[p_.load.c[1][l]];
+    for (size_t k = 0; !massless_.nodes.empty(); ++k) {
+        solve_slaved(massless_, eo_);
+        const auto due = std::find_if(p_.thermostats.begin(), p_.thermostats.end(), [&](int l) { return given(l) < 0 && gap(l) >= 0.0; });
+        if (due == p_.thermostats.end()) break;
+        if (k > 2 * p_.thermostats.size() + 2) throw Failure{CHATTER, p_.load.node[*due]};
+        eo_.on[*due] = !eo_.on[*due];
     }
+    e_.on = eo_.on;
 }
 
 // Earliest switching inside the step just made; dense() has been called.

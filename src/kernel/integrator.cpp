@@ -134,8 +134,7 @@ void Integrator::initial(const double* s0, Outputs& out) {
         if (!(eo_.t[k] > 0.0) || !std::isfinite(eo_.t[k])) throw Failure{BAD_INPUT, k};
     std::copy(T_.begin(), T_.end(), eo_.t.begin());
     if (!massless_.nodes.empty()) solve_slaved(massless_, eo_);
-    decide_thermostats();
-    if (!massless_.nodes.empty() && !p_.thermostats.empty()) solve_slaved(massless_, eo_);
+    if (!p_.thermostats.empty()) decide_thermostats();
     std::copy(eo_.t.begin(), eo_.t.begin() + n_, T_.begin());
     e_.t = eo_.t;
     e_.u = eo_.u;

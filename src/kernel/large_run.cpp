@@ -13,6 +13,7 @@ namespace {
 constexpr double RATIO = 14.0;
 constexpr double HOTTEST = 1e6;  // [K]
 constexpr int MOST_KINKS = 200;
+constexpr double MOST_STAGES = 5000.0;  // of a step of RKC2
 constexpr long POLL_CELLS = 20000000;
 }  // namespace
 
@@ -253,6 +254,11 @@ bool LargeRun::advance(double end, double& next) {
     h_ = std::min({next, o_.max_step, end - t_});
     if (end - t_ - h_ < 1e-9 * (end - t_)) h_ = end - t_;
     else if (end - t_ < 2.0 * h_) h_ = 0.5 * (end - t_);  // no sliver before a break
+    if (r_->method == RKC2) {  // given up at once where steps of so many stages would be too many
+        const double longest = MOST_STAGES * MOST_STAGES / (1.54 * std::max(row_rate() + link_rate_, 1e-300));
+        if ((t_end_ - t_) / longest > static_cast<double>(o_.max_steps)) fail(MAX_STEPS);
+        if (h_ > longest) h_ = longest;
+    }
     const double least = 1e-13 * std::max(std::fabs(t_), t_end_ - t_);
     for (begin_inputs(); leftover() > 1.0; begin_inputs()) {
         h_ *= 0.5;

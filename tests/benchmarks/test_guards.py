@@ -1,6 +1,9 @@
 """Speed, guarded by ratios to a loop in numpy that runs in the same test: a slower machine slows both.
 
-The bounds are about twice the processor times measured once, on a busy machine; who makes something faster lowers its bound.
+A bound of a run is twice the largest ratio seen: 0.16 (B1), 0.32 (B2) and 0.8 (sensitivities) where the machine was idle and the loop took
+7 ms, 0.11, 0.22 and 0.57 where both of its cores were busy with other work and the loop took 10 ms. Each test keeps its ratio in the report
+of pytest-benchmark (`extra_info`); who makes something faster measures it again in both ways and lowers the bound. The bounds of a cold
+start are the targets of the design: 2, 3 and 5 times `import numpy`.
 """
 
 from __future__ import annotations
@@ -32,14 +35,15 @@ def reference_loop() -> float:
 @pytest.mark.benchmark(timer=time.process_time)
 @pytest.mark.parametrize(
     ("nonlinear", "every", "slopes", "bound"),
-    [(False, 1.0, False, 0.4), (True, 1.0, False, 1.1), (True, 60.0, True, 1.8)],
+    [(False, 1.0, False, 0.32), (True, 1.0, False, 0.64), (True, 60.0, True, 1.6)],
     ids=["B1 run", "B2 run", "B2 sensitivities"],
 )
 def test_runs(benchmark: Any, nonlinear: bool, every: float, slopes: bool, bound: float) -> None:
     free = network.FREE_NONLINEAR if nonlinear else network.FREE_LINEAR
     simulator = td.prepare(network.model(nonlinear), network.scenario(), free, every=every)
     benchmark.pedantic(simulator.run, kwargs={"sensitivities": slopes}, rounds=15, iterations=3, warmup_rounds=2)
-    assert benchmark.stats.stats.min < bound * reference_loop()
+    ratio = benchmark.extra_info["ratio"] = benchmark.stats.stats.min / reference_loop()
+    assert ratio < bound
 
 
 @pytest.mark.parametrize(
@@ -66,4 +70,5 @@ def test_cold_start(benchmark: Any, code: str, bound: float) -> None:
         return time.perf_counter() - begun
 
     benchmark.pedantic(start, args=(code,), rounds=5, warmup_rounds=1)
-    assert benchmark.stats.stats.min < bound * min(seconds("import numpy") for _ in range(5))
+    ratio = benchmark.extra_info["ratio"] = benchmark.stats.stats.min / min(seconds("import numpy") for _ in range(5))
+    assert ratio < bound

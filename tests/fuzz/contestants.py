@@ -16,6 +16,7 @@ from thermid.model.signal import Constant, Sine, Table
 from unit.kernel.reference import Net
 
 STATUS = ("OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER")
+TIGHT = {"atol": 1e-9, "rtol": 1e-10, "input_atol": 1e-7}
 NAMES = {getattr(k, name): name for name in STATUS}
 
 
@@ -55,8 +56,8 @@ def kernel(case: Case) -> Outcome:
 
 
 def tight(case: Case) -> Outcome:
-    """The kernel at tight tolerances."""
-    return _run(case, **({"atol": 1e-9, "rtol": 1e-10, "input_atol": 1e-7} | case.options))
+    """The kernel at tight tolerances, which take a few times the steps."""
+    return _run(case, **(TIGHT | case.options | {"max_steps": 10 * case.options["max_steps"]}))
 
 
 def sensitive(case: Case) -> Outcome:

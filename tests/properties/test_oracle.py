@@ -47,7 +47,8 @@ def test_random_models_without_knees_at_a_tight_tolerance(case: Case) -> None:
 
 
 # The oracle finds switching instants on its own dense output: at 1e-8 it errs by 1e-5 K itself. The phase of a thermostat's cycle has
-# nothing that pulls it back, so that errors of the instants add up: 130 switchings at a tolerance of 1e-8 K end 1e-5 K off.
+# nothing that pulls it back, so that errors of the instants add up: 130 switchings at a tolerance of 1e-8 K end 1e-5 K off, 7.6e-8 K each.
+# The bound is twenty tolerances a switching, since about as many steps lie between two of them and each may err by one.
 @random_models(10, case=cases(kinds=WITHOUT_KNEES, loads=(*SMOOTH, "thermostat"), nodes=4, depth=1).filter(_switches))
 def test_random_models_with_thermostats(case: Case) -> None:
     error, switchings = _run(case, TIGHT, 1e-10)

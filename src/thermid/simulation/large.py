@@ -132,8 +132,10 @@ def _message(found: Any, options: Options, end: float, name: Any) -> str:
     """Return what ran out, when, where and what to change."""
     node = f" at '{name(found.node)}'" if found.node >= 0 else ""
     when = f"at {found.time:.6g} s of {end:.6g} s{node}"
+    instead = " RKC2 takes short steps where one node is fast: leave the method out." if options.method == "RKC2" else ""
     words = {
-        _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger large_tolerance.",
+        _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger large_tolerance."
+        + instead,
         _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise large_tolerance.",
         _kernel.NON_FINITE: f"a step could not be solved {when}. Look for a power that grows too fast with temperature.",
         _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave."

@@ -144,3 +144,33 @@ def test_sensor_on_a_measured_boundary() -> None:
     r = net.run([0.0, 300.0])
     np.testing.assert_allclose(r.event_times, [180.0, 200 + 1100 / 15], atol=1e-6)
     assert r.load_energy[0] == pytest.approx(5.0 * (20 + 1100 / 15), rel=1e-8)
+
+
+def massless_beside(watts: float, other: float = 0.0) -> Net:
+    """A massless node 1 K/W above a heavy one, with a thermostat of its own (300 to 310 K) and a heater by the heavy one's sensor."""
+    net = Net()
+    heavy, light = net.node(1e6, 290.0), net.node(None, 290.0)
+    net.link(k.LINEAR, light, heavy, net.coef(1.0))
+    net.load(k.THERMOSTAT, light, net.coef(other), net.coef(300.0), net.coef(301.0), sensor=heavy)
+    net.load(k.THERMOSTAT, light, net.coef(watts), net.coef(300.0), net.coef(310.0))
+    return net
+
+
+def test_the_first_output_of_a_massless_node_is_what_its_thermostats_leave() -> None:
+    """Without heat both thermostats would be on; the other's 40 W alone hold this one's sensor above its upper threshold."""
+    net = massless_beside(20.0, 40.0)
+    r = net.run([0.0, 0.0, 1e-9, 1e-3])
+    assert r.status == k.OK
+    np.testing.assert_allclose(r.traces, [[290.0, 330.0]] * 4, atol=1e-6)
+    assert r.event_times.size == 0
+    np.testing.assert_array_equal(r.on, [1, 0])
+    given = net.run([0.0, 1.0], on=np.array([1, 1], np.int32))  # what the caller says holds until it switches
+    np.testing.assert_allclose(given.traces, [[290.0, 350.0], [290.0, 330.0]], atol=1e-3)
+    np.testing.assert_allclose(given.event_times, [0.0], atol=1e-8)
+
+
+def test_a_thermostat_that_a_massless_node_can_neither_have_on_nor_off() -> None:
+    """20 W lift its sensor over the whole hysteresis at once: it would switch without end, which is said at the start."""
+    r = massless_beside(20.0 + 1e-6).run([0.0, 1.0])
+    assert (r.status, r.time, r.node) == (k.CHATTER, 0.0, 1)
+    assert massless_beside(15.0).run([0.0, 1.0]).status == k.OK

@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.errors import SolverError
+from thermid.model.signal import Table
 from thermid.simulation import large_model, large_steady
 from thermid.simulation.simulator import prepare
 
 from .large_cases import CELLS, NODES, warm_block, warming_room
 
 LARGE = ("RKC2", "TR-BDF2 + CG")
+TIE = {"kind": "conduction", "conductance": "1e6 [W/K]"}
 
 
 def chain(count: int, **more: Any) -> td.Model:
@@ -184,3 +187,30 @@ def test_a_block_that_nothing_holds_has_no_steady_state() -> None:
     apart = td.Block(("1 [m]",) * 3, (3, 3, 3), "15 [W/(m K)]", "3900 [kg/m^3]", "1000 [J/(kg K)]", link_factors=cut)
     with pytest.raises(td.ThermidError, match="no path to a boundary"):
         td.steady(apart.exchanging("-x", "air", htc="5 [W/(m^2 K)]"), td.Scenario(boundaries={"air": "300 [K]"}))
+
+
+def test_a_node_far_faster_than_the_step_is_right_between_steps() -> None:
+    """It follows a room whose temperature has kinks; what it did before a kink must not be drawn into the step after it."""
+    room = Table(np.array([0.0, 500.0, 1000.0, 3600.0]), np.array([290.0, 310.0, 300.0, 290.0]))
+    deck = {
+        "title": "lid",
+        "needs": ["room"],
+        "nodes": {"case": {"capacitance": "2000 [J/K]"}, "lid": {"capacitance": "0.01 [J/K]"}},
+        "conductors": {
+            "air": {"kind": "conduction", "between": ["lid", "room"], "conductance": "40 [W/K]"},
+            "rim": {"kind": "conduction", "between": ["case", "lid"], "conductance": "0.5 [W/K]"},
+            "sky": {"kind": "radiation", "between": ["case", "room"], "area": "0.01 [m^2]", "emissivity": 0.9},
+        },
+    }
+    model, times = td.model_from_dict(deck), np.arange(0.0, 3601.0, 10.0)
+    scenario = td.Scenario("kinks", boundaries={"room": room}, start=300.0, duration="1 [h]")
+    small, large = (td.simulate(model, scenario, times=times, options=td.Options(method=m)) for m in ("integrator", "TR-BDF2"))
+    assert large.statistics["steps"] < 100
+    np.testing.assert_allclose(large["lid"].kelvin[1:], small["lid"].kelvin[1:], atol=1e-3)
+
+
+def test_explicit_steps_that_one_fast_node_makes_too_short_are_refused_at_once() -> None:
+    stiff = chain(3, nodes={"n1": {"capacitance": "1e-9 [J/K]"}}, conductors={"g1": {**TIE, "between": ["n0", "n1"]}})
+    with pytest.raises(SolverError, match=r"1000 steps were not enough, at 0 s .* RKC2 takes short steps .*: leave the method out"):
+        td.simulate(stiff, ends(), options=td.Options(method="RKC2", max_steps=1000))
+    assert td.simulate(stiff, ends(), options=td.Options(method="large")).statistics["method"] == "TR-BDF2 + CG"
