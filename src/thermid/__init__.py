@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from thermid.identify.profile import valley as valley
     from thermid.identify.split import Split as Split
     from thermid.identify.split import split as split
+    from thermid.identify.predict import predict as predict
+    from thermid.identify.prediction import Prediction as Prediction
+    from thermid.identify.spread import Spread as Spread
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
@@ -117,6 +120,9 @@ _PUBLIC = {
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",
     "joint": "identify.stages",
+    "predict": "identify.predict",
+    "Prediction": "identify.prediction",
+    "Spread": "identify.spread",
     "Criteria": "identify.validate",
     "validate": "identify.validate",
     "Verdict": "identify.validate",

@@ -77,6 +77,7 @@ def summarise(
         problem,
         moved,
         spread.effective if spread is not None else {},
+        request.held,
     )
 
 
