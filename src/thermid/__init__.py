@@ -16,12 +16,15 @@ if TYPE_CHECKING:
     from thermid.identify.compare import compare as compare
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
+    from thermid.identify.predict import predict as predict
+    from thermid.identify.prediction import Prediction as Prediction
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import Valley as Valley
     from thermid.identify.profile import profile as profile
     from thermid.identify.profile import valley as valley
     from thermid.identify.split import Split as Split
     from thermid.identify.split import split as split
+    from thermid.identify.spread import Spread as Spread
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
@@ -117,6 +120,9 @@ _PUBLIC = {
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",
     "joint": "identify.stages",
+    "predict": "identify.predict",
+    "Prediction": "identify.prediction",
+    "Spread": "identify.spread",
     "Criteria": "identify.validate",
     "validate": "identify.validate",
     "Verdict": "identify.validate",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from thermid.cli import exchange, trust
+from thermid.cli import exchange, predict, trust
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -294,6 +294,7 @@ def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck
 
 
 exchange.register(app)
+predict.register(app)
 trust.register(app)
 
 

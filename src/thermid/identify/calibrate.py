@@ -92,7 +92,7 @@ def fit_problem(
         found = replace(again, evaluations=found.evaluations, message=found.message, converged=found.converged)
     spread = wander(problem, found, request.loss, request.knee)
     total, random, weights = covariances(found, spread.level, spread.excess)
-    refuse_after(request, problem, found, total)
+    refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
     return summarise(request, problem, found, total, random, weights, spread)
 
 

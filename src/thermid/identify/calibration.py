@@ -65,6 +65,7 @@ class Calibration:
     moved : Moves               How far what stages below handed on had to move, and how surely.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
     effective : dict            (record, sensor) -> independent samples that its readings are worth; all where none are given.
+    held : tuple                FittedValues of stages below that the model holds, under their paths here.
     """
 
     stage: str
@@ -89,6 +90,7 @@ class Calibration:
     problem: Problem | None = field(default=None, repr=False)
     moved: Moves = field(default_factory=Moves)
     effective: Mapping[tuple[str, str], float] = field(default_factory=dict, repr=False)
+    held: tuple[FittedValues, ...] = field(default=(), repr=False)
 
     @property
     def fitted_model(self) -> Model:

@@ -103,6 +103,7 @@ class Request:
     remarks : tuple of str          What a reader of the result must know before the fit has begun.
     fit_start : bool                Whether observed nodes' initial temperatures are looked for; else their first readings stand.
     options : Options               The integrator's.
+    held : tuple                    FittedValues of stages below that the model holds as they were found, under their paths here.
     """
 
     model: Model
@@ -127,6 +128,7 @@ class Request:
     remarks: tuple[str, ...] = ()
     fit_start: bool = True
     options: Options = FITTING
+    held: tuple[FittedValues, ...] = ()
 
     def locals_of(self, record: Record) -> dict[str, LocalSpec]:
         """Return the local values of a record; those of its own win over the stage's."""

@@ -32,6 +32,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     where = source.where(f"stages.{k}")
     model = source.model(stage.model, where)
     handed: list[FittedValues] = []
+    held: list[FittedValues] = []
     told: dict[str, Calibration] = {}
     bias_priors: dict[str, tuple[float, float]] = {}
     seen: dict[str, str] = {}
@@ -54,9 +55,11 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
             else:
                 bias_priors |= {s: (v.value, v.error) for s, v in values.sensors.items()}
                 remarks += _held(part, name, values)
+                held.append(_prefixed(values.only([p for p in values.parameters if p not in hidden]).bare(), prefix))
     records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
     free, frozen = freed(model, stage.free, stage.freeze, where, [p for values in handed for p in values.parameters])
     remarks += [line for values in handed for line in _frozen(values, frozen)]
+    held += [values.only([p for p in values.parameters if p in frozen]).bare() for values in handed if frozen]
     handed = [values.only([p for p in values.parameters if p not in frozen]) if frozen else values for values in handed]
     return Request(
         model,
@@ -77,6 +80,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         remarks=(*remarks, *counted_twice(told, records)),
         seen=seen,
         readings=readings_of(stage.readings),
+        held=tuple(held),
     )
 
 
@@ -140,7 +144,7 @@ def _shadowed(model: Model, prefix: str, below: FittedValues) -> dict[str, str]:
 def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
     """Return fitted values under the paths that they have in the model above."""
     items = {prefix + p if v.kind == "parameter" else p: replace(v, also=tuple(prefix + q for q in v.also)) for p, v in values.items()}
-    return FittedValues(values.stage, items, values.covariance, values.provenance)
+    return replace(values, items_=items)
 
 
 def key_of(request: Request, below: list[str]) -> str:

@@ -64,7 +64,7 @@ def summarise(
         request.loss,
         (
             *request.remarks,
-            *_warnings(problem, found, total, freedom),
+            *_warnings(problem, found, total, spread),
             *(_wandering(spread) if spread is not None else ()),
             *moved.warnings(),
         ),
@@ -77,6 +77,7 @@ def summarise(
         problem,
         moved,
         spread.effective if spread is not None else {},
+        request.held,
     )
 
 
@@ -110,7 +111,7 @@ def _correlations(problem: Problem, total: Array) -> dict[tuple[str, str], float
     return out
 
 
-def _warnings(problem: Problem, found: Fit, total: Array, freedom: int) -> list[str]:
+def _warnings(problem: Problem, found: Fit, total: Array, spread: Wander | None) -> list[str]:
     """Return what a reader must know."""
     out = []
     if not found.converged:
@@ -126,10 +127,12 @@ def _warnings(problem: Problem, found: Fit, total: Array, freedom: int) -> list[
             far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd
             out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
     out += _strained(problem, found)
+    freedom = problem.samples - len(problem.unknowns)
     reduced = found.chi_square / max(freedom, 1)
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:
-        out.append(f"the residuals are {np.sqrt(reduced):.2g} times the stated noise; the errors were widened by that factor.")
+        widened = "; the errors were widened by that factor" if spread is None or spread.level > 1.5 else ""
+        out.append(f"the residuals are {np.sqrt(reduced):.2g} times the stated noise{widened}.")
     return out
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.residuals import Problem
-from thermid.identify.solve import Fit
+from thermid.identify.solve import Fit, covariances
 
 __all__ = ["Trace", "Wander", "wander"]
 
@@ -22,6 +22,8 @@ TIMES = 7
 """Correlation times that are tried, from one stretch to half the record."""
 SURE = 5.0
 """Twice the logarithm of the likelihood ratio from which a trace is held to wander: a few white traces in a hundred would."""
+OWN = 0.5
+"""Share of what is known of a direction from which a trace is held to decide it alone."""
 FEWEST = 12
 """Stretches beyond the unknowns, below which nothing can be said."""
 
@@ -88,12 +90,14 @@ def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0
 
     Each trace is split into equal stretches of time. The means of its residuals there are held to be the sum of what the unknowns can
     change, independent errors, and a part with correlations ``exp(-|t1 - t2| / time)``; the variances and the time have the largest
-    restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545), which does not take for quietness what the fit has removed.
+    restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545), which does not take for quietness what the fit has removed:
+    along directions in which this trace alone decides, its residuals say nothing; where other records or priors decide they do.
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
     size = len(problem.unknowns)
     binned = _binned(problem, found.fitted, _psi(loss, knee))
-    parts = {key: _parts(b) for key, b in binned.items()}
+    root = _root(covariances(found)[2])
+    parts = {key: _parts(b, root) for key, b in binned.items()}
     calm = [key for key, (own, _, _) in parts.items() if own == 0.0]
     level = 1.0
     if calm:
@@ -158,10 +162,17 @@ def _correlation(times: Array, time: float) -> Array:
     return np.asarray(np.exp(-np.abs(times[:, None] - times[None, :]) / time)) if time > 0 else np.eye(times.size)
 
 
-def _parts(b: _Binned) -> tuple[float, float, float]:
+def _root(covariance: Array) -> Array:
+    """Return a root L of a covariance, ``L L'``; directions without information count as decided by each trace alone."""
+    known = np.where(np.isfinite(covariance), covariance, 0.0)
+    sizes, vectors = np.linalg.eigh(known) if known.size else (np.zeros(0), known)
+    return np.asarray(vectors * np.sqrt(np.maximum(sizes, 0.0)))
+
+
+def _parts(b: _Binned, known: Array) -> tuple[float, float, float]:
     """Return the variances of the independent and the wandering part of a trace, and the time of the latter; zeros where it is white."""
     root = np.sqrt(b.count)
-    free = _beside(root[:, None] * b.slopes)
+    free = _beside(root[:, None] * b.slopes @ known)
     spare = free.shape[1]
     if spare < FEWEST:
         return 0.0, 0.0, 0.0
@@ -198,10 +209,11 @@ def _suspected(within: Array, y: Array, calm: float) -> bool:
 
 
 def _beside(slopes: Array) -> Array:
-    """Return an orthonormal basis (stretches, directions) of what the unknowns cannot change."""
-    size = np.linalg.norm(slopes, axis=0)
-    seen = slopes[:, size > 0] / size[size > 0]
-    if not seen.size:
+    """Return an orthonormal basis (stretches, directions) of what is not decided by a trace alone.
+
+    With `slopes` in units of standard errors of the whole fit, a singular value is the root of the trace's share in a direction.
+    """
+    if not slopes.size:
         return np.eye(slopes.shape[0])
-    basis, s, _ = np.linalg.svd(seen, full_matrices=True)
-    return np.asarray(basis[:, int((s > 1e-8 * s[0]).sum()) :])
+    basis, s, _ = np.linalg.svd(slopes, full_matrices=True)
+    return np.asarray(basis[:, int((s**2 > OWN).sum()) :])

@@ -196,6 +196,27 @@ class Simulator:
             raise ScenarioError("one name is drawn twice, under its path and under an alias.", self.title)
         return run_members(self._engine, given, self.times, self.options, nodes, quantiles, threads, simd, self._remarks)
 
+    def settled(self, values: Mapping[str, float] | None = None) -> tuple[dict[str, float], dict[str, Array]]:
+        """Return node -> temperature with the inputs of the end held for good [K], and its derivatives (free,) [K per SI unit].
+
+        Raises
+        ------
+        SolverError   When nothing settles.
+        """
+        from thermid.simulation.steady import settle
+        from thermid.simulation.traces import Traces
+
+        wiring, end = self._wiring, self._wiring.scenario.seconds
+        a = self._engine.started(wiring.assemble(self.vector(values or {}), True), True) if self.free else wiring.assemble()
+        found, moves = settle(self._engine, a, end, bool(self.free))
+        traces = Traces(wiring, a, np.array([end]), self._engine.nodes, found[None, :], moves[None, :, :])
+        names = (*wiring.network.nodes, *wiring.network.boundaries)
+        return {n: float(traces.temperature(n)[0]) for n in names}, {n: traces.slope(n)[0] for n in names}
+
+    def canonical(self, name: str) -> str:
+        """Return the canonical form of a name that may change: of a parameter, a boundary, ``initial.<node>`` or ``scale.<load>``."""
+        return _free_name(self._wiring.network, name)
+
     def slots(self, name: str) -> tuple[str, str]:
         """Return the units that a value of a free name, and a difference of two, are written in."""
         wiring = self._wiring

@@ -238,3 +238,38 @@ class TestSchema:
         said = call("schema", "campain")
         assert said.code == 2
         assert said.err == "error: there is no schema 'campain'. Did you mean 'campaign'? There are deck and campaign.\n"
+
+
+class TestPredict:
+    def test_a_stage_and_a_scenario(self, call: Call, made: Path, tmp_path: Path) -> None:
+        scenario = tmp_path / "hot.toml"
+        scenario.write_text('title = "hot"\nstart = "24 [degC]"\nduration = "2 [h]"\n[boundaries]\nroom = "40 [degC]"\n')
+        asked = ("predict", made, "--scenario", scenario, "--results", tmp_path / "results", "--spread", "room=1 [K]")
+        said = call(*asked, "--at", "1 [h]", "--csv", tmp_path / "p.csv", "--json")
+        assert said.code == 0, said.out
+        assert said.object["scenario"] == "hot"
+        node = said.object["nodes"]["a.case"]
+        assert set(node) == {"final", "steady", "at"}
+        assert node["steady"]["low_C"] < node["steady"]["C"] < node["steady"]["high_C"]
+        assert sum(node["final"]["shares"].values()) == pytest.approx(1.0)
+        assert (tmp_path / "p.csv").is_file()
+        plain = call(*asked, "--at", "1 [h]")
+        assert plain.code == 0
+        assert "95 % bands" in plain.out
+        assert "  at 3600 s: " in plain.out
+
+    @pytest.mark.parametrize(
+        ("more", "word"),
+        [
+            ((), "a prediction needs a scenario"),
+            (("--scenario", "hot.toml", "--spread", "room"), "must be written as NAME=STANDARD DEVIATION"),
+            (("--scenario", "hot.toml", "--at", "5 [h]"), "18000 s lies outside the run"),
+            (("--scenario", "hot.toml", "--stage", "m_Pr"), "no stage 'm_Pr'"),
+        ],
+    )
+    def test_what_is_missing(self, call: Call, made: Path, tmp_path: Path, more: tuple[str, ...], word: str) -> None:
+        scenario = tmp_path / "hot.toml"
+        scenario.write_text('start = "24 [degC]"\nduration = "2 [h]"\n[boundaries]\nroom = "40 [degC]"\n')
+        said = call("predict", made, *(str(scenario) if m == "hot.toml" else m for m in more), "--results", tmp_path / "results")
+        assert said.code == 2
+        assert word in said.err

@@ -1,0 +1,75 @@
+"""``thermid predict``: what the stage of a campaign says of a scenario, with bands and what they come from."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from thermid.cli.output import SCHEMA, clean
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(predict)
+
+
+def predict(
+    campaign: Annotated[Path, typer.Argument(help="A campaign (TOML).")],
+    stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
+    scenario: Annotated[Path | None, typer.Option("--scenario", help="A scenario (TOML).")] = None,
+    spread: Annotated[
+        list[str],
+        typer.Option("--spread", help="NAME=STANDARD DEVIATION of what is not known exactly, such as air='1 [K]' or scale.heater='2 [%]'."),
+    ] = [],  # noqa: B006
+    at: Annotated[list[str], typer.Option("--at", help="A time to report, such as '1 [h]'; may be repeated.")] = [],  # noqa: B006
+    draws: Annotated[int, typer.Option("--draws", help="Members drawn, for spreads so wide that derivatives do not do.")] = 0,
+    vacuum: Annotated[bool, typer.Option("--vacuum", help="No gas: convection goes, radiation stays.")] = False,
+    csv: Annotated[Path | None, typer.Option("--csv", help="Write temperatures and bands to a CSV file.")] = None,
+    data: Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project; THERMID_DATA does the same.")] = None,
+    results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the campaign.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
+) -> None:
+    """Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."""
+    from thermid.errors import ScenarioError
+    from thermid.identify.predict import predict as run
+    from thermid.identify.stages import run_stages
+    from thermid.model.signal import literal
+    from thermid.simulation.scenario import load_scenario
+
+    if scenario is None:
+        raise ScenarioError("a prediction needs a scenario: --scenario FILE.", "command line")
+    given = load_scenario(scenario)
+    found = run_stages(campaign, data=data, cache=results if results is not None else campaign.parent / "results")
+    name = stage or list(found)[-1]
+    predicted = run(found[name], given.vacuum() if vacuum else given, spread=_spreads(spread), draws=draws)
+    times = [literal(t if "[" in t else f"{t} [s]", "s", "--at") for t in at]
+    outside = [t for t in times if not 0 <= t <= given.seconds]
+    if outside:
+        raise ScenarioError(f"{outside[0]:g} s lies outside the run of {given.seconds:g} s.", "--at")
+    if csv is not None:
+        predicted.to_csv(csv)
+    if as_json:
+        content: dict[str, Any] = {"schema": SCHEMA, "status": "ok", "stage": name, **predicted.to_dict(times)}
+        typer.echo(json.dumps(clean(content)))
+        return
+    typer.echo(str(predicted))
+    for t in times:
+        typer.echo(f"  at {t:g} s: " + ", ".join(f"{n} {b.at(t)}" for n, b in predicted.bands.items()))
+
+
+def _spreads(given: list[str]) -> dict[str, str]:
+    """Return ``NAME=SD`` options as a dictionary."""
+    from thermid.errors import ScenarioError
+
+    out = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            raise ScenarioError(f"'{text}' must be written as NAME=STANDARD DEVIATION, such as air=1 [K].", "--spread")
+        out[name.strip()] = value.strip()
+    return out

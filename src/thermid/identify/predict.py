@@ -1,0 +1,153 @@
+"""`predict`: a fitted model and a scenario in, temperatures with their bands out, and what the bands come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import IdentificationError, SolverError
+from thermid.identify.calibration import Calibration
+from thermid.identify.prediction import Band, Prediction
+from thermid.identify.spread import Spread
+from thermid.model.model import Model
+from thermid.simulation.engine import Options
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.simulator import Simulator, prepare
+from thermid.simulation.solution import Solution
+
+__all__ = ["predict"]
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+"""Node -> (times and the settled state, directions): what a spread of one standard deviation along each direction does. [K]"""
+
+
+def predict(
+    fit: Calibration,
+    scenario: Scenario,
+    *,
+    model: Model | None = None,
+    spread: Mapping[str, Any] | Spread | Sequence[Mapping[str, Any] | Spread] = (),
+    every: str | float | None = None,
+    times: Any = None,
+    nodes: Sequence[str] | None = None,
+    draws: int = 0,
+    seed: int = 0,
+    options: Options | None = None,
+) -> Prediction:
+    """Return what a fitted model says of a scenario, with standard errors and what they come from.
+
+    Errors are carried by the derivatives of every temperature with respect to every value (Joint Committee for Guides in Metrology,
+    GUM 2008, 5.2.2), with their whole covariance; where values spread so far that the model bends, ask for `draws`.
+
+    Parameters
+    ----------
+    fit : Calibration           Its values, with their joint covariance.
+    scenario : Scenario         What is done to the model; it is taken as exact but for what `spread` says.
+    model : Model               Another model that holds the fitted paths; the fitted one by default.
+    spread : dict, Spread       What else is not known exactly: name -> standard deviation as text, or `Spread`, or several of these.
+    every, times                When to store, as in `simulate`.
+    nodes : sequence of str     Nodes to predict; all by default.
+    draws : int                 Members drawn from the spreads; bands are then quantiles. 0 for derivatives alone.
+    seed : int                  Of the draws.
+    options : Options           The integrator's.
+
+    Raises
+    ------
+    IdentificationError     When a value is spread twice, or has no finite error.
+    """
+    base = fit.fitted_model if model is None else model.with_values(fit.values.assignments, f"stage '{fit.stage}'")
+    given = [spread] if isinstance(spread, Mapping | Spread) else list(spread)
+    own = _known(fit)
+    names = [n for s in (*own, *given) for n in _names(s)]
+    ready = prepare(base, scenario, names, every=every, times=times, options=options)
+    spreads = [*own, *(s if isinstance(s, Spread) else Spread.stated(s, ready) for s in given)]
+    _check_once(spreads, ready)
+    run = ready.run(sensitivities=True)
+    found = {n: run[n].path for n in (nodes if nodes is not None else run.nodes)}
+    kept = list(dict.fromkeys(found.values()))
+    settled, moves = _settled(ready)
+    columns: dict[str, Columns] = {}
+    for s in (s for s in spreads if s.names):
+        more = _columns(ready, s, kept, run, moves)
+        columns[s.cause] = {n: np.hstack([columns[s.cause][n], c]) if s.cause in columns else c for n, c in more.items()}
+    members = _members(ready, spreads, kept, draws, seed) if draws else {}
+    bands, rest = {}, {}
+    for n in kept:
+        parts = {cause: np.sum(c[n] ** 2, axis=1) for cause, c in columns.items()}
+        bands[n] = Band(n, ready.times, run[n].kelvin, {c: v[:-1] for c, v in parts.items()}, members.get(n))
+        if settled:
+            rest[n] = Band(n, ready.times[-1:], np.array([settled[n]]), {c: v[-1:] for c, v in parts.items()}).final
+    words = {s.cause: _words([n for t in spreads if t.cause == s.cause for n in t.names]) for s in spreads if s.names}
+    return Prediction(base.title, scenario.title, ready.times, bands, rest, words, tuple(run.warnings), found)
+
+
+def _known(fit: Calibration) -> list[Spread]:
+    """Return what the fit leaves open, and what the stages below left open of the values that it held."""
+    out, taken = [Spread.of(fit.values, cause="fit")], {*fit.values.assignments}
+    # the last to set a value is who the model has it from
+    for below in reversed(fit.held):
+        left = below.only([p for p, v in below.parameters.items() if not taken & {p, *v.also} and v.error > 0])
+        taken |= {*left.assignments}
+        if left:
+            out.append(Spread.of(left, cause=f"held from {below.stage}"))
+    return out
+
+
+def _names(spread: Mapping[str, Any] | Spread) -> list[str]:
+    """Return every name that a spread moves, instances that share a value among them."""
+    if not isinstance(spread, Spread):
+        return list(spread)
+    return [n for name in spread.names for n in (name, *spread.also.get(name, ()))]
+
+
+def _check_once(spreads: Sequence[Spread], ready: Simulator) -> None:
+    """Refuse names that two causes spread; what they say would be added up."""
+    owner: dict[str, str] = {}
+    for s in spreads:
+        for name in map(ready.canonical, _names(s)):
+            if name in owner:
+                raise IdentificationError(f"'{name}' is spread twice, by {owner[name]} and by {s.cause}. Leave one out.", ready.title)
+            owner[name] = s.cause
+
+
+def _settled(ready: Simulator) -> tuple[dict[str, float], dict[str, Array]]:
+    """Return node -> settled temperature [K] and its derivatives; empty where nothing settles."""
+    try:
+        return ready.settled()
+    except SolverError:
+        return {}, {}
+
+
+def _columns(ready: Simulator, spread: Spread, kept: Sequence[str], run: Solution, moves: Mapping[str, Array]) -> Columns:
+    """Return what each direction of a spread does to each node."""
+    place = {name: k for k, name in enumerate(ready.free)}
+    chain = np.zeros((len(place), len(spread.names)))
+    for k, (name, log) in enumerate(zip(spread.names, spread.log, strict=True)):
+        for path in map(ready.canonical, (name, *spread.also.get(name, ()))):
+            chain[place[path], k] = ready.nominal[path] if log else 1.0
+    chain = chain @ spread.root()
+    out = {}
+    for n in kept:
+        slopes = np.column_stack([run.sensitivity(n, name) for name in ready.free])
+        out[n] = np.vstack([slopes, moves.get(n, np.full(len(place), np.nan))[None, :]]) @ chain
+    return out
+
+
+def _members(ready: Simulator, spreads: Sequence[Spread], kept: Sequence[str], count: int, seed: int) -> dict[str, Array]:
+    """Return node -> temperatures (times, members) at drawn values. [K]"""
+    generator = np.random.default_rng(seed)
+    values: dict[str, Array] = {}
+    for s in spreads:
+        values |= s.draws({n: ready.nominal[ready.canonical(n)] for n in s.names}, count, generator)
+    many = ready.ensemble(values, nodes=list(kept))
+    return {n: many.temperatures(n) for n in kept}
+
+
+def _words(names: Sequence[str]) -> str:
+    """Return what spreads of some names stand for."""
+    listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+    return f"what is left open of {listed}"
