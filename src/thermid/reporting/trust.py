@@ -13,7 +13,7 @@ import numpy as np
 from thermid.errors import ThermidError
 from thermid.identify.profile import Profile, Valley
 from thermid.reporting.extras import extra
-from thermid.reporting.figures import GRID, INK, MEASURED, RESIDUAL, SIMULATED, SOFT
+from thermid.reporting.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT
 from thermid.units import unit
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _profile(figure: Figure, found: Profile) -> None:
     axis.plot(x, found.rise, color=SIMULATED, linewidth=1.8, marker="o", markersize=4, label="all others fitted anew")
     axis.axhline(found.threshold, color=RESIDUAL, linewidth=1.2)
     axis.text(x.max(), found.threshold, f"{100 * found.level:.3g} % ", color=RESIDUAL, va="bottom", ha="right")
-    axis.plot([best], [0.0], marker="D", color=MEASURED, markersize=7, linestyle="none", label="best fit")
+    axis.plot([best], [0.0], marker="D", color=RESIDUAL, markersize=7, linestyle="none", label="best fit")
     top = max(1.8 * found.threshold, 1.05 * float(found.rise.max()))
     axis.set_ylim(-0.04 * top, min(top, 4.0 * found.threshold))
     for ok, end, side in zip(found.limited, (low, high), ("no lower limit", "no upper limit"), strict=True):
@@ -122,11 +122,11 @@ def _valley(figure: Figure, found: Valley) -> None:
         axis.contour(x, y, rise, levels=[level], colors=[INK], linewidths=1.5, linestyles=style)
         axis.plot([], [], color=INK, linewidth=1.5, linestyle=style, label=f"{name} of trust")
     floor = _in_unit(found.along[:, 0], found.units[0]), _in_unit(found.along[:, 1], found.units[1])
-    axis.plot(*floor, color=MEASURED, linewidth=1.2, linestyle="--", label="floor of the valley")
+    axis.plot(*floor, color=RESIDUAL, linewidth=1.2, linestyle="--", label="floor of the valley")
     axis.plot(
         *(float(_in_unit(v, u)) for v, u in zip(found.best, found.units, strict=True)),
         marker="D",
-        color=MEASURED,
+        color=RESIDUAL,
         linestyle="none",
         label="best fit" if found.fitted else "start",
     )
