@@ -27,7 +27,7 @@ KINDS_OF: Mapping[str, Mapping[str, float]] = {
     "held": {"kg": 1.0, "J/K": 1.0, "J/(kg K)": 1.0},
     "out": {"W/K": 1.0, "W/(m^2 K)": 1.0, "W/(m K)": 1.0, "m^2": 1.0, "K/W": -1.0},
 }
-MEANINGS = {
+MEANINGS: Mapping[tuple[float, ...], str] = {
     (1.0, 0.0, -1.0): "the temperature rise",
     (0.0, 1.0, -1.0): "the time constant",
     (1.0, -1.0, 0.0): "the rate of warming",
