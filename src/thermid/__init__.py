@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
+    from thermid.identify.balance import EnergyBalance as EnergyBalance
+    from thermid.identify.balance import energy_balance as energy_balance
     from thermid.identify.calibrate import calibrate as calibrate
     from thermid.identify.calibration import Calibration as Calibration
     from thermid.identify.compare import compare as compare
@@ -107,6 +109,8 @@ _PUBLIC = {
     "Calibration": "identify.calibration",
     "split": "identify.split",
     "Split": "identify.split",
+    "energy_balance": "identify.balance",
+    "EnergyBalance": "identify.balance",
     "identifiability": "identify.identifiability",
     "Identifiability": "identify.identifiability",
     "profile": "identify.profile",
