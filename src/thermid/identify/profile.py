@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
 from thermid.identify.calibration import Calibration
 from thermid.identify.identifiability import Identifiability
+from thermid.identify.information import inverse
 from thermid.identify.residuals import Compressed, Problem
 from thermid.identify.solve import minimise
 from thermid.identify.unknowns import Unknown
@@ -131,6 +132,26 @@ def _asked(fit: Calibration, path: str) -> tuple[Problem, int]:
     return fit.problem, names.index(name)
 
 
+def _spread(problem: Problem, at: Array, ks: tuple[int, ...], errors: Array) -> float:
+    """Return how many times the noise the readings scatter, so that their information alone gives the errors of the fit.
+
+    Residuals that wander widen the errors of a fit by more than their size does, and each parameter by its own amount.
+    """
+    from scipy.optimize import brentq
+
+    data, priors = problem.compressed(at).slopes, problem.prior_rows(at)[1]
+    out = []
+    for k, error in zip(ks, errors, strict=True):
+
+        def excess(log_spread: float, k: int = k, error: float = float(error)) -> float:
+            rows = np.concatenate([data / np.exp(log_spread), priors])
+            return float(0.5 * np.log(inverse(rows)[k, k]) - np.log(error))
+
+        low, high = -3.0, 8.0
+        out.append(float(np.exp(brentq(excess, low, high, xtol=1e-4))) if excess(low) < 0 < excess(high) else 1.0)
+    return float(np.exp(np.mean(np.log(out))))
+
+
 def profile(fit: Calibration, path: str, level: float = 0.95) -> Profile:
     """Return the interval of a parameter from its profile: it is moved step by step, and everything else is fitted anew each time.
 
@@ -154,8 +175,9 @@ def profile(fit: Calibration, path: str, level: float = 0.95) -> Profile:
     problem, k = _asked(fit, path)
     threshold = float(2.0 * gammaincinv(0.5, level))
     at = np.array([fit.fitted[u.name] for u in problem.unknowns])
-    walk = _Walk(fit, problem, k, at, max(1.0, fit.reduced_chi_square) ** 0.5, threshold)
     u, value = problem.unknowns[k], fit.values[problem.unknowns[k].name]
+    spread = _spread(problem, at, (k,), np.array([value.error / u.slope(float(at[k]))]))
+    walk = _Walk(fit, problem, k, at, spread, threshold)
     sides = [walk.side(sign) for sign in (-1.0, 1.0)]
     for end, points, _ in sides:  # a smooth curve needs points on the way
         points += [(x, walk.rise(x, walk.at)[0]) for x in walk.best + np.array([0.33, 0.66]) * (end - walk.best)]
@@ -275,9 +297,10 @@ def valley(source: Calibration | Identifiability, first: str, second: str, point
     """
     if isinstance(source, Calibration):
         (problem, i), (_, j) = _asked(source, first), _asked(source, second)
-        at, spread = np.array([source.fitted[u.name] for u in problem.unknowns]), max(1.0, source.reduced_chi_square) ** 0.5
+        at = np.array([source.fitted[u.name] for u in problem.unknowns])
         error = np.array([source.values[problem.unknowns[k].name].error for k in (i, j)])
         error = error / np.array([problem.unknowns[k].slope(at[k]) for k in (i, j)])
+        spread = _spread(problem, at, (i, j), error)
     else:
         problem, at, spread = source.problem, source.information.at, 1.0
         i, j = (_position(source, path) for path in (first, second))
