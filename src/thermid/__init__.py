@@ -19,9 +19,7 @@ if TYPE_CHECKING:
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
     from thermid.identify.profile import Profile as Profile
-    from thermid.identify.profile import Valley as Valley
     from thermid.identify.profile import profile as profile
-    from thermid.identify.profile import valley as valley
     from thermid.identify.split import Split as Split
     from thermid.identify.split import split as split
     from thermid.identify.stages import Campaign as Campaign
@@ -32,6 +30,8 @@ if TYPE_CHECKING:
     from thermid.identify.validate import Criteria as Criteria
     from thermid.identify.validate import Verdict as Verdict
     from thermid.identify.validate import validate as validate
+    from thermid.identify.valley import Valley as Valley
+    from thermid.identify.valley import valley as valley
     from thermid.identify.values import load_values as load_values
     from thermid.interop.equations import Equations as Equations
     from thermid.interop.equations import equations as equations
@@ -115,8 +115,8 @@ _PUBLIC = {
     "Identifiability": "identify.identifiability",
     "profile": "identify.profile",
     "Profile": "identify.profile",
-    "valley": "identify.profile",
-    "Valley": "identify.profile",
+    "valley": "identify.valley",
+    "Valley": "identify.valley",
     "load_values": "identify.values",
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.errors import ThermidError
-from thermid.identify.profile import Profile, Valley
+from thermid.identify.profile import Profile
+from thermid.identify.valley import Valley
 from thermid.reporting.extras import extra
 from thermid.reporting.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT
 from thermid.units import unit
