@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from thermid.identify.calibrate import calibrate as calibrate
     from thermid.identify.calibration import Calibration as Calibration
     from thermid.identify.compare import compare as compare
+    from thermid.identify.criticism import Criticism as Criticism
+    from thermid.identify.criticism import criticise as criticise
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
     from thermid.identify.profile import Profile as Profile
@@ -117,6 +119,8 @@ _PUBLIC = {
     "Profile": "identify.profile",
     "valley": "identify.valley",
     "Valley": "identify.valley",
+    "criticise": "identify.criticism",
+    "Criticism": "identify.criticism",
     "load_values": "identify.values",
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",
