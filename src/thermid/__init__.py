@@ -11,17 +11,19 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
+    from thermid.identify.balance import EnergyBalance as EnergyBalance
+    from thermid.identify.balance import energy_balance as energy_balance
     from thermid.identify.calibrate import calibrate as calibrate
     from thermid.identify.calibration import Calibration as Calibration
     from thermid.identify.compare import compare as compare
+    from thermid.identify.criticism import Criticism as Criticism
+    from thermid.identify.criticism import criticise as criticise
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
     from thermid.identify.predict import predict as predict
     from thermid.identify.prediction import Prediction as Prediction
     from thermid.identify.profile import Profile as Profile
-    from thermid.identify.profile import Valley as Valley
     from thermid.identify.profile import profile as profile
-    from thermid.identify.profile import valley as valley
     from thermid.identify.split import Split as Split
     from thermid.identify.split import split as split
     from thermid.identify.spread import Spread as Spread
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
     from thermid.identify.validate import Criteria as Criteria
     from thermid.identify.validate import Verdict as Verdict
     from thermid.identify.validate import validate as validate
+    from thermid.identify.valley import Valley as Valley
+    from thermid.identify.valley import valley as valley
     from thermid.identify.values import load_values as load_values
     from thermid.interop.equations import Equations as Equations
     from thermid.interop.equations import equations as equations
@@ -110,12 +114,16 @@ _PUBLIC = {
     "Calibration": "identify.calibration",
     "split": "identify.split",
     "Split": "identify.split",
+    "energy_balance": "identify.balance",
+    "EnergyBalance": "identify.balance",
     "identifiability": "identify.identifiability",
     "Identifiability": "identify.identifiability",
     "profile": "identify.profile",
     "Profile": "identify.profile",
-    "valley": "identify.profile",
-    "Valley": "identify.profile",
+    "valley": "identify.valley",
+    "Valley": "identify.valley",
+    "criticise": "identify.criticism",
+    "Criticism": "identify.criticism",
     "load_values": "identify.values",
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import comb
@@ -22,6 +22,17 @@ ANGLE = 3e-4
 a hundredth of it."""
 FORMS = ("power law", "sum", "series")
 MOST_PIVOTS = 300
+KINDS_OF: Mapping[str, Mapping[str, float]] = {
+    "power": {"W": 1.0},
+    "held": {"kg": 1.0, "J/K": 1.0, "J/(kg K)": 1.0},
+    "out": {"W/K": 1.0, "W/(m^2 K)": 1.0, "W/(m K)": 1.0, "m^2": 1.0, "K/W": -1.0},
+}
+MEANINGS: Mapping[tuple[float, ...], str] = {
+    (1.0, 0.0, -1.0): "the temperature rise",
+    (0.0, 1.0, -1.0): "the time constant",
+    (1.0, -1.0, 0.0): "the rate of warming",
+    (0.0, 0.0, 1.0): "the heat let out",
+}
 INNER = tuple(unit(u).dimension for u in ("W/K", "K/W", "W/(m^2 K)", "W/(m K)", "m^2", "m"))
 
 
@@ -34,12 +45,14 @@ class Combination:
     text : str                  As a formula of the paths.
     value, error : float        Its value and standard error. [SI]
     unit : str                  SI unit, where it has a name; empty otherwise.
+    meaning : str               What it sets: 'the temperature rise', 'the time constant', 'the rate of warming'; empty otherwise.
     """
 
     text: str
     value: float
     error: float
     unit: str
+    meaning: str = ""
 
     @property
     def relative(self) -> float:
@@ -49,7 +62,8 @@ class Combination:
     def __str__(self) -> str:
         """Formula, value and error."""
         unit_text = f" {self.unit}" if self.unit else ""
-        return f"{self.text} = {self.value:.4g}{unit_text} +- {percent(self.relative)}"
+        meaning = f", which sets {self.meaning}" if self.meaning else ""
+        return f"{self.text} = {self.value:.4g}{unit_text} +- {percent(self.relative)}{meaning}"
 
 
 @dataclass(frozen=True)
@@ -168,8 +182,10 @@ def _structural(here: Information, there: Information, at: list[int]) -> Group:
     moves = tuple({n: float(w / np.abs(v).max()) for n, w in zip(names, v, strict=True) if w} for v in plain)
     for form in FORMS if stays else ():
         scale, other = _scales(here, at, form), _scales(there, at, form)
-        size = np.abs(scale) / here.sizes[at] if scale is not None and form != "power law" else np.ones(len(at))
-        if scale is None or other is None or not _same_space(part * (scale / size)[:, None], lasting * (other / size)[:, None]):
+        if scale is None or other is None:
+            continue
+        size = np.abs(scale) * here.sizes[at]
+        if not _same_space(part * (scale / size)[:, None], lasting * (other / size)[:, None]):
             continue
         return Group(names, True, form, moves, _combinations(here, at, part * scale[:, None], form, scale))
     return Group(names, stays, "mixture", moves, ())
@@ -177,13 +193,12 @@ def _structural(here: Information, there: Information, at: list[int]) -> Group:
 
 def _scales(info: Information, at: list[int], form: str) -> Array | None:
     """Return d coordinate / d fitted form (unknowns,) of the coordinates in which a form is a plain sum; None where it has none."""
-    logs = all(info.unknowns[k].log for k in at)
     values, slopes = info.values[at], info.slopes[at]
     if form == "sum":
         return slopes
-    if not logs:
+    if (values <= 0).any():
         return None
-    return np.ones(len(at)) if form == "power law" else -slopes / values**2
+    return slopes / values if form == "power law" else -slopes / values**2
 
 
 def _same_space(a: Array, b: Array) -> bool:
@@ -257,7 +272,7 @@ def _combination(info: Information, at: list[int], weights: Array, form: str, va
     used = [(info.names[k], float(w), float(info.values[k]), info.unknowns[k].unit) for k, w in zip(at, weights, strict=True) if w]
     if form == "power law":
         value = float(np.prod([v**w for _, w, v, _ in used]))
-        return Combination(_product(used), value, abs(value) * variance**0.5, _unit(used))
+        return Combination(_product(used), value, abs(value) * variance**0.5, _unit(used), _meaning(used))
     if form == "series":
         value = sum(w / v for _, w, v, _ in used)
         return Combination(
@@ -269,6 +284,18 @@ def _combination(info: Information, at: list[int], weights: Array, form: str, va
         variance**0.5,
         _unit([(used[0][0], 1.0, 1.0, used[0][3])]),
     )
+
+
+def _meaning(used: Sequence[tuple[str, float, float, str]]) -> str:
+    """Return what a power law of parameters sets in a log, by the kinds of its members: heat in, heat held, heat let out."""
+    net = {"power": 0.0, "held": 0.0, "out": 0.0}
+    for _, weight, _, text in used:
+        for kind, units in KINDS_OF.items():
+            for u, sign in units.items():
+                net[kind] += sign * weight if unit(text).dimension == unit(u).dimension else 0.0
+    signs = tuple(float(np.sign(net[k])) for k in ("power", "held", "out"))
+    signs = signs if signs[:2] >= (0.0, 0.0) else tuple(-x for x in signs)
+    return MEANINGS.get(signs, "")
 
 
 def _product(used: Sequence[tuple[str, float, float, str]]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -224,7 +224,16 @@ def _after(fit: Calibration, tell: float) -> Identifiability:
     if fit.problem is None:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
     at = np.array([fit.fitted[u.name] for u in fit.problem.unknowns])
-    return _told(fit.stage, "after", fit.problem, at, max(1.0, fit.reduced_chi_square) ** 0.5, tell)
+    found = _told(fit.stage, "after", fit.problem, at, max(1.0, fit.reduced_chi_square) ** 0.5, tell)
+    # where residuals wander, the fit's own errors count it
+    grown = {p: fit.values[p].error / k.error if k.error > 0 else 1.0 for p, k in found.parameters.items()}
+    return replace(
+        found,
+        parameters={
+            p: replace(k, error=k.error * grown[p], relative=k.relative * grown[p], without=k.without * grown[p])
+            for p, k in found.parameters.items()
+        },
+    )
 
 
 def _told(title: str, stage: str, problem: Problem, at: Array, spread: float, tell: float) -> Identifiability:

@@ -56,7 +56,7 @@ def _words(group: Group, request: Request, problem: Problem, fit: Callable[[Requ
     if how in ("product", "ratio"):
         known = _known(group, request, problem, fit)
         return f"the data cannot tell {named} apart; they act only as a {how}{known}. {cure}"
-    about = "; ".join(f"{c.text} to about {percent(c.relative)}" for c in group.known)
+    about = "; ".join(f"{c.text} to about {percent(c.relative)}{f' ({c.meaning})' if c.meaning else ''}" for c in group.known)
     known = f" Known: {about}." if about else ""
     if group.form in ("sum", "series"):
         return f"the data cannot tell {named} apart; {group.acting}.{known} {cure}"

@@ -19,6 +19,8 @@ from thermid.measure.windows import usual_step
 if TYPE_CHECKING:
     from xarray import Dataset
 
+    from thermid.measure.steady import SteadyPoint
+
 __all__ = ["Record", "Table"]
 
 
@@ -175,6 +177,20 @@ class Record:
     def shift_start(self) -> Record:
         """Return the record with times from zero."""
         return prepare.shift_start(self)
+
+    def steady(
+        self,
+        start: str | float = "start",
+        end: str | float = "end",
+        *,
+        tau: object | None = None,
+        limit: str | float = "1 [K/h]",
+        name: str = "",
+    ) -> SteadyPoint:
+        """Return the mean of a settled stretch with its uncertainty, corrected for stored heat and drift; see `steady.steady_point`."""
+        from thermid.measure.steady import steady_point
+
+        return steady_point(self, start, end, tau, limit, name)
 
     def prepare(self, steps: Iterable[Mapping[str, object]]) -> Record:
         """Return the record after the steps of a campaign file, such as ``[{median = "4 [s]"}]``; see `steps.run_steps`."""

@@ -11,9 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.errors import ThermidError
-from thermid.identify.profile import Profile, Valley
+from thermid.identify.criticism import Criticism, cumulated_periodogram
+from thermid.identify.profile import Profile
+from thermid.identify.valley import Valley
+from thermid.physics.constants import ICE_POINT
 from thermid.reporting.extras import extra
-from thermid.reporting.figures import GRID, INK, MEASURED, RESIDUAL, SIMULATED, SOFT
+from thermid.reporting.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT, time_unit
 from thermid.units import unit
 
 if TYPE_CHECKING:
@@ -26,20 +29,20 @@ LEVELS = {2.30: "68 %", 5.99: "95 %"}
 """Growth of the sum of squares that holds two parameters together with a probability: quantiles of chi-square, two degrees of freedom."""
 
 
-def picture(thing: Profile | Valley, to: str | os.PathLike[str]) -> Path:
-    """Write the picture of a profile or a valley, and return its path; the ending says the format (png, svg, pdf).
+def picture(thing: Profile | Valley | Criticism, to: str | os.PathLike[str]) -> Path:
+    """Write the picture of a profile, a valley or a criticism, and return its path; the ending says the format (png, svg, pdf).
 
     Parameters
     ----------
-    thing : Profile or Valley       What to draw.
-    to : path                       File to write.
+    thing : Profile, Valley or Criticism    What to draw; of a criticism, the trace that is least like noise.
+    to : path                               File to write.
 
     Raises
     ------
     ThermidError        When there is no picture of such a thing.
     MissingExtraError   When matplotlib is not installed.
     """
-    drawers: dict[type, Any] = {Profile: _profile, Valley: _valley}
+    drawers: dict[type, Any] = {Profile: _profile, Valley: _valley, Criticism: _criticism}
     if type(thing) not in drawers:
         raise ThermidError(
             f"there is no picture of a {type(thing).__name__}; there are pictures of {', '.join(t.__name__ for t in drawers)}."
@@ -98,7 +101,7 @@ def _profile(figure: Figure, found: Profile) -> None:
     axis.plot(x, found.rise, color=SIMULATED, linewidth=1.8, marker="o", markersize=4, label="all others fitted anew")
     axis.axhline(found.threshold, color=RESIDUAL, linewidth=1.2)
     axis.text(x.max(), found.threshold, f"{100 * found.level:.3g} % ", color=RESIDUAL, va="bottom", ha="right")
-    axis.plot([best], [0.0], marker="D", color=MEASURED, markersize=7, linestyle="none", label="best fit")
+    axis.plot([best], [0.0], marker="D", color=RESIDUAL, markersize=7, linestyle="none", label="best fit")
     top = max(1.8 * found.threshold, 1.05 * float(found.rise.max()))
     axis.set_ylim(-0.04 * top, min(top, 4.0 * found.threshold))
     for ok, end, side in zip(found.limited, (low, high), ("no lower limit", "no upper limit"), strict=True):
@@ -122,11 +125,11 @@ def _valley(figure: Figure, found: Valley) -> None:
         axis.contour(x, y, rise, levels=[level], colors=[INK], linewidths=1.5, linestyles=style)
         axis.plot([], [], color=INK, linewidth=1.5, linestyle=style, label=f"{name} of trust")
     floor = _in_unit(found.along[:, 0], found.units[0]), _in_unit(found.along[:, 1], found.units[1])
-    axis.plot(*floor, color=MEASURED, linewidth=1.2, linestyle="--", label="floor of the valley")
+    axis.plot(*floor, color=RESIDUAL, linewidth=1.2, linestyle="--", label="floor of the valley")
     axis.plot(
         *(float(_in_unit(v, u)) for v, u in zip(found.best, found.units, strict=True)),
         marker="D",
-        color=MEASURED,
+        color=RESIDUAL,
         linestyle="none",
         label="best fit" if found.fitted else "start",
     )
@@ -151,6 +154,43 @@ def _valley(figure: Figure, found: Valley) -> None:
     axis.legend(loc="upper right", frameon=True, framealpha=0.85, edgecolor="none")
     bar = figure.colorbar(filled, ax=axis, ticks=steps[:-1], label="how much worse the fit is (weighted squares)")
     bar.ax.tick_params(length=0)
+
+
+def _criticism(figure: Figure, found: Criticism) -> None:
+    """Draw the residuals of the worst trace against time, temperature and power, and their cumulated periodogram with its band."""
+    worst = min(found.traces, key=lambda t: (t.white, t.ljung_box, -t.periodogram))
+    size, unit_name = time_unit(float(worst.times[-1] - worst.times[0]))
+    axes = figure.subplots(2, 2)
+    figure.suptitle(f"{found.title}: {worst.sensor} in {worst.record}", fontsize=11)
+    panels = (
+        ("time", worst.times / size, f"time, {unit_name}"),
+        ("temperature", worst.temperature - ICE_POINT, "predicted temperature, °C"),
+        ("power", worst.power, "power, W"),
+    )
+    for axis, (name, x, label) in zip(axes.flat, panels, strict=False):
+        axis.axhline(0.0, color=SOFT, linewidth=0.8)
+        axis.plot(
+            x, worst.residuals, color=RESIDUAL, linewidth=0.8 if name == "time" else 0, marker="." if name != "time" else "", markersize=3
+        )
+        axis.set_xlabel(label)
+        axis.set_ylabel("residual, K")
+        slope, error = worst.slopes.get(name, (0.0, 0.0))
+        if error > 0:
+            along = np.array([x.min(), x.max()])
+            step = slope * size if name == "time" else slope
+            axis.plot(along, worst.residuals.mean() + step * (along - x.mean()), color=SIMULATED, linewidth=1.4)
+            axis.set_title(f"slope {abs(slope) / error:.1f} standard errors", loc="right", fontsize=9)
+        elif np.ptp(x) == 0:
+            axis.set_title("power was constant", loc="right", fontsize=9)
+    share = cumulated_periodogram(worst.residuals)
+    last, axis = float(np.median(np.diff(worst.times))), axes.flat[3]
+    frequency = np.linspace(0.0, 0.5 / last, share.size) * size
+    line = np.linspace(0.0, 1.0, share.size)
+    axis.fill_between(frequency, np.clip(line - worst.band, 0, 1), np.clip(line + worst.band, 0, 1), color=SOFT, alpha=0.18, linewidth=0)
+    axis.plot(frequency, share, color=RESIDUAL, linewidth=1.5)
+    axis.set_title("grey: noise, 95 %", loc="right", fontsize=9)
+    axis.set_xlabel(f"frequency, 1/{unit_name}")
+    axis.set_ylabel("share of variance below")
 
 
 def _smooth(x: Any, y: Any, found: Valley) -> tuple[Any, Any, Any]:

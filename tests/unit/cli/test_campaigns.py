@@ -273,3 +273,24 @@ class TestPredict:
         said = call("predict", made, *(str(scenario) if m == "hot.toml" else m for m in more), "--results", tmp_path / "results")
         assert said.code == 2
         assert word in said.err
+class TestIdentify:
+    def test_says_what_the_logs_of_a_stage_can_tell(self, call: Call, tmp_path: Path) -> None:
+        from unit.identify.project import make_project
+
+        campaign = make_project(tmp_path)
+        said = call("identify", campaign, "--stage", "pair")
+        assert (said.code, said.err) == (0, "")
+        assert said.out.startswith("pair: what these readings can tell of 1 parameter (122 readings)")
+        assert f"{JOINT} = 200 W/(m^2 K) +- " in said.out
+        found = call("identify", campaign, "--after", "--json")
+        assert found.code == 0
+        assert set(found.object) == {"schema", "status", "stages"}
+        assert found.object["stages"]["box"]["stage"] == "after"
+        assert found.object["stages"]["box"]["rank"] == 2
+
+    def test_an_unknown_stage(self, call: Call, tmp_path: Path) -> None:
+        from unit.identify.project import make_project
+
+        said = call("identify", make_project(tmp_path), "--stage", "pear", "--json")
+        assert said.code == 2
+        assert "no stage 'pear'" in said.object["message"]
