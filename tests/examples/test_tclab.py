@@ -224,3 +224,20 @@ def test_structures_are_ranked_as_the_readme_says() -> None:
         assert board["qaic"] < rows[name]["qaic"]
         assert sum(board["unseen_fitted_K"]) < sum(rows[name]["unseen_fitted_K"])
     assert board["doubts"] == []
+
+
+@pytest.mark.campaign
+@sao_paulo
+def test_the_parts_alone_predict_the_pair_as_the_readme_says() -> None:
+    """Two figures of the three that were asked are missed; the page says by how much, and this holds it to that."""
+    done = command(EXAMPLE / "structures.py", "--data", SAO_PAULO, "--from-parts", "--json", "--only", "board", "board, curve")
+    assert done.returncode == 0, done.stderr
+    rows = {r["name"]: r for r in json.loads(done.stdout)["structures"]}
+    lines = (EXAMPLE / "README.md").read_text(encoding="utf-8").partition("## From the parts alone")[2].splitlines()
+    for name, row in rows.items():
+        line = next(text for text in lines if text.startswith(f"| {name} |"))
+        cells = [float(x) for cell in line.strip("|").split("|")[5:10] for x in re.findall(r"\d+\.\d+", cell)]
+        kinds = ("steps", "random_H1", "random_H2", "unseen_fitted_K", "unseen_first_K")
+        assert cells == pytest.approx([x for kind in kinds for x in row[kind]], abs=0.011), name
+    assert max(rows["board"]["steps"]) < 0.42
+    assert rows["board, curve"]["unseen_fitted_K"] == pytest.approx([0.45, 0.55], abs=0.01)
