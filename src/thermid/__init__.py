@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from thermid.identify.profile import valley as valley
     from thermid.identify.split import Split as Split
     from thermid.identify.split import split as split
+    from thermid.identify.posterior import Evidence as Evidence
+    from thermid.identify.posterior import Posterior as Posterior
+    from thermid.identify.posterior import evidence as evidence
+    from thermid.identify.posterior import posterior as posterior
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
@@ -114,6 +118,10 @@ _PUBLIC = {
     "valley": "identify.profile",
     "Valley": "identify.profile",
     "load_values": "identify.values",
+    "posterior": "identify.posterior",
+    "Posterior": "identify.posterior",
+    "evidence": "identify.posterior",
+    "Evidence": "identify.posterior",
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",
     "joint": "identify.stages",

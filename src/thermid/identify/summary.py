@@ -64,6 +64,7 @@ def summarise(
         request.loss,
         (
             *request.remarks,
+            *found.remarks,
             *_warnings(problem, found, total, freedom),
             *(_wandering(spread) if spread is not None else ()),
             *moved.warnings(),
@@ -77,6 +78,7 @@ def summarise(
         problem,
         moved,
         spread.effective if spread is not None else {},
+        search=found.search,
     )
 
 
