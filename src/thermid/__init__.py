@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from thermid.identify.compare import compare as compare
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
+    from thermid.identify.posterior import Evidence as Evidence
+    from thermid.identify.posterior import Posterior as Posterior
+    from thermid.identify.posterior import evidence as evidence
+    from thermid.identify.posterior import posterior as posterior
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import Valley as Valley
     from thermid.identify.profile import profile as profile
     from thermid.identify.profile import valley as valley
     from thermid.identify.split import Split as Split
     from thermid.identify.split import split as split
-    from thermid.identify.posterior import Evidence as Evidence
-    from thermid.identify.posterior import Posterior as Posterior
-    from thermid.identify.posterior import evidence as evidence
-    from thermid.identify.posterior import posterior as posterior
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
