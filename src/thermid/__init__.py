@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from thermid.identify.identifiability import identifiability as identifiability
     from thermid.identify.predict import predict as predict
     from thermid.identify.prediction import Prediction as Prediction
+    from thermid.identify.posterior import Evidence as Evidence
+    from thermid.identify.posterior import Posterior as Posterior
+    from thermid.identify.posterior import evidence as evidence
+    from thermid.identify.posterior import posterior as posterior
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
     from thermid.identify.split import Split as Split
@@ -125,6 +129,10 @@ _PUBLIC = {
     "criticise": "identify.criticism",
     "Criticism": "identify.criticism",
     "load_values": "identify.values",
+    "posterior": "identify.posterior",
+    "Posterior": "identify.posterior",
+    "evidence": "identify.posterior",
+    "Evidence": "identify.posterior",
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",
     "joint": "identify.stages",

@@ -13,6 +13,7 @@ from thermid.identify.gather import problem_for
 from thermid.identify.refusals import refuse_after, refuse_before
 from thermid.identify.request import LocalSpec, Request
 from thermid.identify.residuals import Problem
+from thermid.identify.search import searched
 from thermid.identify.selection import freed, priors_of
 from thermid.identify.solve import Fit, covariances, ended, minimise
 from thermid.identify.statistics import pooled
@@ -36,6 +37,7 @@ def calibrate(
     local: Mapping[str, Any] | None = None,
     priors: Mapping[str, tuple[str, str] | str] | None = None,
     loss: str = "linear",
+    search: str = "auto",
     name: str = "",
     progress: Progress | None = None,
 ) -> Calibration:
@@ -50,6 +52,7 @@ def calibrate(
     local : dict                Values that each record has for itself: boundary or ``initial.<node>`` -> ``{start, sd}``.
     priors : dict               Path or glob -> (mean, standard deviation), texts with units; or ``"range"`` for that of its data sheet.
     loss : str                  linear, soft_l1, huber or cauchy.
+    search : str                local, multistart, differential evolution, cma; or auto: further starts where one descent is doubtful.
     progress : callable         Called with the number of evaluations and the RMS of the weighted residuals.
 
     Raises
@@ -61,7 +64,8 @@ def calibrate(
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
     wanted, _ = freed(model, free, (), name or model.title)
     known = priors_of(model, priors or {}, name or model.title)
-    return fit(Request(model, many, tuple(wanted), scenarios, specs, priors=known, loss=loss, name=name), progress)
+    request = Request(model, many, tuple(wanted), scenarios, specs, priors=known, loss=loss, search=search, name=name)
+    return fit(request, progress)
 
 
 def fit(request: Request, progress: Progress | None = None, known: Mapping[str, float] | None = None) -> Calibration:
@@ -81,15 +85,17 @@ def fit_problem(
         found = ended(problem, np.array(list(known.values())), request.loss, request.knee)
     else:
         refuse_before(request, problem, lambda r: fit(r))
-        found = minimise(problem, request.loss, request.knee, progress=progress)
+        found = searched(problem, request.search, request.loss, request.knee, progress)
         if not stated:
             weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
-            found = minimise(weighed, request.loss, request.knee, found.fitted, progress)
+            again = minimise(weighed, request.loss, request.knee, found.fitted, progress)
+            found = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
     if not stated:
         # from the end alone, so that a fit taken from before says the same
         problem = replace(problem, noise=_measured_noise(problem, found, request.loss))
         again = ended(problem, found.fitted, request.loss, request.knee)
-        found = replace(again, evaluations=found.evaluations, message=found.message, converged=found.converged)
+        kept = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks")}
+        found = replace(again, **kept)
     spread = wander(problem, found, request.loss, request.knee)
     total, random, weights = covariances(found, spread.level, spread.excess)
     refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them

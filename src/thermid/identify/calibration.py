@@ -63,6 +63,7 @@ class Calibration:
     request : Request           What was asked; None for a calibration that no fit of this session made.
     problem : Problem           Its weighted residuals, with the noise that was used.
     moved : Moves               How far what stages below handed on had to move, and how surely.
+    search : str                What was looked at beyond one descent; empty for nothing.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
     effective : dict            (record, sensor) -> independent samples that its readings are worth; all where none are given.
     held : tuple                FittedValues of stages below that the model holds, under their paths here.
@@ -91,6 +92,7 @@ class Calibration:
     moved: Moves = field(default_factory=Moves)
     effective: Mapping[tuple[str, str], float] = field(default_factory=dict, repr=False)
     held: tuple[FittedValues, ...] = field(default=(), repr=False)
+    search: str = ""
 
     @property
     def fitted_model(self) -> Model:
@@ -173,6 +175,7 @@ class Calibration:
             lines.append("  correlations: " + "; ".join(f"{a} ~ {b} {c:+.2f}" for (a, b), c in pairs))
         lines += self.moved.lines()
         lines.append(f"  reduced chi-square {self.reduced_chi_square:.3g}; {self.evaluations} evaluations")
+        lines += [f"  search: {self.search}"] if self.search else []
         lines += [f"  warning: {w}" for w in self.warnings]
         return "\n".join(lines)
 

@@ -96,6 +96,7 @@ class Request:
     untie : bool                    Whether instances of one definition get values of their own.
     loss : str                      linear, soft_l1, huber or cauchy.
     knee : float                    Residual, in units of the noise, from which a robust loss bends.
+    search : str                    auto, local, multistart, differential evolution or cma; see `searched`.
     window : float                  First readings are medians over this time. [s]
     name : str                      Name of the stage.
     readings : dict                 Boundary or ``initial.<node>`` -> Reading that stands there.
@@ -121,6 +122,7 @@ class Request:
     untie: bool = False
     loss: str = "linear"
     knee: float = 1.0
+    search: str = "auto"
     window: float = 0.0
     name: str = ""
     readings: Mapping[str, Reading] = field(default_factory=dict)

@@ -65,6 +65,8 @@ class Fit:
     evaluations : int                       How often the records were simulated.
     message : str                           How it ended.
     converged : bool
+    search : str                            What was looked at beyond one descent; empty for nothing.
+    remarks : tuple of str                  What a reader must know of it.
     """
 
     fitted: Array
@@ -76,6 +78,8 @@ class Fit:
     evaluations: int
     message: str
     converged: bool
+    search: str = ""
+    remarks: tuple[str, ...] = ()
 
 
 class _Arrived(Exception):  # noqa: N818 - it ends a search, nothing went wrong

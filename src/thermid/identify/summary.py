@@ -65,6 +65,7 @@ def summarise(
         (
             *request.remarks,
             *_warnings(problem, found, total, spread),
+            *found.remarks,
             *(_wandering(spread) if spread is not None else ()),
             *moved.warnings(),
         ),
@@ -78,6 +79,7 @@ def summarise(
         moved,
         spread.effective if spread is not None else {},
         request.held,
+        search=found.search,
     )
 
 

@@ -1,0 +1,251 @@
+"""Posterior samples and evidence: what the data say of a fit's unknowns without the assumption of a quadratic valley."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
+from thermid.identify.calibration import Calibration
+from thermid.identify.extras import package
+from thermid.identify.population import box_of
+from thermid.identify.residuals import Compressed, Problem
+from thermid.identify.unknowns import Unknown
+
+__all__ = ["Evidence", "Posterior", "evidence", "posterior"]
+
+Array = NDArray[np.float64]
+ENOUGH = 50
+"""A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Values that the data and the priors allow, as often as they allow them.
+
+    Parameters
+    ----------
+    stage : str                     Of the fit.
+    draws : dict                    Parameter -> value of every draw (draws,), as `ensemble` takes them. [SI]
+    independent : float             How many independent draws they are worth.
+    acceptance : float              Share of the steps that were taken; 0.2 to 0.5 is usual. [-]
+    evaluations : int               How often the records were simulated.
+    fitted : dict                   Parameter -> (value, standard error) of the fit. [SI]
+    warnings : tuple of str         What a reader must know.
+    """
+
+    stage: str
+    draws: Mapping[str, Array]
+    independent: float
+    acceptance: float
+    evaluations: int
+    fitted: Mapping[str, tuple[float, float]]
+    warnings: tuple[str, ...] = ()
+
+    def interval(self, path: str, share: float = 0.95) -> tuple[float, float]:
+        """Return the interval that holds a share of the draws, as much left out below as above. [SI]
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        if path not in self.draws:
+            raise NameNotFoundError(f"'{path}' was not sampled.{nearest(path, self.draws)}", self.stage)
+        low, high = np.quantile(self.draws[path], [(1.0 - share) / 2.0, (1.0 + share) / 2.0])
+        return float(low), float(high)
+
+    def __str__(self) -> str:
+        """Return median and 95 % interval of each parameter, beside the fit's."""
+        size = len(next(iter(self.draws.values())))
+        lines = [f"{self.stage}: {size} draws, worth {self.independent:.0f} independent ones; {self.evaluations} evaluations [SI]"]
+        width = max(map(len, self.draws))
+        for path, values in self.draws.items():
+            low, high = self.interval(path)
+            value, error = self.fitted[path]
+            lines.append(
+                f"  {path:<{width}}  median {np.median(values):.5g}   95 % {low:.5g} .. {high:.5g}   (fit {value:.5g}, "
+                f"{value - 1.96 * error:.5g} .. {value + 1.96 * error:.5g})"
+            )
+        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+
+
+def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: int = 1) -> Posterior:
+    """Return draws of a fit's parameters, everything else that it looked for taken along.
+
+    Constant errors and temperatures of single records, in which readings are linear or nearly so, are not sampled: at each step they take
+    their best values, and the width that their priors leave is counted (the Laplace form of the integral over them; Tierney and Kadane,
+    J. Am. Stat. Assoc. 81 (1986) 82). Needs the package emcee: ``pip install thermid[bayes]``.
+
+    Parameters
+    ----------
+    fit : Calibration
+    steps : int         Of every walker; the first fifth is left out.
+    walkers : int       Twice the parameters and at least 12 by default.
+    seed : int
+
+    Raises
+    ------
+    IdentificationError   When emcee is missing, nothing was free, or the calibration was read from a file.
+    """
+    emcee = package("emcee", "a posterior", "bayes")
+    density = _Density.of(fit)
+    size = len(density.at)
+    count = walkers or max(12, 2 * size + 2)
+    rng = np.random.default_rng(seed)
+    start = density.rest[density.at][None, :] + density.errors(fit)[None, :] * rng.standard_normal((count, size))
+    start = np.clip(start, density.box[:, 0], density.box[:, 1])
+    sampler = emcee.EnsembleSampler(count, size, density)
+    sampler.random_state = np.random.RandomState(seed).get_state()  # the kind of state that emcee takes
+    sampler.run_mcmc(start, steps)
+    chain = sampler.get_chain(discard=steps // 5, flat=True)
+    lag = float(np.max(sampler.get_autocorr_time(discard=steps // 5, quiet=True, tol=0)))
+    independent = chain.shape[0] / max(lag, 1.0)
+    names = [density.problem.unknowns[k] for k in density.at]
+    draws = {u.name: np.array([u.to_value(x) for x in chain[:, n]]) for n, u in enumerate(names)}
+    warnings = (
+        ()
+        if steps - steps // 5 > ENOUGH * lag
+        else (f"the chains are {(steps - steps // 5) / lag:.0f} autocorrelation times long, {ENOUGH} are wanted: give more steps.",)
+    )
+    known = {u.name: (fit[u.name].value, fit[u.name].error) for u in names}
+    return Posterior(fit.stage, draws, independent, float(np.mean(sampler.acceptance_fraction)), density.count, known, warnings)
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """How well a structure explains the data before its parameters were known, each parameter paid for.
+
+    Parameters
+    ----------
+    stage : str             Of the fit.
+    log : float             Natural logarithm of the evidence. [-]
+    error : float           Of the sampling. [-]
+    evaluations : int       How often the records were simulated.
+    box : dict              Parameter -> (low, high) over which its prior is spread, evenly in its fitted form. [SI]
+    """
+
+    stage: str
+    log: float
+    error: float
+    evaluations: int
+    box: Mapping[str, tuple[float, float]]
+
+    def against(self, other: Evidence) -> str:
+        """Return in words what two structures' evidence says, both fitted to the same readings (Jeffreys' scale)."""
+        far = self.log - other.log
+        better, worse = (self, other) if far >= 0 else (other, self)
+        size, doubt = abs(far), math.hypot(self.error, other.error)
+        scale = "not worth a mention" if size < 1.0 + doubt else "weak" if size < 2.5 else "moderate" if size < 5.0 else "strong"
+        return f"'{better.stage}' over '{worse.stage}': ln evidence {size:.1f} +- {doubt:.1f} higher, {scale}"
+
+
+def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
+    """Return the evidence of a fit's structure, to choose between structures fitted to the same readings.
+
+    Priors spread evenly over the bounds (in the fitted form), cut at four standard deviations of a stated prior; a wider box costs a
+    parameter that does not need it. Nested sampling: Skilling, Bayesian Analysis 1 (2006) 833, in the package dynesty (``pip install
+    thermid[bayes]``).
+
+    Parameters
+    ----------
+    fit : Calibration
+    points : int        That are kept alive; more make the error smaller.
+    seed : int
+
+    Raises
+    ------
+    IdentificationError   When dynesty is missing, nothing was free, the noise of a sensor is not stated, or the calibration was read from
+                          a file.
+    """
+    dynesty = package("dynesty", "evidence", "bayes")
+    density = _Density.of(fit)
+    loose = sorted({o.sensor for o in density.problem.observations() if o.noise is None})
+    if loose:
+        raise IdentificationError(f"evidence needs the noise of every sensor, and that of '{loose[0]}' is not stated.", fit.stage)
+    low, wide = density.box[:, 0], np.ptp(density.box, axis=1)
+    sampler = dynesty.NestedSampler(
+        density,
+        lambda u: low + u * wide,
+        len(density.at),
+        nlive=points,
+        sample="rwalk" if len(density.at) > 9 else "unif",
+        rstate=np.random.default_rng(seed),
+    )
+    sampler.run_nested(dlogz=0.1, print_progress=False)
+    found = sampler.results
+    unknowns = [density.problem.unknowns[k] for k in density.at]
+    box = {u.name: (u.to_value(a), u.to_value(b)) for u, (a, b) in zip(unknowns, density.box.tolist(), strict=True)}
+    return Evidence(fit.stage, float(found.logz[-1]), float(found.logzerr[-1]), density.count, box)
+
+
+@dataclass(eq=False)
+class _Density:
+    """Logarithm of the density of parameters given the data, all other unknowns integrated out; normalised over the readings."""
+
+    problem: Problem
+    at: NDArray[np.int64]
+    box: Array
+    rest: Array
+    level: float
+    count: int = 0
+
+    @classmethod
+    def of(cls, fit: Calibration) -> _Density:
+        problem = fit.problem
+        if problem is None or fit.request is None:
+            raise IdentificationError("samples need a fit of this session; a values file does not hold its records.", fit.stage)
+        if fit.request.loss != "linear":
+            raise IdentificationError("samples need the loss 'linear'; a robust loss is no likelihood.", fit.stage)
+        at = np.array([k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"], dtype=np.int64)
+        if not at.size:
+            raise IdentificationError("nothing was free, so there is nothing to sample.", fit.stage)
+        box = np.array([box_of(problem.unknowns[k]) for k in at])
+        end = np.array([fit.fitted[u.name] for u in problem.unknowns])
+        return cls(problem, at, box, end, max(1.0, fit.reduced_chi_square))
+
+    def errors(self, fit: Calibration) -> Array:
+        """Return the standard errors of the parameters, in the fitted form."""
+        unknowns = [self.problem.unknowns[k] for k in self.at]
+        return np.array([fit[u.name].error / u.slope(float(self.rest[k])) for k, u in zip(self.at, unknowns, strict=True)])
+
+    def __call__(self, point: Array) -> float:
+        """Return it at some values of the parameters; minus infinity outside the box."""
+        if (point < self.box[:, 0]).any() or (point > self.box[:, 1]).any():
+            return -np.inf
+        x = self.rest.copy()
+        x[self.at] = point
+        self.count += 1
+        try:
+            found = self.problem.compressed(x)
+        except SolverError:
+            return -np.inf
+        return self._marginal(x, found)
+
+    def _marginal(self, x: Array, found: Compressed) -> float:
+        priors, prior_slopes = self.problem.prior_rows(x)
+        scale = 1.0 / math.sqrt(self.level)
+        rows = np.concatenate([found.rows * scale, priors])
+        others = np.setdiff1d(np.arange(x.size), self.at)
+        slopes = np.concatenate([found.slopes * scale, prior_slopes])[:, others]
+        out = -0.5 * float(rows @ rows) - self._size()
+        if others.size:
+            step, *_ = np.linalg.lstsq(slopes, -rows, rcond=None)
+            out += 0.5 * float(np.sum((slopes @ step) ** 2))
+            _, logdet = np.linalg.slogdet(slopes.T @ slopes)
+            out -= 0.5 * float(logdet)
+            out += sum(_width(self.problem.unknowns[k]) for k in others)
+        return out
+
+    def _size(self) -> float:
+        """Return the logarithm of what normalises the readings' density."""
+        sigma = [(o.sigma(self.problem.noise) * math.sqrt(self.level), o.index.size) for o in self.problem.observations()]
+        return sum(n * math.log(s * math.sqrt(2.0 * math.pi)) for s, n in sigma)
+
+
+def _width(unknown: Unknown) -> float:
+    """Return what an unknown that was integrated out adds: its normalised prior, or a flat one of one unit."""
+    return -math.log(unknown.prior.sd) if unknown.prior is not None else 0.5 * math.log(2.0 * math.pi)
