@@ -12,6 +12,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomlkit
 
 import thermid as td
@@ -25,8 +26,8 @@ EXPONENT = 0.25
 FINISH = {"Acc": (0.22, "stainless steel, cleaned")}
 ALUMINIUM = (0.09, "aluminium, between polished and lightly oxidised")
 """Typical emissivity of a finish (`thermid.physics.materials`); the document names the metals and prints no emissivity. [-]"""
-PRIOR = {"sd": "50 [%]"}
-"""Of emissivities: polished aluminium has 0.04, an oxidised one 0.2."""
+PRIOR, STEEL = {"sd": "50 [%]"}, {"sd": "30 [%]"}
+"""Of emissivities: polished aluminium has 0.04, an oxidised one 0.2; cleaned steel 0.17 to 0.33."""
 UNPRINTED = {"sd": "60 [%]"}
 """Of the loss through the gap of the pair, which no sensor sees by itself: 1 to 8 W/(m^2 K) is what its deck allows."""
 AS_PRINTED = {"sd": "20 [%]"}
@@ -34,7 +35,8 @@ AS_PRINTED = {"sd": "20 [%]"}
 
 COMPONENT = {"free": ["skin.htc.coefficient", "mass", "skin.emissivity"], "priors": {"skin.emissivity": PRIOR}}
 STAGES: dict[str, dict[str, Any]] = {
-    **dict.fromkeys(("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV"), COMPONENT),
+    "Acc": COMPONENT | {"priors": {"skin.emissivity": STEEL}},
+    **dict.fromkeys(("FOG_h", "FOG_l", "EleGFO", "ProcSISNAV"), COMPONENT),
     "m_PrE": {
         "free": ["stack_conductivity", "stack.gap.htc", "proc.skin.htc.coefficient", "ele.skin.htc.coefficient"],
         "priors": {"stack.gap.htc": UNPRINTED},
@@ -120,6 +122,9 @@ def natural(name: str) -> str:
             "basis": f"{finish}; thermid.physics.materials",
         }
         del surface["effective_htc"]
+    if name.startswith("FOG"):  # the slope of a gyro's power is measured (`power_slope`); the document knows that there is one
+        loads: Any = deck["loads"]
+        loads["electronics"] |= {"temperature_coefficient": "0 [1/K]", "reference_temperature": "24 [degC]"}
     settings: Any = deck.get("set", {})
     if name == "m_IMU":  # the document shares the support's mass among the gyros; here it weighs by itself
         nodes: Any = deck["nodes"]
@@ -130,6 +135,17 @@ def natural(name: str) -> str:
         settings[path.replace("effective_htc", "htc.coefficient")] = value(path)
         del settings[path]
     return tomlkit.dumps(deck)
+
+
+def power_slope(log: Path, sensor: str, start: float = 24.0) -> tuple[float, float]:
+    """Return how a gyro's power changes with its temperature, of the power at `start` [degC], and the standard error. [1/K]
+
+    A straight line through the logged power over the logged temperature, while it is on.
+    """
+    rows = np.genfromtxt(log, delimiter=",", names=True, skip_header=1)
+    on = rows["P"] > 0.5 * rows["P"].max()
+    (slope, level), covariance = np.polyfit(rows[sensor][on] - start, rows["P"][on], 1, cov=True)
+    return float(slope / level), float(covariance[0, 0] ** 0.5 / level)
 
 
 def campaign() -> str:
