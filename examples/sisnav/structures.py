@@ -122,7 +122,7 @@ def natural(name: str) -> str:
             "basis": f"{finish}; thermid.physics.materials",
         }
         del surface["effective_htc"]
-    if name.startswith("FOG"):  # the slope of a gyro's power is measured (`power_slope`); the document knows that there is one
+    if name.startswith("FOG"):  # the slope of a gyro's power is measured (`gyro_power`); the document knows that there is one
         loads: Any = deck["loads"]
         loads["electronics"] |= {"temperature_coefficient": "0 [1/K]", "reference_temperature": "24 [degC]"}
     settings: Any = deck.get("set", {})
@@ -137,15 +137,12 @@ def natural(name: str) -> str:
     return tomlkit.dumps(deck)
 
 
-def power_slope(log: Path, sensor: str, start: float = 24.0) -> tuple[float, float]:
-    """Return how a gyro's power changes with its temperature, of the power at `start` [degC], and the standard error. [1/K]
-
-    A straight line through the logged power over the logged temperature, while it is on.
-    """
+def gyro_power(log: Path, sensor: str) -> tuple[float, float]:
+    """Return a gyro's power at 24 degC [W] and its relative change with temperature [1/K]: a line through what was logged while it was on."""
     rows = np.genfromtxt(log, delimiter=",", names=True, skip_header=1)
     on = rows["P"] > 0.5 * rows["P"].max()
-    (slope, level), covariance = np.polyfit(rows[sensor][on] - start, rows["P"][on], 1, cov=True)
-    return float(slope / level), float(covariance[0, 0] ** 0.5 / level)
+    slope, level = np.polyfit(rows[sensor][on] - 24.0, rows["P"][on], 1)
+    return float(level), float(slope / level)
 
 
 def campaign() -> str:

@@ -85,8 +85,8 @@ class Vacuum:
 
     @property
     def inside(self) -> bool:
-        """Whether the interval holds the truth at the end."""
-        return bool(self.low[-1] <= self.truth[-1] <= self.high[-1])
+        """Whether the interval holds the truth at all times, to a hundredth of a kelvin where it has no width yet."""
+        return bool(np.all((self.low - 0.01 <= self.truth) & (self.truth <= self.high + 0.01)))
 
 
 @dataclass(frozen=True)
@@ -116,24 +116,31 @@ class Work:
         return laboratory.World.make()
 
     @cached_property
-    def slopes(self) -> dict[str, tuple[float, float]]:
-        """Gyro -> change of its power with temperature, and its error. [1/K]"""
+    def gyros(self) -> dict[str, tuple[float, float]]:
+        """Gyro -> its power at 24 degC [W], and how it changes with temperature [1/K], as they were logged."""
         logs = {"FOG_h": ("fog_h.csv", "T_FOG1"), "FOG_l": ("fog_l.csv", "T_FOG2")}
-        return {gyro: structures.power_slope(self.folder / "logs" / file, sensor) for gyro, (file, sensor) in logs.items()}
+        return {gyro: structures.gyro_power(self.folder / "logs" / file, sensor) for gyro, (file, sensor) in logs.items()}
 
     def model(self, stage: str) -> td.Model:
         """Return the calibrated model of a stage, its gyros' power following their temperature as it was logged."""
         fitted = self.natural[stage].fitted_model
-        names = td.compile_network(fitted).flat.parameters.table
-        slopes = {}
-        for path in (p for p in names if p.endswith("electronics.temperature_coefficient")):
-            gyro = "FOG_h" if stage == "FOG_h" or "fog_x" in path else "FOG_l"
-            slopes[path] = f"{self.slopes[gyro][0]!r} [1/K]"
-        return fitted.with_values(slopes, "slope of the logged power")
+        measured = {}
+        for path in td.compile_network(fitted).flat.parameters.table:
+            if path.endswith("electronics.temperature_coefficient"):
+                level, slope = self.gyros["FOG_h" if stage == "FOG_h" or "fog_x" in path else "FOG_l"]
+                measured[path] = f"{slope!r} [1/K]"
+                measured[path.replace("electronics.temperature_coefficient", "power")] = f"{level!r} [W]"
+        return fitted.with_values(measured, "logged power")
 
     def draws(self, stage: str) -> dict[str, Array]:
         """Return values of a stage drawn from their covariance (members,)."""
         return self.natural[stage].values.draws(MEMBERS, SEED)
+
+    def powers(self, model: td.Model) -> dict[str, Array]:
+        """Return a factor (members,) on every load: each power is known as well as its meter."""
+        rng = np.random.default_rng(SEED)
+        loads = [load.path for load in td.compile_network(model).flat.loads]
+        return {f"scale.{path}": 1.0 + laboratory.POWER_ACCURACY * rng.standard_normal(MEMBERS) for path in loads}
 
     def effective(self, stage: str, surface: str) -> Value:
         """Return the effective coefficient of a surface, convection and radiation, where the stage's model settles on the bench. [W/(m^2 K)]"""
@@ -180,7 +187,8 @@ class Work:
         """Return what a stage's model says without gas at nodes (label -> path), beside the hidden truth and the printed bound."""
         times = np.linspace(0.0, BENCH.seconds, 61)
         model, empty = self.model(stage), BENCH.vacuum()
-        many = td.ensemble(model, empty, self.draws(stage), times=times, nodes=list(nodes.values()), quantiles=(INTERVAL[0], 0.5, INTERVAL[1]))
+        draws, shares = self.draws(stage) | self.powers(model), (INTERVAL[0], 0.5, INTERVAL[1])
+        many = td.ensemble(model, empty, draws, times=times, nodes=list(nodes.values()), quantiles=shares)
         truth = td.simulate(self.hidden.models[self.natural[stage].model.title], empty, times=times)
         printed = td.simulate(td.load_model(HERE / f"{self.natural[stage].model.title}.toml"), BENCH.vacuum(as_printed=True), times=times)
         rest = td.steady(model, empty)

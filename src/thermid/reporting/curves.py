@@ -97,7 +97,7 @@ def curves(
             axes[0].tick_params(labelbottom=False)
             axes[1].set_ylabel(names[1])
             figure.align_ylabels(axes)
-        left = 56 / width
+        left = 66 / width
         figure.subplots_adjust(left=left, right=0.985, top=0.97, bottom=40 / height, hspace=0.12)
         markup = markup_of(figure, label, key, points)
     seen = {c.label: c.look for c in (*lines, *below)}

@@ -47,10 +47,8 @@ def study_report(
     """
     template = page_template("study.html.jinja")
     made, of = origins.made_records(campaign)
-    banners = [(watermark.upper(), study.note)] if watermark else []
-    if made:
-        text = f"{len(made)} of {of} records were made, not measured. What rests on them says nothing about real hardware."
-        banners.append(("SYNTHETIC DATA", text))
+    text = f"{len(made)} of {of} records were made, not measured: what rests on them says nothing about real hardware." if made else ""
+    banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or made else []
     shown = [_steps_section(study), _parts_section(study), *sections, _record_section(study, campaign)]
     failed = [v for v in campaign.verdicts if not v.passed]
     worst = max((c.found / c.limit for v in campaign.verdicts for c in v.checks), default=0.0)
@@ -97,11 +95,12 @@ def steps(study: Study) -> list[Block | Table]:
     actions = Table.of([Column("no."), Column("action", wrapped=True), Column("state"), Column("stages", wrapped=True)], rows)
     return [
         Heading("1  Knowledge and intended use"),
-        Facts((("subject", study.subject), ("physical items", str(len(study.components))), ("model of the whole", study.model.title))),
+        Facts((("physical items", str(len(study.components))), ("model of the whole", study.model.title))),
         *(Words(fact) for fact in study.facts),
         Heading("2  Box colour"),
         Words(study.reason),
-        _boxes(study),
+        Facts((("the whole", study.part_boxes[""]),)),
+        folded("Box colours part by part", [_boxes(study)], f"{len(study.part_boxes)} parts"),
         Heading("3  Theoretical and experimental set-up"),
         Facts(theory),
         *(Words(text) for text in (*study.theory, *study.experiment)),
