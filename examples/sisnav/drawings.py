@@ -84,7 +84,12 @@ def fig_21() -> tuple[Figures, float]:
     derived = td.equations(model, NAMES)
     space: dict[str, object] = {}
     exec(derived.python("derivatives"), space)  # the text that the program wrote from the network
-    given = {**derived.values, "Q_k1": lambda t: 4.11, "Q_k2": lambda t: 2.168 * (t < 10800.0), "T_amb": lambda t: 297.15 + 0.7 * t / 18000.0}
+    given = {
+        **derived.values,
+        "Q_k1": lambda t: 4.11,
+        "Q_k2": lambda t: 2.168 * (t < 10800.0),
+        "T_amb": lambda t: 297.15 + 0.7 * t / 18000.0,
+    }
     states, found = [297.15, 297.15], []
     for begin, end in ((0.0, 10800.0), (10800.0, 18000.0)):
         inside = times[(times >= begin) & (times <= end)]
@@ -122,7 +127,9 @@ def structures(work: Work) -> Figures:
             Curve("natural convection and radiation", "simulated", n.times, n.residuals),
             Curve("one constant coefficient", "bound", c.times, c.residuals),
         ]
-        drawn = curves(lines, f"held-{key}", f"{sensor} in {record}", below=below, names=("temperature, °C", "residual, K"), size=(440, 300))
+        drawn = curves(
+            lines, f"held-{key}", f"{sensor} in {record}", below=below, names=("temperature, °C", "residual, K"), size=(440, 300)
+        )
         plots.append(Plot(drawn, f"{model}: {sensor} in {record}, seen by no fit", SYNTHETIC))
     return Figures(tuple(plots), plots[0].drawn.legend)
 

@@ -35,7 +35,7 @@ def table_2(work: Work) -> Table:
             lines[2].append(Cell(f"{found.value:.2f} ± {found.error:.2f}", "effective, where the part settles on the bench", "main"))
         rows += lines
     columns = [Column("part"), Column("W/(m² K)"), *(Column("full model (Sd)" if level == "Sd" else level, True) for level in LEVELS)]
-    caption = "A dash: not given; the document has no row for the disk. Natural: convection and radiation where the part settles, ± one standard error."
+    caption = "A dash: not given. Natural: convection and radiation together, where the part settles, ± one standard error."
     return Table.of(columns, rows, caption)
 
 
@@ -58,10 +58,14 @@ def verdicts(work: Work) -> Table:
             looks = ["good" if c.passed else "bad" for c in found]
             first = Cell(other.model, "", "main") if k == 0 else Cell("", "", "same")
             cells = [Cell(f"{c.found:.2f}", "", look) for c, look in zip(found, looks, strict=True)]
-            rows.append([first, other.record if k == 0 else "", check.sensor, "RMSE" if noisy else "largest error", *cells, f"{check.limit:g}"])
+            rows.append(
+                [first, other.record if k == 0 else "", check.sensor, "RMSE" if noisy else "largest error", *cells, f"{check.limit:g}"]
+            )
     columns = [Column("model"), Column("held-out log"), Column("sensor"), Column("criterion")]
     columns += [Column("constant, K", True), Column("natural, K", True), Column("limit, K", True)]
-    return Table.of(columns, rows, "Errors of readings. The accelerometer channel has 0.35 K of noise; its limit is on the root mean square.")
+    return Table.of(
+        columns, rows, "Errors of readings. The accelerometer channel has 0.35 K of noise; its limit is on the root mean square."
+    )
 
 
 def recovered(work: Work) -> Table:
@@ -83,10 +87,29 @@ def vacuums(runs: Iterable[Vacuum]) -> Table:
     for run in runs:
         numbers = [f"{x[-1]:.1f}" for x in (run.middle, run.low, run.high, run.truth)]
         inside = Cell("✓ inside", "", "good") if run.inside else Cell("outside", "", "bad")
-        rows.append([Cell(run.node, "", "main"), *numbers, inside, f"{100 * run.half_width:.0f}", f"{run.printed[-1]:.1f}", f"{run.settles:.1f}"])
-    columns = [Column("node"), Column("after 5 h, °C", True), Column("low", True), Column("high", True), Column("hidden truth", True), Column("truth")]
-    columns += [Column("half-width, % of rise", True), Column("as printed, °C", True), Column("settles at, °C", True)]
-    return Table.of(columns, rows, "95 % interval from the covariance of all fitted values, emissivities among them.")
+        rows.append(
+            [
+                *(Cell(run.node, "", "main"), *numbers, inside, f"{run.beyond:.2f}"),
+                *(f"{100 * run.half_width:.0f}", f"{run.printed[-1]:.1f}", f"{run.settles:.1f}"),
+            ]
+        )
+    columns = [
+        Column("node"),
+        Column("after 5 h, °C", True),
+        Column("low", True),
+        Column("high", True),
+        Column("hidden truth", True),
+        Column("truth"),
+    ]
+    columns += [
+        Column("beyond on the way, K", True),
+        Column("half-width, % of rise", True),
+        Column("as printed, °C", True),
+        Column("settles at, °C", True),
+    ]
+    return Table.of(
+        columns, rows, "95 % interval from the covariance of all fitted values, emissivities among them, and from the power meters."
+    )
 
 
 def settling(work: Work) -> Table:
@@ -99,8 +122,17 @@ def settling(work: Work) -> Table:
         fitted = float(td.simulate(work.constant[part].fitted_model, BENCH).time_constants[0])
         needed = hours * HOUR / math.log(100) if hours else math.nan
         differs = bool(hours) and not 0.67 < needed / tau < 1.5
-        flag = Cell(f"✗ {needed / tau:.1f} times as slow", "", "bad") if differs else Cell("agrees by the choice of mass" if hours else DASH, "", "soft")
-        times = [f"{tau / 60:.1f}", f"{tau * math.log(100) / HOUR:.2f}", f"{hours:g}" if hours else DASH, f"{needed / 60:.1f}" if hours else DASH]
+        flag = (
+            Cell(f"✗ {needed / tau:.1f} times as slow", "", "bad")
+            if differs
+            else Cell("agrees by the choice of mass" if hours else DASH, "", "soft")
+        )
+        times = [
+            f"{tau / 60:.1f}",
+            f"{tau * math.log(100) / HOUR:.2f}",
+            f"{hours:g}" if hours else DASH,
+            f"{needed / 60:.1f}" if hours else DASH,
+        ]
         rows.append([Cell(part, "", "main"), *times, f"{fitted / 60:.1f}", flag])
     columns = [Column("component"), Column("m c/(h A), min", True), Column("99 % after, h", True), Column("document says, h", True)]
     columns += [Column("implied, min", True), Column("found on the synthetic log, min", True), Column("")]
@@ -140,14 +172,21 @@ def biot() -> Table:
     rows: list[Line] = []
     for name, (length, conductivity, coefficient) in BIOT.items():
         found = coefficient * length / conductivity
-        rows.append([Cell(name, "", "main"), number(found, 2), Cell("one node is enough", "", "good") if found < BIOT_LIMIT else Cell("✗ not one node", "", "bad")])
+        rows.append(
+            [
+                Cell(name, "", "main"),
+                number(found, 2),
+                Cell("one node is enough", "", "good") if found < BIOT_LIMIT else Cell("✗ not one node", "", "bad"),
+            ]
+        )
     return Table.of([Column("part"), Column("Biot number", True), Column("")], rows, "The node is the case, not the electronics in it.")
 
 
 def slips(work: Work) -> Table:
     """Return the document's 25 slips with how each is handled."""
     rows: list[Line] = [
-        [Cell(s["id"], "", "main"), s["where"], s["printed"], s["meant"], Cell(s["handled"], s.get("test", ""))] for s in work.document["slips"]
+        [Cell(s["id"], "", "main"), s["where"], s["printed"], s["meant"], Cell(s["handled"], s.get("test", ""))]
+        for s in work.document["slips"]
     ]
     titles = ("", "where", "printed", "what is meant, or why not", "here")
     return Table.of([Column(t, wrapped=bool(t)) for t in titles], rows)

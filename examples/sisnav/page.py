@@ -7,13 +7,13 @@ from typing import Any
 
 import drawings
 import findings
-from work import BENCH, HERE, PLACES, Work
+from work import BENCH, HERE, Work
 
 import thermid as td
 from thermid.reporting import tables
 from thermid.reporting.cells import Cell, Column, Line, Table
 from thermid.reporting.diagram import diagram
-from thermid.reporting.sections import Block, Code, Facts, Formulas, Heading, Notes, Picture, Section, Tabled, Words, folded
+from thermid.reporting.sections import Block, Code, Facts, Formulas, Heading, Notes, Picture, Section, Words, folded
 from thermid.reporting.study_page import study_report
 
 WATERMARK = "Demonstration: 22 assumed parameters, synthetic data"
@@ -24,7 +24,13 @@ PICTURES = {
     "m_IMU": "Fig. 23: m_IMU; the support's mass is shared among the gyros, as the document says.",
     "m_Sd": "Fig. 24: the whole, m_SdU, Sd or m_Sd.",
 }
-SEEN = {"m_Sd_PrS": "pre.proc.case", "m_Sd_EleG": "pre.ele.case", "m_Sd_FOG1": "imu.fog_x.case", "m_Sd_Acc": "imu.acc.acc_x.case", "disk": "disk"}
+SEEN = {
+    "m_Sd_PrS": "pre.proc.case",
+    "m_Sd_EleG": "pre.ele.case",
+    "m_Sd_FOG1": "imu.fog_x.case",
+    "m_Sd_Acc": "imu.acc.acc_x.case",
+    "disk": "disk",
+}
 
 
 def inline(svg: str) -> str:
@@ -38,7 +44,7 @@ def outcome(work: Work) -> list[Block | Table]:
     worst = max(c.found for v in natural.verdicts for c in v.checks if c.criterion == "max_error")
     found = work.recovered()
     runs = work.vacuum("m_Sd", SEEN)
-    widest = max(runs, key=lambda r: r.half_width)
+    inside, wide = sum(r.inside for r in runs), 100 * max(r.half_width for r in runs)
     failed = sum(not v.passed for v in constant.verdicts)
     return [
         Facts(
@@ -47,7 +53,10 @@ def outcome(work: Work) -> list[Block | Table]:
                 ("held-out logs, natural convection", f"largest error {worst:.2f} K of 0.5 K"),
                 ("the same with constant coefficients", f"{failed} of {len(constant.verdicts)} fail"),
                 ("hidden values inside two standard errors", f"{sum(r.inside for r in found)} of {len(found)}"),
-                ("vacuum, whole unit", f"truth inside at {sum(r.inside for r in runs)} of {len(runs)} nodes; half-width up to {100 * widest.half_width:.0f} % of the rise"),
+                (
+                    "vacuum, whole unit",
+                    f"truth inside at {inside} of {len(runs)} nodes; half-width up to {wide:.0f} % of the rise",
+                ),
                 ("slips of the document", f"{len(work.document['slips'])}, each handled or explained"),
             )
         )
@@ -59,27 +68,31 @@ def levels(work: Work) -> Section:
     steady = td.steady(work.model("m_Sd"), BENCH)
     blocks: list[Block | Table] = [
         Words(
-            "The document's blocks hold one constant coefficient a surface. Air that a warm box moves by itself takes heat as the difference of "
-            "temperature to the power 1.25, and the surface radiates beside it: a coefficient tuned where a part settles is wrong while it "
-            "warms, and the fit hides that in the mass. Both structures were fitted to the same logs."
+            "The document's blocks hold one constant coefficient a surface. Air that a warm box moves by itself takes heat as the "
+            "difference of temperature to the power 1.25, and the surface radiates beside it: a coefficient tuned where a part settles is "
+            "wrong while it warms, and the fit hides that in the mass. Both structures were fitted to the same logs."
         ),
         findings.table_2(work),
         Heading("Which structure the data choose"),
         Words(
-            "Constant: the document's own. Natural: laminar exponent 1/4 and radiation with an emissivity by finish as a prior; the support "
-            "of the measurement unit weighs by itself; what a level found goes to the next with its covariance. No fit has seen these logs."
+            "Constant: the document's own. Natural: laminar exponent 1/4 and radiation with the emissivity of a finish as a prior; the "
+            "support of the measurement unit weighs by itself; what a level found goes to the next with its covariance. No fit has seen "
+            "these logs."
         ),
         findings.verdicts(work),
         drawings.structures(work),
         Heading("What the campaign recovers, and what it cannot tell"),
         Words(
-            "The unit behind the logs was looked at when everything was fitted and judged. Coefficients are compared as effective ones at one "
-            "temperature: convection and radiation are hardly told apart in air, so their sum is known far better than either."
+            "The unit behind the logs was looked at when everything was fitted and judged. Coefficients are compared as effective ones at "
+            "one temperature: convection and radiation are hardly told apart in air, so their sum is known far better than either."
         ),
         folded("Found and hidden, value by value", [findings.recovered(work)], f"{len(work.recovered())} values"),
         folded("Other parameters by level", [tables.levels(work.natural)[1]], "natural structure"),
         Facts(tuple((name, f"{steady[path] - 273.15:.1f} °C") for name, path in SEEN.items())),
-        Words("Settled temperatures of the calibrated whole at 24 °C; the document says about 34 °C for the processor and about 32 °C for most others."),
+        Words(
+            "Settled temperatures of the calibrated whole at 24 °C; the document says about 34 °C for the processor and about 32 °C for "
+            "most others."
+        ),
         Heading("Theoretical and effective coefficient"),
         *coefficients(),
         Heading("Time constants"),
@@ -114,7 +127,10 @@ def figures(work: Work) -> Section:
         drawings.figure(work, drawings.FIG_26, "fig26"),
         Heading("Fig. 21: the network against its equations"),
         against,
-        Words(f"Largest difference {1e9 * worst:.1f} nK. The equations are the text that the program wrote from the network, integrated by scipy's DOP853."),
+        Words(
+            f"Largest difference {1e9 * worst:.1f} nK. The equations are the text that the program wrote from the network, "
+            "integrated by scipy's DOP853."
+        ),
         Heading("Figs. 3, 5, 18, 19, 22 to 24: the models"),
         Words("Drawn from the decks, with settled temperatures at 24 °C."),
         *pictures[:2],
@@ -144,7 +160,10 @@ def printed_rises(derived: td.Equations) -> tuple[Any, Any]:
     d, a, b, w = symbols.values()
     rises = (n1 / w * (q1 * (d + a) + q2 * n2 * n3), n2 / w * (q1 * n1 * n3 + q2 * (d + b)))
     meaning = {d: delta, a: alpha, b: beta, w: whole}
-    heat = (q1 - (t1 - ta) / n1 - (r2 * (t1 - ta) + n3 * (t1 - t2)) / delta, q2 - (t2 - ta) / n2 - (r1 * (t2 - ta) + n3 * (t2 - t1)) / delta)
+    heat = (
+        q1 - (t1 - ta) / n1 - (r2 * (t1 - ta) + n3 * (t1 - t2)) / delta,
+        q2 - (t2 - ta) / n2 - (r1 * (t2 - ta) + n3 * (t2 - t1)) / delta,
+    )
     pairs = [("Eq. 4", printed, derived.expanded(found)) for printed, found in zip(heat, derived.heat, strict=True)]
     pairs += [("Eq. 6", ta + rise.subs(meaning), found) for rise, found in zip(rises, derived.steady.values(), strict=True)]
     for name, printed, found in pairs:
@@ -155,7 +174,7 @@ def printed_rises(derived: td.Equations) -> tuple[Any, Any]:
 
 def equations() -> Section:
     """Return Eqs. 4 to 6 as derived from the network of Fig. 19."""
-    from sympy.printing.mathml import mathml
+    from sympy import mathml
 
     derived = td.equations(td.load_model(HERE / "m_PrE.toml"), drawings.NAMES)
     lines = [(text, "(4)") for text in derived.mathml()]
@@ -217,18 +236,23 @@ def warmer(work: Work) -> Table:
     for name, path in SEEN.items():
         cells = [f"{found[k][i][path] - 273.15:.2f}" for k in found for i in (0, 1)]
         shifts = [f"{found[k][1][path] - found[k][0][path]:.3f}" for k in found]
-        rows.append([Cell(name, "", "main"), cells[0], cells[1], Cell(shifts[0], "", "main"), cells[2], cells[3], Cell(shifts[1], "", "main")])
+        rows.append(
+            [Cell(name, "", "main"), cells[0], cells[1], Cell(shifts[0], "", "main"), cells[2], cells[3], Cell(shifts[1], "", "main")]
+        )
     columns = [Column("node"), *(Column(f"{k}, {t}", True) for k in found for t in ("24 °C", "34 °C", "shift, K"))]
-    caption = "A linear network shifts by exactly the 10 K of its room. Radiation grows with temperature, so the other shifts by a little less."
+    caption = (
+        "A linear network shifts by exactly the 10 K of its room. Radiation grows with temperature, so the other shifts by a little less."
+    )
     return Table.of(columns, rows, caption)
 
 
 LIMITS = (
     "Every log is synthetic. That the fits find the hidden unit shows that the procedure works, not what the real unit does.",
-    "22 parameters of the document are not printed and were assumed; counted with handbook values and nominal thicknesses the decks mark more.",
+    "22 free parameters of the model are not printed and were assumed; with handbook values and nominal thicknesses the decks mark more.",
     "'Around', 'slightly' and 'approximately' were given widths; the figures' curves were not available.",
     "One node a case: nothing is said of the electronics inside, where Biot numbers are above 0.1.",
-    "The second structure shares the laboratory's form (exponent 1/4, grey radiation); its values are hidden, its form is textbook physics. Real air and real finishes can differ from both.",
+    "The second structure shares the laboratory's form (exponent 1/4, grey radiation), which is textbook physics; its values are hidden. "
+    "Real air and real finishes can differ from both.",
     "In vacuum joints keep the conductance that they had in air; gas in the joints is not taken apart.",
     "Actions 8 to 12 come with qualification; their places are kept.",
 )

@@ -85,8 +85,13 @@ class Vacuum:
 
     @property
     def inside(self) -> bool:
-        """Whether the interval holds the truth at all times, to a hundredth of a kelvin where it has no width yet."""
-        return bool(np.all((self.low - 0.01 <= self.truth) & (self.truth <= self.high + 0.01)))
+        """Whether the interval holds the truth at the end."""
+        return bool(self.low[-1] <= self.truth[-1] <= self.high[-1])
+
+    @property
+    def beyond(self) -> float:
+        """By how much the truth leaves the interval on the way at most. [K]"""
+        return float(max(np.max(self.low - self.truth), np.max(self.truth - self.high), 0.0))
 
 
 @dataclass(frozen=True)
@@ -143,7 +148,7 @@ class Work:
         return {f"scale.{path}": 1.0 + laboratory.POWER_ACCURACY * rng.standard_normal(MEMBERS) for path in loads}
 
     def effective(self, stage: str, surface: str) -> Value:
-        """Return the effective coefficient of a surface, convection and radiation, where the stage's model settles on the bench. [W/(m^2 K)]"""
+        """Return the effective coefficient of a surface, radiation in it, where the stage's model settles on the bench. [W/(m^2 K)]"""
         model = self.natural[stage].fitted_model
         kelvin, found = _settled(model, surface), td.compile_network(model).numbers().values
         drawn = self.draws(stage)

@@ -122,7 +122,7 @@ class Equations:
 
     def mathml(self) -> tuple[str, ...]:
         """Return the same lines as MathML, which browsers draw without help."""
-        from sympy.printing.mathml import mathml
+        from sympy import mathml
 
         def shown(expression: Expr) -> str:
             return str(mathml(expression, printer="presentation", order="none"))
