@@ -54,7 +54,7 @@ lengths: setup-test  ## how long modules and functions are
 
 lock:  ## pin every package again (needs uv; UPGRADE=--upgrade for newer versions)
 	@command -v uv >/dev/null || { echo 'make lock needs uv on the PATH.' >&2; exit 1; }
-	$(COMPILE) --extra report --group build -o requirements.lock
+	$(COMPILE) --extra report --extra symbolic --group build -o requirements.lock
 	$(COMPILE) --all-extras --group build -c requirements.lock -o requirements-test.lock
 
 clean:  ## remove the environment and everything that was built

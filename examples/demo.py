@@ -1,6 +1,6 @@
-"""The main job, end to end: synthetic logs of a hidden stack, a campaign over them, vacuum, and one report page.
+"""The study of the source document, end to end: synthetic logs, nine levels twice, scenarios, and one report page.
 
-Run by ``make demo``. The logs are made here and labelled as synthetic; examples/tclab does the same on measured ones.
+Run by ``make demo``. Every log is made here and labelled as synthetic; examples/tclab does the same on measured ones.
 """
 
 from __future__ import annotations
@@ -9,12 +9,11 @@ import sys
 import time
 from pathlib import Path
 
-import thermid as td
-
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE / "04_campaign"))
+sys.path.insert(0, str(HERE / "sisnav"))
 
-from make_logs import main as make_logs  # noqa: E402
+import page  # noqa: E402
+import work  # noqa: E402
 
 
 def main(folder: Path) -> Path:
@@ -24,32 +23,12 @@ def main(folder: Path) -> Path:
     def say(text: str) -> None:
         print(f"[{time.monotonic() - begun:5.1f} s] {text}", flush=True)
 
-    say("making synthetic logs of a hidden stack: processor, gyro supply, and both together")
-    make_logs(folder / "logs")
-    say("calibrating: ProcSISNAV -> EleGFO -> m_PrE, then judging a log that no stage has seen")
-    last = ""
-
-    def notice(stage: str, count: int, rms: float) -> None:
-        nonlocal last
-        if stage != last:
-            last = stage
-            say(f"  {stage}")
-
-    campaign = td.run_stages(HERE / "04_campaign" / "campaign.toml", data=folder, notice=notice)
-    for stage in campaign:
-        for path, value in campaign[stage].values.parameters.items():
-            say(f"  {stage}: {path} = {value.in_unit:.4g} +- {value.shown(value.error):.2g} {value.unit}")
-    for verdict in campaign.verdicts:
-        say(f"  {verdict.record}: {'passed' if verdict.passed else 'FAILED'}")
-    say("predicting: the fitted stack on the bench, and in vacuum as the source document prints it (a bound)")
-    fitted = campaign["m_PrE"].fitted_model
-    bench = td.Scenario("bench at 24 degC", boundaries={"cv": "24 [degC]"}, duration="5 [h]")
-    scenarios = [(s.title, td.simulate(fitted, s)) for s in (bench, bench.vacuum(as_printed=True))]
-    campaign.save(folder / "results")
-    page = td.report(campaign, to=folder / "report.html", scenarios=scenarios)
+    done = work.run(folder, say)
+    say("predicting temperature, humidity and vacuum; drawing the page")
+    report = page.main(done, folder / "report.html")
     say("done")
-    print(f"\nreport page: {page}")
-    return page
+    print(f"\nreport page: {report}")
+    return report
 
 
 if __name__ == "__main__":

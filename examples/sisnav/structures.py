@@ -12,9 +12,11 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomlkit
 
 import thermid as td
+from thermid.physics.finishes import finish
 from thermid.physics.radiation import radiation_coefficient, radiation_conductance
 
 HERE = Path(__file__).parent
@@ -22,17 +24,14 @@ PARTS = ("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV", "m_PrE", "m_AccS", "m_
 AMBIENT = 297.15
 EXPONENT = 0.25
 """Of laminar natural convection from plates. [-]"""
-FINISH = {"Acc": (0.22, "stainless steel, cleaned")}
-ALUMINIUM = (0.09, "aluminium, between polished and lightly oxidised")
-"""Typical emissivity of a finish (`thermid.physics.materials`); the document names the metals and prints no emissivity. [-]"""
-PRIOR = {"sd": "50 [%]"}
-"""Of emissivities: polished aluminium has 0.04, an oxidised one 0.2."""
+ALUMINIUM, FINISHES = "aluminium, machined", {"Acc": "stainless steel, machined"}
+"""What the document says of housings; handbooks give the emissivity and its range, which is the prior of what the fits find."""
 UNPRINTED = {"sd": "60 [%]"}
 """Of the loss through the gap of the pair, which no sensor sees by itself: 1 to 8 W/(m^2 K) is what its deck allows."""
 AS_PRINTED = {"sd": "20 [%]"}
 """Of coefficients that several sensors see only together: about Table 2's."""
 
-COMPONENT = {"free": ["skin.htc.coefficient", "mass", "skin.emissivity"], "priors": {"skin.emissivity": PRIOR}}
+COMPONENT = {"free": ["skin.htc.coefficient", "mass", "skin.emissivity"]}
 STAGES: dict[str, dict[str, Any]] = {
     **dict.fromkeys(("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV"), COMPONENT),
     "m_PrE": {
@@ -42,7 +41,7 @@ STAGES: dict[str, dict[str, Any]] = {
     },
     "m_AccS": {
         "free": ["flange_conductivity", "support_skin.htc.coefficient", "support_skin.emissivity"],
-        "priors": {"flange_conductivity": {"sd": "40 [%]"}, "support_skin.emissivity": PRIOR},
+        "priors": {"flange_conductivity": {"sd": "40 [%]"}},
         "inherit": {f"acc_{axis}": ("Acc",) for axis in "xyz"},
     },
     "m_IMU": {
@@ -53,7 +52,6 @@ STAGES: dict[str, dict[str, Any]] = {
         "priors": {
             **{p: {"sd": "40 [%]"} for p in ("fog_foot_conductivity", "acc_foot_conductivity")},
             "acc.support_skin.htc.coefficient": AS_PRINTED,
-            "support_skin.emissivity": PRIOR,
         },
         "inherit": {"acc": ("m_AccS",), "fog_x": ("FOG_h",), "fog_y": ("FOG_l",), "fog_z": ("FOG_l",)},
     },
@@ -68,7 +66,6 @@ STAGES: dict[str, dict[str, Any]] = {
             **{p: {"sd": "40 [%]"} for p in ("imu_foot_conductivity", "cd_conductivity")},
             **{f"imu.{p}.htc.coefficient": AS_PRINTED for p in ("support_skin", "fog_x.skin", "fog_y.skin")},
             **{f"imu.acc.{p}.htc.coefficient": AS_PRINTED for p in ("support_skin", "acc_x.skin")},
-            "disk_skin.emissivity": PRIOR,
         },
         "inherit": {"pre": ("m_PrE",), "imu": ("m_IMU",)},
     },
@@ -103,23 +100,19 @@ def natural(name: str) -> str:
     deck = tomlkit.parse((HERE / f"{name}.toml").read_text(encoding="utf-8"))
 
     def value(path: str) -> dict[str, Any]:
-        emissivity, _ = FINISH.get(owner_of(model, path), ALUMINIUM)
+        emissivity = finish(FINISHES.get(owner_of(model, path), ALUMINIUM)).typical
         found = coefficient(model, settled, path, emissivity)
         basis = f"the document's effective value of {path} where its test settles, radiation of emissivity {emissivity:g} taken off"
         return {"value": f"{found:.4f} [W/(m^2 K)]", "min": 0.1, "max": 10, "source": "derived", "basis": basis}
 
     surfaces: Any = deck.get("surfaces", {})
     for key, surface in surfaces.items():
-        emissivity, finish = FINISH.get(name, ALUMINIUM)
         surface["htc"] = {"coefficient": value(f"{key}.effective_htc"), "exponent": EXPONENT}
-        surface["emissivity"] = {
-            "value": emissivity,
-            "min": 0.02,
-            "max": 0.9,
-            "source": "assumed",
-            "basis": f"{finish}; thermid.physics.materials",
-        }
+        surface["finish"] = FINISHES.get(name, ALUMINIUM)
         del surface["effective_htc"]
+    if name.startswith("FOG"):  # the slope of a gyro's power is measured (`gyro_power`); the document knows that there is one
+        loads: Any = deck["loads"]
+        loads["electronics"] |= {"temperature_coefficient": "0 [1/K]", "reference_temperature": "24 [degC]"}
     settings: Any = deck.get("set", {})
     if name == "m_IMU":  # the document shares the support's mass among the gyros; here it weighs by itself
         nodes: Any = deck["nodes"]
@@ -132,13 +125,21 @@ def natural(name: str) -> str:
     return tomlkit.dumps(deck)
 
 
+def gyro_power(log: Path, sensor: str) -> tuple[float, float]:
+    """Return a gyro's power at 24 degC [W] and its relative change with temperature [1/K]: a line through its log while it is on."""
+    rows = np.genfromtxt(log, delimiter=",", names=True, skip_header=1)
+    on = rows["P"] > 0.5 * rows["P"].max()
+    slope, level = np.polyfit(rows[sensor][on] - 24.0, rows["P"][on], 1)
+    return float(level), float(slope / level)
+
+
 def campaign() -> str:
     """Return the campaign in the other form: what a stage found goes on with its covariance."""
     plan = tomllib.loads((HERE / "campaign.toml").read_text(encoding="utf-8"))
     plan["title"] = f"{plan['title']}: natural convection and radiation apart"
     for stage in plan["stages"]:
         asked = STAGES[stage["name"]]
-        stage["free"], stage["priors"] = asked["free"], asked["priors"]
+        stage["free"], stage["priors"] = asked["free"], asked.get("priors", {})
         handed = {
             part: {"stage": below, "as": "prior"} | ({"only": only} if only else {})
             for part, (below, *only) in asked.get("inherit", {}).items()

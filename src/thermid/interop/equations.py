@@ -120,6 +120,20 @@ class Equations:
         rows += [f"{shown(s)} &= {shown(e)}" for s, e in (*self.auxiliaries.items(), *self.massless.items())]
         return "\\begin{align}\n  " + " \\\\\n  ".join(rows) + "\n\\end{align}\n"
 
+    def mathml(self) -> tuple[str, ...]:
+        """Return the same lines as MathML, which browsers draw without help."""
+        from sympy import mathml
+
+        def shown(expression: Expr) -> str:
+            return str(mathml(expression, printer="presentation", order="none"))
+
+        def rate(c: Expr, t: Expr) -> str:
+            return f"{shown(c)}<mfrac><mrow><mi>d</mi>{shown(t)}</mrow><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
+
+        sides = [(rate(c, t), shown(q)) for t, c, q in zip(self.states, self.capacitances, self.heat, strict=True)]
+        sides += [(shown(s), shown(e)) for s, e in (*self.auxiliaries.items(), *self.massless.items())]
+        return tuple(f'<math display="block"><mrow>{left}<mo>=</mo>{right}</mrow></math>' for left, right in sides)
+
     def python(self, name: str = "derivatives") -> str:
         """Return the state equations as a Python function of time, temperatures and a dictionary of values."""
         from sympy import pycode

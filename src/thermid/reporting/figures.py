@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
     from thermid.simulation.solution import Solution
 
-__all__ = ["Dots", "Drawn", "Entry", "choose", "overview", "prediction", "thinned", "time_unit", "trace"]
+__all__ = ["Dots", "Drawn", "Entry", "canvas", "choose", "draw_line", "markup_of", "overview", "prediction", "thinned", "time_unit"]
+__all__ += ["trace"]
 
 Array = NDArray[np.float64]
 
@@ -144,7 +145,7 @@ def choose(blocks: Sequence[Block], most: int = MOST_TRACES) -> list[tuple[Block
 
 
 @contextmanager
-def _canvas(width: float, height: float, rows: int = 1, ratios: Sequence[float] | None = None) -> Iterator[tuple[Canvas, list[Axes]]]:
+def canvas(width: float, height: float, rows: int = 1, ratios: Sequence[float] | None = None) -> Iterator[tuple[Canvas, list[Axes]]]:
     """Yield a figure of a size in CSS px with its axes, under settings that leave no trace."""
     with extra():
         import matplotlib
@@ -180,7 +181,7 @@ def _canvas(width: float, height: float, rows: int = 1, ratios: Sequence[float] 
         yield figure, list(axes[:, 0])
 
 
-def _markup(figure: Canvas, label: str, key: str, points: int) -> str:
+def markup_of(figure: Canvas, label: str, key: str, points: int) -> str:
     """Return a figure as inline SVG that follows the page's colours, or as an image where it has too many points."""
     buffer = io.BytesIO()
     if points > VECTOR_LIMIT:
@@ -212,7 +213,7 @@ def _with_gaps(times: Array, values: Array) -> tuple[Array, Array]:
     return np.insert(times, holes, np.nan), np.insert(values, holes, np.nan)
 
 
-def _line(axis: Axes, times: Array, values: Array, **style: Any) -> int:
+def draw_line(axis: Axes, times: Array, values: Array, **style: Any) -> int:
     """Draw a thinned line and return how many points it has."""
     t, y = _with_gaps(times, values)
     keep = thinned(np.where(np.isnan(y), np.nanmean(y), y))
@@ -232,11 +233,11 @@ def trace(block: Block, key: str, label: str) -> Drawn:
     """
     length, unit = time_unit(float(block.times[-1] - block.times[0]))
     times = block.times / length
-    with _canvas(440, 270, 2, (2.4, 1)) as (figure, (top, low)):
-        points = _line(top, times, block.measured - ICE_POINT, color=MEASURED, linewidth=3.2, solid_capstyle="round")
-        points += _line(top, times, block.predicted - ICE_POINT, color=SIMULATED, linewidth=1.3)
+    with canvas(440, 270, 2, (2.4, 1)) as (figure, (top, low)):
+        points = draw_line(top, times, block.measured - ICE_POINT, color=MEASURED, linewidth=3.2, solid_capstyle="round")
+        points += draw_line(top, times, block.predicted - ICE_POINT, color=SIMULATED, linewidth=1.3)
         low.axhline(0.0, color=SOFT, linewidth=0.8)
-        points += _line(low, times, block.residuals, color=RESIDUAL, linewidth=0.9)
+        points += draw_line(low, times, block.residuals, color=RESIDUAL, linewidth=0.9)
         top.set_ylabel("temperature, °C")
         low.set_ylabel("residual, K")
         low.set_xlabel(f"time, {unit}")
@@ -244,7 +245,7 @@ def trace(block: Block, key: str, label: str) -> Drawn:
         top.tick_params(labelbottom=False)
         figure.subplots_adjust(left=0.13, right=0.985, top=0.97, bottom=0.15, hspace=0.12)
         figure.align_ylabels([top, low])
-        markup = _markup(figure, label, key, points)
+        markup = markup_of(figure, label, key, points)
     entries = (Entry("measured", "--f-measured"), Entry("simulated", "--f-simulated"), Entry("measured less simulated", "--f-residual"))
     return Drawn(markup, entries, points)
 
@@ -259,7 +260,7 @@ def overview(lines: Sequence[Dots], key: str) -> Drawn:
     sensors = list(dict.fromkeys(s for line in lines for s in line.values))
     highest = max((v for line in lines for values in line.values.values() for v in values), default=1.0)
     points = 0
-    with _canvas(760, 64 + 42 * len(lines)) as (figure, (axis,)):
+    with canvas(760, 64 + 42 * len(lines)) as (figure, (axis,)):
         for k, line in enumerate(lines):
             for place, (sensor, found) in enumerate(line.values.items()):
                 m, values = sensors.index(sensor), np.asarray(found, dtype=float)
@@ -277,7 +278,7 @@ def overview(lines: Sequence[Dots], key: str) -> Drawn:
         axis.set_xlabel("RMSE of a record, K")
         axis.tick_params(axis="y", length=0, labelcolor=INK)
         figure.subplots_adjust(left=0.25, right=0.98, top=0.98, bottom=46 / (64 + 42 * len(lines)))
-        markup = _markup(figure, "RMSE per record and sensor, by stage", key, points)
+        markup = markup_of(figure, "RMSE per record and sensor, by stage", key, points)
     marks = "●■▲◆▼✚✖★"
     entries = [Entry(s, f"--s{m % len(SERIES)}", "", marks[m % len(marks)]) for m, s in enumerate(sensors)]
     if any(len(values) > 1 for line in lines for values in line.values.values()):
@@ -293,16 +294,16 @@ def prediction(solution: Solution, key: str, label: str) -> Drawn:
     """Return the temperatures of every node of a solution over time."""
     length, unit = time_unit(float(solution.times[-1] - solution.times[0]))
     points, entries = 0, []
-    with _canvas(760, 330) as (figure, (axis,)):
+    with canvas(760, 330) as (figure, (axis,)):
         for k, node in enumerate(solution.nodes):
             colour, dashes = SERIES[k % len(SERIES)], DASHES[(k // len(SERIES)) % len(DASHES)]
             line = solution.temperatures[:, k] - ICE_POINT
             style: dict[str, Any] = {"dashes": dashes} if dashes else {}
-            points += _line(axis, solution.times / length, line, color=colour, linewidth=1.6, **style)
+            points += draw_line(axis, solution.times / length, line, color=colour, linewidth=1.6, **style)
             entries.append(Entry(f"{node} {line[-1]:.1f} °C", f"--s{k % len(SERIES)}", "dashed" if dashes else ""))
         axis.set_ylabel("temperature, °C")
         axis.set_xlabel(f"time, {unit}")
         axis.margins(x=0.01)
         figure.subplots_adjust(left=0.08, right=0.99, top=0.97, bottom=0.14)
-        markup = _markup(figure, label, key, points)
+        markup = markup_of(figure, label, key, points)
     return Drawn(markup, tuple(entries), points)

@@ -16,12 +16,10 @@ from thermid.physics.constants import ICE_POINT
 from thermid.reporting import figures, levels, origins, tables
 from thermid.reporting.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.diagram import diagram
-from thermid.reporting.extras import extra
+from thermid.reporting.extras import page_template
 from thermid.reporting.figures import Dots, Drawn
 
 if TYPE_CHECKING:
-    from jinja2 import Template
-
     from thermid.identify.residuals import Block
     from thermid.model.model import Model
     from thermid.simulation.solution import Solution
@@ -101,11 +99,12 @@ def report(
     ------
     MissingExtraError   When matplotlib or jinja2 is not installed.
     """
-    template = _template()
+    template = page_template("page.html.jinja")
     made, of = origins.made_records(campaign)
     coefficients, others = tables.levels(campaign)
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
     content = template.render(
+        title=campaign.title,
         campaign=campaign,
         synthetic=made,
         record_count=of,
@@ -130,18 +129,6 @@ def report(
 def _fits(campaign: Campaign) -> list[Calibration]:
     """Return every stage, and the joint fit at the end."""
     return [*campaign.stages.values(), *([campaign.joint] if campaign.joint is not None else [])]
-
-
-def _template() -> Template:
-    """Return the page's template; every text that goes in is escaped."""
-    from importlib.resources import files
-
-    with extra():
-        import matplotlib  # noqa: F401  # a page without figures is no report: say so before any work is done
-        from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(files("thermid.reporting").joinpath("page.html.jinja").read_text(encoding="utf-8"))
 
 
 def _inline(svg: str) -> str:

@@ -1,0 +1,254 @@
+"""Actions 1 to 7 of the study from one call: logs, both structures of the campaign, what they say of the hidden unit, scenarios.
+
+Run by the demonstration and by ``write_study.py``. Nothing here reads what the laboratory hides before all fits and verdicts are done.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import laboratory
+import numpy as np
+import structures
+from numpy.typing import NDArray
+
+import thermid as td
+from thermid.physics.radiation import radiation_coefficient, radiation_conductance
+
+Array = NDArray[np.float64]
+HERE = Path(__file__).parent
+HOUR = 3600.0
+BENCH = td.Scenario("bench at 24 °C", boundaries={"cv": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
+MEMBERS, SEED = 400, 20261121
+INTERVAL = (0.025, 0.975)
+LEVELS = ("Component", "m_AccS", "m_IMU", "m_PrE", "Sd")
+LEVEL_OF = {"m_AccS": "m_AccS", "m_IMU": "m_IMU", "m_PrE": "m_PrE", "m_Sd": "Sd"}
+PLACES = {
+    "ProcSISNAV": {"ProcSISNAV": "skin", "m_PrE": "proc.skin", "m_Sd": "pre.proc.skin"},
+    "EleGFO": {"EleGFO": "skin", "m_PrE": "ele.skin", "m_Sd": "pre.ele.skin"},
+    "Acc": {"Acc": "skin", "m_AccS": "acc_x.skin", "m_IMU": "acc.acc_x.skin", "m_Sd": "imu.acc.acc_x.skin"},
+    "AccS": {"m_AccS": "support_skin", "m_IMU": "acc.support_skin", "m_Sd": "imu.acc.support_skin"},
+    "IMU support": {"m_IMU": "support_skin", "m_Sd": "imu.support_skin"},
+    "FOG_h": {"FOG_h": "skin", "m_IMU": "fog_x.skin", "m_Sd": "imu.fog_x.skin"},
+    "FOG_l": {"FOG_l": "skin", "m_IMU": "fog_y.skin", "m_Sd": "imu.fog_y.skin"},
+    "disk": {"m_Sd": "disk_skin"},
+}
+"""Row of Table 2 -> stage -> the surface that it is there; the disk has no row in the document."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """A found value with its standard error, in SI."""
+
+    value: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """A value of a stage beside the hidden one; `truth` is None where the hidden unit has no such value."""
+
+    stage: str
+    name: str
+    found: Value
+    truth: float
+    unit: str
+
+    @property
+    def inside(self) -> bool:
+        """Whether the truth lies within two standard errors."""
+        return abs(self.found.value - self.truth) <= 2 * self.found.error
+
+
+@dataclass(frozen=True)
+class Vacuum:
+    """One node without gas: interval [degC] over time, the hidden truth, and the printed bound."""
+
+    node: str
+    times: Array
+    low: Array
+    middle: Array
+    high: Array
+    truth: Array
+    printed: Array
+    settles: float
+
+    @property
+    def half_width(self) -> float:
+        """Half the interval at the end over the rise. [-]"""
+        return float((self.high[-1] - self.low[-1]) / 2 / (self.middle[-1] - self.middle[0]))
+
+    @property
+    def inside(self) -> bool:
+        """Whether the interval holds the truth at the end."""
+        return bool(self.low[-1] <= self.truth[-1] <= self.high[-1])
+
+    @property
+    def beyond(self) -> float:
+        """By how much the truth leaves the interval on the way at most. [K]"""
+        return float(max(np.max(self.low - self.truth), np.max(self.truth - self.high), 0.0))
+
+
+@dataclass(frozen=True)
+class Work:
+    """What the study found.
+
+    Parameters
+    ----------
+    folder : Path           Logs, what is hidden, decks of the second structure, results.
+    study : Study
+    constant, natural       The campaign with one constant coefficient a surface, and with convection and radiation apart.
+    """
+
+    folder: Path
+    study: td.Study
+    constant: td.Campaign
+    natural: td.Campaign
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """What the document prints, and its slips."""
+        return tomllib.loads((HERE / "document.toml").read_text(encoding="utf-8"))
+
+    @cached_property
+    def hidden(self) -> laboratory.World:
+        """The hidden unit, looked at when everything is fitted and judged."""
+        return laboratory.World.make()
+
+    @cached_property
+    def gyros(self) -> dict[str, tuple[float, float]]:
+        """Gyro -> its power at 24 degC [W], and how it changes with temperature [1/K], as they were logged."""
+        logs = {"FOG_h": ("fog_h.csv", "T_FOG1"), "FOG_l": ("fog_l.csv", "T_FOG2")}
+        return {gyro: structures.gyro_power(self.folder / "logs" / file, sensor) for gyro, (file, sensor) in logs.items()}
+
+    def model(self, stage: str) -> td.Model:
+        """Return the calibrated model of a stage, its gyros' power following their temperature as it was logged."""
+        fitted = self.natural[stage].fitted_model
+        measured = {}
+        for path in td.compile_network(fitted).flat.parameters.table:
+            if path.endswith("electronics.temperature_coefficient"):
+                level, slope = self.gyros["FOG_h" if stage == "FOG_h" or "fog_x" in path else "FOG_l"]
+                measured[path] = f"{slope!r} [1/K]"
+                measured[path.replace("electronics.temperature_coefficient", "power")] = f"{level!r} [W]"
+        return fitted.with_values(measured, "logged power")
+
+    def draws(self, stage: str) -> dict[str, Array]:
+        """Return values of a stage drawn from their covariance (members,)."""
+        return self.natural[stage].values.draws(MEMBERS, SEED)
+
+    def powers(self, model: td.Model) -> dict[str, Array]:
+        """Return a factor (members,) on every load: each power is known as well as its meter."""
+        rng = np.random.default_rng(SEED)
+        loads = [load.path for load in td.compile_network(model).flat.loads]
+        return {f"scale.{path}": 1.0 + laboratory.POWER_ACCURACY * rng.standard_normal(MEMBERS) for path in loads}
+
+    def effective(self, stage: str, surface: str) -> Value:
+        """Return the effective coefficient of a surface, radiation in it, where the stage's model settles on the bench. [W/(m^2 K)]"""
+        model = self.natural[stage].fitted_model
+        kelvin, found = _settled(model, surface), td.compile_network(model).numbers().values
+        drawn = self.draws(stage)
+
+        def of(name: str) -> Array:
+            path = f"{surface}.{name}"
+            return np.asarray(drawn.get(path, float(found[path])))
+
+        def total(coefficient: Any, emissivity: Any) -> Any:
+            convection = coefficient * (kelvin - laboratory.AMBIENT) ** structures.EXPONENT
+            return convection + radiation_conductance(radiation_coefficient(emissivity, 1.0), kelvin, laboratory.AMBIENT)
+
+        one = float(total(found[f"{surface}.htc.coefficient"], found[f"{surface}.emissivity"]))
+        many = np.broadcast_to(total(of("htc.coefficient"), of("emissivity")), (MEMBERS,))
+        return Value(one, float(many.std(ddof=1)))
+
+    def true_effective(self, stage: str, surface: str) -> float:
+        """Return the hidden unit's effective coefficient at the same temperature. [W/(m^2 K)]"""
+        calibration = self.natural[stage]
+        kelvin = _settled(calibration.fitted_model, surface)
+        values = td.compile_network(self.hidden.models[calibration.model.title]).numbers().values
+        convection = float(values[f"{surface}.htc.coefficient"]) * (kelvin - laboratory.AMBIENT) ** structures.EXPONENT
+        radiation = radiation_conductance(radiation_coefficient(float(values[f"{surface}.emissivity"]), 1.0), kelvin, laboratory.AMBIENT)
+        return convection + float(radiation)
+
+    def recovered(self) -> list[Recovered]:
+        """Return everything that the campaign found, beside what is hidden; coefficients as effective ones, convection and radiation."""
+        out = []
+        for stage in self.natural:
+            truth = td.compile_network(self.hidden.models[self.natural[stage].model.title]).numbers().values
+            for path, v in self.natural[stage].values.parameters.items():
+                if path.endswith(".htc.coefficient"):
+                    surface = path.removesuffix(".htc.coefficient")
+                    found, true = self.effective(stage, surface), self.true_effective(stage, surface)
+                    out.append(Recovered(stage, f"{surface}, effective", found, true, "W/(m^2 K)"))
+                else:
+                    out.append(Recovered(stage, path, Value(v.value, v.error), float(truth[path]), v.unit))
+        return out
+
+    def vacuum(self, stage: str, nodes: dict[str, str]) -> list[Vacuum]:
+        """Return what a stage's model says without gas at nodes (label -> path), beside the hidden truth and the printed bound."""
+        times = np.linspace(0.0, BENCH.seconds, 61)
+        model, empty = self.model(stage), BENCH.vacuum()
+        draws, shares = self.draws(stage) | self.powers(model), (INTERVAL[0], 0.5, INTERVAL[1])
+        many = td.ensemble(model, empty, draws, times=times, nodes=list(nodes.values()), quantiles=shares)
+        truth = td.simulate(self.hidden.models[self.natural[stage].model.title], empty, times=times)
+        printed = td.simulate(td.load_model(HERE / f"{self.natural[stage].model.title}.toml"), BENCH.vacuum(as_printed=True), times=times)
+        rest = td.steady(model, empty)
+        out = []
+        for label, node in nodes.items():
+            low, middle, high = (many.quantile(node, share) - 273.15 for share in (INTERVAL[0], 0.5, INTERVAL[1]))
+            out.append(Vacuum(label, times, low, middle, high, truth[node].celsius, printed[node].celsius, rest[node] - 273.15))
+        return out
+
+    def hidden_errors(self) -> list[tuple[str, str, float, float, float]]:
+        """Return record, sensor, largest error against the hidden temperature [K], its stated half-width [K], share of time inside."""
+        out = []
+        for verdict in self.natural.verdicts:
+            truth = np.genfromtxt(self.folder / "hidden" / f"{verdict.record}.csv", delimiter=",", names=True, skip_header=1)
+            bias = self.natural[verdict.model].values.sensors
+            for block in verdict.prediction.blocks:
+                shift = self.natural[verdict.model].bias.get(block.sensor, 0.0)
+                ours = np.interp(truth["time_s"], block.times, block.predicted) - shift - 273.15
+                error = np.abs(ours - truth[block.sensor])
+                wide = 2 * bias[block.sensor].error
+                out.append((verdict.record, block.sensor, float(error.max()), float(wide), float(np.mean(error <= wide))))
+        return out
+
+
+def _settled(model: td.Model, surface: str) -> float:
+    """Return the temperature at which the node behind a surface settles on the bench. [K]"""
+    *parts, name = surface.split(".")
+    owner = model
+    for part in parts:
+        owner = owner.submodels[part].model
+    return td.steady(model, BENCH)[td.compile_network(model).find(".".join([*parts, owner.surfaces[name].of]))]
+
+
+def run(folder: Path, say: Callable[[str], None] = lambda text: None) -> Work:
+    """Return the whole study, worked through in a folder."""
+    study = td.load_study(HERE / "study.toml")
+    say(f"{len(study.components)} physical items, {len(study.actions)} actions; making {len(laboratory.TESTS)} synthetic logs")
+    laboratory.main(folder)
+
+    def told(what: str) -> Callable[[str, int, float], None]:
+        seen: set[str] = set()
+
+        def notice(stage: str, count: int, rms: float) -> None:
+            if stage not in seen:
+                seen.add(stage)
+                say(f"  {what}: {stage}")
+
+        return notice
+
+    say("calibrating as the document does: one constant coefficient a surface")
+    constant = td.run_stages(study.campaign, data=folder, notice=told("constant"))
+    say("calibrating with natural convection and radiation apart, values handed on with their covariance")
+    natural = td.run_stages(structures.main(folder / "natural"), data=folder, notice=told("natural"))
+    for campaign, name in ((constant, "constant"), (natural, "natural")):
+        campaign.save(folder / "results" / name)
+        for verdict in campaign.verdicts:
+            say(f"  {name}: {verdict.model} on {verdict.record}: {'passed' if verdict.passed else 'FAILED'}")
+    return Work(folder, study, constant, natural)
