@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from thermid.identify.criticism import criticise as criticise
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
-    from thermid.identify.predict import predict as predict
-    from thermid.identify.prediction import Prediction as Prediction
     from thermid.identify.posterior import Evidence as Evidence
     from thermid.identify.posterior import Posterior as Posterior
     from thermid.identify.posterior import evidence as evidence
     from thermid.identify.posterior import posterior as posterior
+    from thermid.identify.predict import predict as predict
+    from thermid.identify.prediction import Prediction as Prediction
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
     from thermid.identify.split import Split as Split

@@ -273,6 +273,8 @@ class TestPredict:
         said = call("predict", made, *(str(scenario) if m == "hot.toml" else m for m in more), "--results", tmp_path / "results")
         assert said.code == 2
         assert word in said.err
+
+
 class TestIdentify:
     def test_says_what_the_logs_of_a_stage_can_tell(self, call: Call, tmp_path: Path) -> None:
         from unit.identify.project import make_project
