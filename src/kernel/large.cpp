@@ -155,7 +155,7 @@ void LargeProblem::prepare() {
         require(g.begin == done && g.end >= g.begin && g.end <= static_cast<int>(a.size()), "rows: groups must follow one another");
         require(g.kind >= 0 && g.kind < CONDUCTOR_KINDS && g.kind != FLOW, "rows: no such kind");
         require(g.boundary >= -1 && g.boundary < nb && g.input >= -1 && g.input < inputs_n, "rows: no such boundary or input");
-        require((g.kind != TABLE_MEAN && g.kind != TABLE_DIFF) || (g.table >= 0 && g.table < tables_n), "rows: no such table");
+        require(!tables_of(g.kind) || (g.table >= 0 && g.table + tables_of(g.kind) <= tables_n), "rows: no such table");
         for (int r = g.begin; r < g.end; ++r) {
             require(a[r] >= 0 && a[r] < n && (g.boundary >= 0 || (b[r] >= 0 && b[r] < n && b[r] != a[r])), "rows: no such node");
             a_slot[r] = place(a[r]);

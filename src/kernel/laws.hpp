@@ -20,6 +20,7 @@ inline Dual operator-(Dual a, Dual b) { return {a.v - b.v, a.e - b.e}; }
 inline Dual operator*(Dual a, Dual b) { return {a.v * b.v, a.e * b.v + a.v * b.e}; }
 inline Dual operator/(Dual a, Dual b) { return {a.v / b.v, (a.e - a.v / b.v * b.e) / b.v}; }
 inline Dual exp(Dual a) { double g = std::exp(a.v); return {g, g * a.e}; }
+inline Dual sqrt(Dual a) { double g = std::sqrt(a.v); return {g, 0.5 * a.e / g}; }
 inline Dual log(Dual a) { return {std::log(a.v), a.e / a.v}; }
 inline double value(double a) { return a; }
 inline double value(Dual a) { return a.v; }
@@ -86,10 +87,15 @@ struct Table {
     int bucket(double at) const { return std::min(static_cast<int>((at - x.front()) * per_kelvin_), static_cast<int>(first_.size()) - 2); }
 };
 
-enum ConductorKind { LINEAR = 0, POWER, RADIATION, FLOW, TABLE_MEAN, TABLE_DIFF, CONDUCTOR_KINDS };
+enum ConductorKind { LINEAR = 0, POWER, RADIATION, FLOW, TABLE_MEAN, TABLE_DIFF, GAS, NATURAL, CONDUCTOR_KINDS };
 enum LoadKind { SIGNAL = 0, POLY, EXP, TABLE, THERMOSTAT, PROPORTIONAL, LOAD_KINDS };
 enum InputKind { SAMPLED_LINEAR = 0, SAMPLED_HOLD, SINE, CONSTANT, INPUT_KINDS };
 
+// Laws of two coefficients, and how many tables stand one behind the other for a law.
+inline bool has_second(int kind) { return kind == POWER || kind == GAS || kind == NATURAL; }
+inline int tables_of(int kind) { return kind == NATURAL ? 3 : kind == TABLE_MEAN || kind == TABLE_DIFF || kind == GAS ? 1 : 0; }
+
+constexpr double GAS_ANCHOR = 300.0;  // temperature to which the coefficients of gas laws refer [K]
 constexpr double SMOOTH2 = 1e-4;  // (0.01 K)^2: |dT|^c1 has no second derivative at dT = 0, where runs start
 
 // Conductor: heat a->b is c0 * phi; q_a, q_b are dq/dTa and dq/dTb; q_1 is dq/dc1.
@@ -132,6 +138,33 @@ inline Conduct<X> conductor(int kind, X ta, X tb, X c0, X c1, const thermid::Tab
             r.qb = X(0.0) - r.qa;
             break;
         }
+        case GAS: {  // gas at rest: c0 the conductance of the continuum, c1 that of free molecules over it, which goes with pressure
+            using std::sqrt;
+            const X tm = (ta + tb) * X(0.5);
+            X g, g1;
+            table->eval(tm, g, g1);
+            const X s = sqrt(tm * X(1.0 / GAS_ANCHOR)), k = g * s, w = c1 + k, share = c1 / w;
+            const X dt = X(0.5) * d * share * (g1 - g * (g1 * s + k / (tm * X(2.0))) / w);
+            r.phi = d * g * share;
+            r.qa = c0 * (dt + g * share);
+            r.qb = c0 * (dt - g * share);
+            r.q1 = c0 * d * g * k / (w * w);
+            break;
+        }
+        case NATURAL: {  // free convection beyond conduction: tables of Nu over signed Ra^(1/4), k and Ra^(1/4) over film temperature
+            const X tm = (ta + tb) * X(0.5), e = d * d + X(SMOOTH2), y = power(e, X(0.125)), y3 = X(1.0) / (y * y * y), w = d * y3;
+            X n, n1, g, g1, f, f1;
+            table[1].eval(tm, g, g1);
+            table[2].eval(tm, f, f1);
+            table[0].eval(c1 * f * w, n, n1);
+            const X rise = d * g * n1 * c1, dt = X(0.5) * (d * g1 * n + rise * f1 * w);
+            const X dd = g * n + rise * f * y3 * (X(1.0) - X(0.75) * d * d / e);
+            r.phi = d * g * n;
+            r.qa = c0 * (dt + dd);
+            r.qb = c0 * (dt - dd);
+            r.q1 = c0 * d * g * n1 * f * w;
+            break;
+        }
         default:  // LINEAR, FLOW
             r.phi = d;
             r.qa = c0;
@@ -141,7 +174,7 @@ inline Conduct<X> conductor(int kind, X ta, X tb, X c0, X c1, const thermid::Tab
     return r;
 }
 
-// dq/dc1 of a POWER conductor, wanted only where the exponent is a parameter.
+// dq/dc1 of a POWER conductor, wanted only where the exponent is a parameter; gas laws have theirs at hand.
 template <class X>
 inline X conductor_exponent(X ta, X tb, X q) {
     using std::log;

@@ -38,8 +38,8 @@ void Problem::prepare() {
         require(con.kind[r] >= 0 && con.kind[r] < CONDUCTOR_KINDS, where + ": no such kind");
         require(con.a[r] >= 0 && con.a[r] < nodes() && con.b[r] >= 0 && con.b[r] < nodes(), where + ": no such node");
         require(con.a[r] != con.b[r], where + ": both ends are one node");
-        const bool tabled = con.kind[r] == TABLE_MEAN || con.kind[r] == TABLE_DIFF;
-        require(!tabled || (con.table[r] >= 0 && con.table[r] < static_cast<int>(tables.size())), where + ": no such table");
+        const int wanted = tables_of(con.kind[r]);
+        require(!wanted || (con.table[r] >= 0 && con.table[r] + wanted <= static_cast<int>(tables.size())), where + ": no such table");
         slot(con.c0[r], nc, where);
         slot(con.c1[r], nc, where);
     }
@@ -80,7 +80,7 @@ void Problem::prepare() {
     };
     for (int r = 0; r < m; ++r) {
         if (con.c0[r] < nc) con_entry.push_back({r, 0, con.c0[r]});
-        if (con.kind[r] == POWER && con.c1[r] < nc) con_entry.push_back({r, 1, con.c1[r]});
+        if (has_second(con.kind[r]) && con.c1[r] < nc) con_entry.push_back({r, 1, con.c1[r]});
         boundary_entries(con_entry, r, con.a[r], 4);
         boundary_entries(con_entry, r, con.b[r], 5);
     }
@@ -177,7 +177,12 @@ void Evaluation::move_inputs() {
 double Evaluation::con_slope(const Entry& e) const {
     switch (e.what) {
         case 0: return phi[e.row];
-        case 1: return conductor_exponent<double>(t[p->con.a[e.row]], t[p->con.b[e.row]], q[e.row]);
+        case 1: {
+            const Conductors& c = p->con;
+            const double ta = t[c.a[e.row]], tb = t[c.b[e.row]];
+            if (c.kind[e.row] == POWER) return conductor_exponent<double>(ta, tb, q[e.row]);
+            return conductor<double>(c.kind[e.row], ta, tb, ceff[c.c0[e.row]], ceff[c.c1[e.row]], &p->tables[c.table[e.row]]).q1;
+        }
         case 4: return qa[e.row];
         default: return qb[e.row];
     }

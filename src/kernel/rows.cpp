@@ -87,7 +87,7 @@ void Evaluation::rows() {
     else power_rows(x, first[POWER], first[RADIATION]);
     radiation_rows(x, first[RADIATION], first[FLOW]);
     for (int r = first[FLOW]; r < c.size(); ++r) {
-        const auto y = conductor<double>(c.kind[r], t[c.a[r]], t[c.b[r]], ceff[c.c0[r]], 0.0, c.table[r] >= 0 ? &p->tables[c.table[r]] : nullptr);
+        const auto y = conductor<double>(c.kind[r], t[c.a[r]], t[c.b[r]], ceff[c.c0[r]], ceff[c.c1[r]], c.table[r] >= 0 ? &p->tables[c.table[r]] : nullptr);
         q[r] = y.q;
         phi[r] = y.phi;
         qa[r] = y.qa;

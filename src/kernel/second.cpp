@@ -26,7 +26,7 @@ void SecondOrder::conductors(const Evaluation& at, bool exponents) {
         da_[r] = x.qa.e;
         db_[r] = x.qb.e;
         d0_[r] = x.phi.e;
-        if (c.kind[r] == POWER) d1_[r] = conductor_exponent<Dual>(ta, tb, x.q).e;
+        d1_[r] = c.kind[r] == POWER ? conductor_exponent<Dual>(ta, tb, x.q).e : x.q1.e;
     };
     for (int r = first[LINEAR]; r < first[POWER]; ++r) {
         da_[r] = dc_[c.c0[r]];

@@ -15,6 +15,8 @@ RADIATION: Final[int]
 FLOW: Final[int]
 TABLE_MEAN: Final[int]
 TABLE_DIFF: Final[int]
+GAS: Final[int]
+NATURAL: Final[int]
 # Kinds of loads
 SIGNAL: Final[int]
 POLY: Final[int]

@@ -36,9 +36,10 @@ Names = Mapping[str, str | None]
 """Name -> unit; None where there is no number, `ANY` where the unit is that of something else."""
 
 SURFACE_SLOTS = {k: v for kind in ("convection", "effective", "radiation") for k, v in KINDS[kind].slots.items()}
-JOINT_SLOTS = {k: v for kind in ("contact", "conduction") for k, v in KINDS[kind].slots.items()}
+JOINT_SLOTS = {k: v for kind in ("contact", "conduction") for k, v in KINDS[kind].slots.items() if k != "gap"}
 SCENARIO_UNITS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ANY}
 SCENARIO_UNITS |= {"start": TEMPERATURE, "initial": TEMPERATURE, "duration": "s"}
+GAS_UNITS = {"pressure": "Pa", "humidity": "1", "gravity": "m/s^2", "wind": "m/s", "time_constant": "s"}
 CAMPAIGN_UNITS = {"window": "s", "sd": ANY, "mean": ANY, "weights": "1", "knee": "1"}
 STUDY_UNITS = {"lowest": TEMPERATURE, "highest": TEMPERATURE, "tolerance": "K", "relative": "1", "accuracy": "K", "resolution": "K"}
 STUDY_UNITS |= {"range": TEMPERATURE, "conversion": "s"}
@@ -90,6 +91,7 @@ def by_heading() -> dict[str, Names]:
         "Node": _model(schema.NodeTable, dict(NODE_SLOTS)),
         "Surface": _model(schema.SurfaceTable, SURFACE_SLOTS),
         "Natural convection": _model(schema.PowerLaw, _group("htc", KINDS["convection"].slots)),
+        "Convection by correlation": _model(schema.Correlated, _group("htc", KINDS["convection"].slots)),
         "Conductor": _of(conductor),
         "Table of points": _model(schema.Points),
         "Joint": _model(schema.JointTable, JOINT_SLOTS),
@@ -102,7 +104,7 @@ def by_heading() -> dict[str, Names]:
         "Proportional heater": _model(schema.Proportional, _group("proportional", LOAD_SLOTS)),
         "Submodel": _model(schema.SubmodelTable),
         "Scenario": _of(_plain(dataclasses.fields(td.Scenario)), SCENARIO_UNITS),
-        "Gas": _of(_plain(dataclasses.fields(td.Environment)), {"pressure": "Pa", "humidity": "1", "gravity": "m/s^2"}),
+        "Gas": _of(_plain(dataclasses.fields(td.Environment)), GAS_UNITS),
         "Signal": _of(
             dict.fromkeys([*_plain(dataclasses.fields(Table)), *_plain(dataclasses.fields(Sine)), "file", "column", "unit", "time"]),
             {"times": "s", "period": "s", "phase": "rad", "values": ANY, "mean": ANY, "amplitude": ANY},

@@ -153,7 +153,7 @@ def _from_records(of: Model | Calibration, network: Network, surfaces: Sequence[
         solution = simulate(of.fitted_model, e.scenario, times=e.times)
         media = e.scenario.media()
         for c in surfaces:
-            if media.empty(c.gas, c.where):
+            if media.empty(c.gas):
                 continue
             hot, cold = (solution[end].kelvin for end in c.ends)
             weight = (hot - cold) ** 2

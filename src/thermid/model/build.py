@@ -25,7 +25,7 @@ NODE_FIELDS = ("mass", "specific_heat", "capacitance")
 SURFACE_FIELDS = ("area", "htc", "effective_htc", "emissivity")
 JOINT_FIELDS = ("area", "contact_conductance", "conductivity", "thickness", "gap")
 LOAD_FIELDS = tuple(dict.fromkeys(slot.partition(".")[0] for slot in LOAD_SLOTS))
-PLAIN_GROUPS = {"to", "sensor"}
+PLAIN_GROUPS = {"to", "sensor", "correlation", "orientation"}
 
 
 def _fields(table: Mapping[str, Any], names: tuple[str, ...], where: Where, key: str) -> dict[str, Parameter]:
@@ -41,6 +41,17 @@ def _fields(table: Mapping[str, Any], names: tuple[str, ...], where: Where, key:
                     out[f"{name}.{inner}"] = parameter(_cleaned(value), where(f"{key}.{name}.{inner}"))
         else:
             out[name] = parameter(_cleaned(given), where(f"{key}.{name}"))
+    return out
+
+
+def _words(table: Mapping[str, Any], names: frozenset[str]) -> dict[str, str]:
+    """Return the fields of a table that are names, those of a group as ``group.field``."""
+    out: dict[str, str] = {}
+    for name in sorted(names):
+        group, _, inner = name.partition(".")
+        given = table.get(group)
+        found = given.get(inner, "") if inner and isinstance(given, Mapping) else "" if inner else given
+        out |= {name: str(found)} if found else {}
     return out
 
 
@@ -97,9 +108,10 @@ def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
         )
     if table["finish"]:
         fields.setdefault("emissivity", _finished(table["finish"], where(f"{key}.finish")))
-    if not {"htc", "htc.coefficient", "effective_htc", "emissivity"} & set(fields):
+    if not {"htc", "htc.coefficient", "htc.length", "effective_htc", "emissivity"} & set(fields):
         raise DeckError("a surface exchanges nothing: give htc, effective_htc, emissivity or finish.", where(key))
-    return Surface(table["of"], table["to"], fields, table["radiates_to"], table["test_only"], table["finish"])
+    words = _words(table, KINDS["convection"].words)
+    return Surface(table["of"], table["to"], fields, table["radiates_to"], table["test_only"], table["finish"], words)
 
 
 def _finished(name: str, where: str) -> Parameter:
@@ -113,7 +125,11 @@ def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
     key = f"conductors.{name}"
     kind = KINDS[table["kind"]]
     given = _fields(table, tuple(dict.fromkeys(s.partition(".")[0] for k in KINDS.values() for s in k.slots)), where, key)
-    if set(given) not in [set(a) for a in kind.alternatives]:
+    words = _words(table, frozenset().union(*(k.words for k in KINDS.values())))
+    odd = sorted(set(words) - kind.words)
+    if odd:
+        raise DeckError(f"a conductor of kind '{table['kind']}' has no {odd[0]}.", where(key))
+    if set(given) - kind.optional not in [set(a) for a in kind.alternatives]:
         wanted = ", or ".join(" and ".join(s for s in kind.slots if s in a) for a in kind.alternatives if a)
         strange = sorted(set(given) - set(kind.slots))
         also = (
@@ -132,7 +148,9 @@ def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
         raise DeckError("both ends are the same node.", where(key))
     if table["takes"] and "area" not in given:
         raise DeckError("it takes area from a surface but has no area of its own.", where(f"{key}.takes"))
-    return Conductor(table["kind"], (table["between"][0], table["between"][1]), given, shape, tuple(table["takes"]), table["test_only"])
+    return Conductor(
+        table["kind"], (table["between"][0], table["between"][1]), given, shape, tuple(table["takes"]), table["test_only"], words
+    )
 
 
 def _joint(name: str, table: Mapping[str, Any], where: Where) -> Joint:
@@ -203,6 +221,17 @@ def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
     return out
 
 
+def _named(fields: dict[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
+    """Return fields with what is no number beside them."""
+    for name, word in words.items():
+        group, _, inner = name.partition(".")
+        if inner:
+            fields.setdefault(group, {})[inner] = word
+        else:
+            fields[name] = word
+    return fields
+
+
 def _curve_to(shape: Curve | None, slot: str) -> dict[str, Any]:
     if shape is None:
         return {}
@@ -217,7 +246,9 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
     nodes = {n: _grouped(e.fields) | ({"reference_point": True} if e.reference_point else {}) | flag(e) for n, e in model.nodes.items()}
     surfaces = {
         n: {"of": e.of, "to": e.to}
-        | _grouped({f: p for f, p in e.fields.items() if f != "emissivity" or not e.finish or p != _finished(e.finish, "")})
+        | _named(
+            _grouped({f: p for f, p in e.fields.items() if f != "emissivity" or not e.finish or p != _finished(e.finish, "")}), e.words
+        )
         | ({"finish": e.finish} if e.finish else {})
         | ({"radiates_to": e.radiates_to} if e.radiates_to else {})
         | flag(e)
@@ -225,7 +256,7 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
     }
     conductors = {
         n: {"kind": e.kind, "between": list(e.between)}
-        | _grouped(e.fields)
+        | _named(_grouped(e.fields), e.words)
         | _curve_to(e.curve, "W/K")
         | ({"takes": list(e.takes)} if e.takes else {})
         | flag(e)

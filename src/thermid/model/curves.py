@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +30,14 @@ class Curve:
     x : array (points,)     Temperatures or differences, increasing. [K]
     y : array (points,)     Values. [SI]
     d : array (points,)     Slopes; None where they follow from the points. [SI/K]
+    film : tuple of Curve   Properties over film temperature, for a law of natural convection.
     """
 
     over: str
     x: NDArray[np.float64]
     y: NDArray[np.float64]
     d: NDArray[np.float64] | None = None
+    film: tuple[Curve, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         """Whether two curves have the same points."""
@@ -44,8 +47,8 @@ class Curve:
         """Hash of the points."""
         return hash(self._bytes())
 
-    def _bytes(self) -> tuple[str, bytes, bytes, bytes]:
-        return self.over, self.x.tobytes(), self.y.tobytes(), b"" if self.d is None else self.d.tobytes()
+    def _bytes(self) -> tuple[Any, ...]:
+        return self.over, self.x.tobytes(), self.y.tobytes(), b"" if self.d is None else self.d.tobytes(), self.film
 
 
 def curve(over: str, points: Sequence[tuple[float, ...]], where: str = "") -> Curve:
@@ -62,7 +65,8 @@ def curve(over: str, points: Sequence[tuple[float, ...]], where: str = "") -> Cu
     if not all(math.isfinite(v) for p in points for v in p):
         raise DeckError("a table holds a number that is not finite.", where)
     columns = np.array(points).T
-    return Curve(over, *(np.ascontiguousarray(c) for c in columns))
+    x, y, *slope = (np.ascontiguousarray(c) for c in columns)
+    return Curve(over, x, y, slope[0] if slope else None)
 
 
 def slopes(given: Curve) -> NDArray[np.float64]:

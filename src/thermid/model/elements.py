@@ -65,6 +65,7 @@ class Conductor:
     curve : Curve or None   For the kind `table`.
     takes : tuple of str    Surfaces that its area is taken from, in the ledger.
     test_only : bool        Whether it exists on the bench only.
+    words : dict            What the kind needs that is no number: a gas, a correlation.
     """
 
     kind: str
@@ -73,6 +74,7 @@ class Conductor:
     curve: Curve | None = None
     takes: tuple[str, ...] = ()
     test_only: bool = False
+    words: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,7 @@ class Surface:
     fields : dict       area [m^2]; htc (or htc.coefficient and htc.exponent) or effective_htc; emissivity [-].
     radiates_to : str   Where it radiates to; `to` when empty.
     finish : str        Finish that the emissivity comes from; empty where it is given itself.
+    words : dict        Correlation and orientation, where the coefficient comes from one.
     """
 
     of: str
@@ -94,6 +97,7 @@ class Surface:
     radiates_to: str = ""
     test_only: bool = False
     finish: str = ""
+    words: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def is_effective(self) -> bool:

@@ -48,10 +48,12 @@ class FlatConductor:
     emissivity: str = ""
     where: str = ""
     recipe: Callable[[Mapping[str, Any]], Law] | None = None
+    words: Mapping[str, str] = field(default_factory=dict)
 
-    def law(self, fields: Mapping[str, Any]) -> Law:
-        """Return the row that it is at the values of its fields (float or Dual, SI)."""
-        return (self.recipe or KINDS[self.kind].recipe)(fields)
+    def laws(self, fields: Mapping[str, Any]) -> tuple[Law, ...]:
+        """Return the rows that it is at the values of its fields (float or Dual, SI)."""
+        found = (self.recipe or KINDS[self.kind].recipe)(fields)
+        return found if isinstance(found, tuple) else (found,)
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,7 @@ def flatten(model: Model) -> Flat:
             ends = (names.end(owner, prefix, c.between[0], key), names.end(owner, prefix, c.between[1], key))
             fields = {f: f"{prefix}{name}.{f}" for f in c.fields}
             gas = next((e for e in reversed(ends) if e in names.boundaries), ends[1])
-            conductors.append(FlatConductor(prefix + name, c.kind, ends, fields, c.curve, gas=gas, where=owner.where(key)))
+            conductors.append(FlatConductor(prefix + name, c.kind, ends, fields, c.curve, gas=gas, where=owner.where(key), words=c.words))
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
     flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes)
@@ -188,7 +190,7 @@ def _surface(
         out.append(FlatConductor(path, "effective", (a, b), fields, None, takes, gas=b, emissivity=emissivity, where=owner.where(key)))
         return out
     if len(fields) > 1:
-        out.append(FlatConductor(path, "convection", (a, b), fields, None, takes, gas=b, where=owner.where(key)))
+        out.append(FlatConductor(path, "convection", (a, b), fields, None, takes, gas=b, where=owner.where(key), words=surface.words))
     if emissivity and not enclosed:
         to = names.end(owner, prefix, surface.radiates_to, key) if surface.radiates_to else b
         radiating = {"emissivity": emissivity, "area": fields["area"]}

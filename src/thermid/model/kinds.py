@@ -17,8 +17,14 @@ from thermid.errors import DeckError
 from thermid.model.curves import Curve, evaluate
 from thermid.physics import conduction, contact, convection, radiation
 
-__all__ = ["KINDS", "Kind", "Law", "law_conductance"]
+__all__ = ["ANCHOR", "KINDS", "Kind", "Law", "law_conductance"]
 
+ANCHOR: Final = 300.0
+"""Temperature to which the coefficients of gas laws refer, here and in the kernel. [K]"""
+
+ACCOMMODATION: Final = 0.9
+"""Thermal accommodation of air and heavier gases at surfaces of equipment, where none is given: Springer, Advances in Heat Transfer 7
+(1971) 163, has 0.87 to 0.97. Helium and hydrogen need their own, 0.3 to 0.5. [-]"""
 SMOOTHING: Final = 0.01
 """Temperature difference below which a power law is smoothed, so that its derivative stays finite at zero. [K]"""
 
@@ -29,9 +35,10 @@ class Law:
 
     Parameters
     ----------
-    form : str                      linear, power, radiation, flow, or table.
+    form : str                      linear, power, radiation, flow, table, gas (at rest, rarefied) or natural (convection by tables).
     coefficients : tuple of Number  What the form needs, the conductance-like one first.
-    medium : str                    'solid', 'radiation' or 'gas' (falls with pressure) or 'mixed' (an effective value, gas and radiation).
+    medium : str                    'solid', 'radiation' or 'gas' (falls with pressure) or 'mixed' (an effective value, gas and radiation);
+                                    'rest' (gas in a gap) and 'correlation' are written out where the gas is known.
     curve : Curve or None           For tables.
     """
 
@@ -50,16 +57,20 @@ class Kind:
 
     Parameters
     ----------
-    recipe : callable           Field values (float or Dual, SI) -> Law.
+    recipe : callable           Field values (float or Dual, SI) -> Law, or the laws that act side by side.
     alternatives : tuple        Sets of fields, one of which must be given in full.
     slots : dict                Field -> unit text of its slot.
     needs_curve : bool          Whether a table must be given.
+    optional : frozenset        Fields that may be given beside an alternative.
+    words : frozenset           Fields that are names and no numbers.
     """
 
-    recipe: Callable[[Fields], Law]
+    recipe: Callable[[Fields], Law | tuple[Law, ...]]
     alternatives: tuple[frozenset[str], ...]
     slots: Mapping[str, str]
     needs_curve: bool = False
+    optional: frozenset[str] = frozenset()
+    words: frozenset[str] = frozenset()
 
 
 def _from_resistance(resistance: Number) -> Number:
@@ -81,11 +92,34 @@ def _conduction(f: Fields) -> Law:
     return Law("linear", (conduction.slab_conductance(f["conductivity"], f["area"], f["thickness"]),))
 
 
-def _contact(f: Fields) -> Law:
-    return Law("linear", (contact.joint_conductance(f["contact_conductance"], f["area"]),))
+def _contact(f: Fields) -> tuple[Law, ...]:
+    """Return solid contact, gas in the gap and facing radiation, as far as they are given."""
+    if "contact_pressure" in f:
+        solid = contact.plastic_contact_conductance(f["conductivity"], f["slope"], f["roughness"], f["contact_pressure"], f["hardness"])
+    else:
+        solid = f["contact_conductance"]
+    out = [Law("linear", (contact.joint_conductance(solid, f["area"]),))]
+    if "gap" in f:
+        out.append(_gas(f))
+    if "exchange_factor" in f:
+        out.append(Law("radiation", (radiation.radiation_coefficient(f["exchange_factor"], f["area"]),), "radiation"))
+    return tuple(out)
+
+
+def _gas(f: Fields) -> Law:
+    if value_of(f["gap"]) <= 0.0:
+        raise DeckError("a gap needs a distance above zero.")
+    share = f.get("accommodation", ACCOMMODATION)
+    if not 0.0 < value_of(share) <= 1.0:
+        raise DeckError(f"an accommodation of {value_of(share):g} does not exist; give one above 0, up to 1.")
+    return Law("gas", (f["area"], f["gap"], share), "rest")
 
 
 def _convection(f: Fields) -> Law:
+    if "htc.length" in f:
+        if value_of(f["htc.length"]) <= 0.0:
+            raise DeckError("a correlation needs a length above zero.")
+        return Law("natural", (f["area"], f["htc.length"]), "correlation")
     if "htc" in f:
         return Law("linear", (convection.convection_conductance(f["htc"], f["area"]),), "gas")
     return Law("power", (convection.convection_conductance(f["htc.coefficient"], f["area"]), f["htc.exponent"]), "gas")
@@ -117,11 +151,26 @@ KINDS: Final[Mapping[str, Kind]] = {
         (_ALL({"conductivity", "area", "thickness"}), _ALL({"conductance"}), _ALL({"resistance"})),
         {"conductivity": "W/(m K)", **_AREA, "thickness": "m", "conductance": "W/K", "resistance": "K/W"},
     ),
-    "contact": Kind(_contact, (_ALL({"contact_conductance", "area"}),), {"contact_conductance": "W/(m^2 K)", **_AREA}),
+    "contact": Kind(
+        _contact,
+        (_ALL({"contact_conductance", "area"}), _ALL({"contact_pressure", "hardness", "roughness", "slope", "conductivity", "area"})),
+        {"contact_conductance": "W/(m^2 K)", "contact_pressure": "Pa", "hardness": "Pa", "roughness": "m", "slope": "1"}
+        | {"conductivity": "W/(m K)", **_AREA, "gap": "m", "accommodation": "1", "exchange_factor": "1"},
+        optional=_ALL({"gap", "accommodation", "exchange_factor"}),
+        words=_ALL({"gas"}),
+    ),
     "convection": Kind(
         _convection,
-        (_ALL({"htc", "area"}), _ALL({"htc.coefficient", "htc.exponent", "area"})),
-        {"htc": "W/(m^2 K)", "htc.coefficient": "W/(m^2 K)", "htc.exponent": "1", **_AREA},
+        (_ALL({"htc", "area"}), _ALL({"htc.coefficient", "htc.exponent", "area"}), _ALL({"htc.length", "area"})),
+        {"htc": "W/(m^2 K)", "htc.coefficient": "W/(m^2 K)", "htc.exponent": "1", "htc.length": "m", **_AREA},
+        words=_ALL({"htc.correlation", "htc.orientation"}),
+    ),
+    "gas": Kind(
+        _gas,
+        (_ALL({"area", "gap"}),),
+        {**_AREA, "gap": "m", "accommodation": "1"},
+        optional=_ALL({"accommodation"}),
+        words=_ALL({"gas"}),
     ),
     "effective": Kind(_effective, (_ALL({"effective_htc", "area"}),), {"effective_htc": "W/(m^2 K)", **_AREA}),
     "radiation": Kind(
@@ -149,6 +198,14 @@ def law_conductance(
         return np.asarray(c[0] * (difference**2 + SMOOTHING**2) ** (0.5 * c[1]))
     if form == "radiation":
         return np.asarray(c[0] * (hot**2 + cold**2) * (hot + cold))
+    if form == "gas" and curve is not None:
+        mean = 0.5 * (hot + cold)
+        k = evaluate(curve, mean)
+        return np.asarray(c[0] * k * c[1] / (c[1] + k * np.sqrt(mean / ANCHOR)))
+    if form == "natural" and curve is not None:
+        film = 0.5 * (hot + cold)
+        k, root = (evaluate(each, film) for each in curve.film)
+        return np.asarray(c[0] * k * evaluate(curve, c[1] * root * difference * (difference**2 + SMOOTHING**2) ** -0.375))
     if form == "table" and curve is not None:
         return np.asarray(c[0] * evaluate(curve, difference if curve.over == "difference" else 0.5 * (hot + cold)))
     return np.broadcast_to(np.asarray(c[0], dtype=float), np.shape(hot))

@@ -115,7 +115,7 @@ def _view(model: Model) -> _View:
         fields = {name: values[path] for name, path in c.fields.items()}
         try:
             fields |= {"area": exposed_area(c.path, fields["area"], c.takes, values)} if c.takes else {}
-            conductances[c.path] = value_of(c.law(fields).coefficients[0])
+            conductances[c.path] = min((value_of(law.coefficients[0]) for law in c.laws(fields)), key=lambda g: (g >= 0.0, -g))
         except ThermidError as error:
             refused.append(Finding("error", c.where, error.message))
     return _View(model, flat, values, conductances, tuple(refused))

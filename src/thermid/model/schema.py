@@ -5,7 +5,7 @@ Loaded only when a file is read: pydantic takes a tenth of a second.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
@@ -46,6 +46,14 @@ class PowerLaw(_Strict):
     exponent: Value
 
 
+class Correlated(_Strict):
+    """h by a correlation, from the properties of the gas at film temperature, its pressure, gravity and wind."""
+
+    correlation: str = ""
+    length: Value
+    orientation: Literal["vertical", "up", "down"] = "vertical"
+
+
 class Points(_Strict):
     """A table over a temperature or a temperature difference; a third text of a point is its slope."""
 
@@ -69,7 +77,7 @@ class SurfaceTable(_Strict):
     of: str
     to: str
     area: Value
-    htc: Value | PowerLaw | None = None
+    htc: Value | PowerLaw | Correlated | None = None
     effective_htc: Value | None = None
     emissivity: Value | None = None
     finish: str = ""
@@ -173,13 +181,14 @@ def _conductor_table() -> type[BaseModel]:
     """Return the conductor's table with the fields of every kind, so that a new kind needs no line here."""
     names = {slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots}
     fields: dict[str, Any] = {"kind": (Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")], ...), "between": (tuple[str, str], ...)}
-    fields |= {name: (Value | PowerLaw | None if name == "htc" else Value | None, None) for name in sorted(names)}
+    fields |= {name: (Value | PowerLaw | Correlated | None if name == "htc" else Value | None, None) for name in sorted(names)}
     return create_model(
         "ConductorTable",
         __base__=_Strict,
         __doc__="A path of heat between two nodes.",
         table=(Points | None, None),
         takes=(list[str], []),
+        gas=(str, ""),
         test_only=(bool, False),
         **fields,
     )

@@ -1,32 +1,40 @@
-"""What each gas does to a conductor: one atmosphere, vacuum, or a change between them in time.
+"""What each gas does to a conductor, from one atmosphere to vacuum, constant or changing in time.
 
-Pressure, humidity and gravity belong to a named gas node. Between one atmosphere and vacuum the laws of rarefied gas are needed; they are
-refused here in words rather than guessed.
+Pressure, gravity, wind and kind belong to a named gas node: the ambient, a volume that is vented with a time constant, a sealed one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thermid.dual import Number
 from thermid.errors import ScenarioError
 from thermid.model.flat import FlatConductor
 from thermid.model.kinds import Law
-from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.model.signal import Constant, Signal, Sine, Table, signal
+from thermid.network.pressure import sampled, vented
+from thermid.network.rarefied import GasState, correlated, gap, thinned
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
+from thermid.physics.gas import GASES, gas_named
 from thermid.physics.radiation import radiation_coefficient
 
 __all__ = ["VACUUM_LIMIT", "Environment", "Media"]
+
+Array = NDArray[np.float64]
 
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
 ONE_ATMOSPHERE = Constant(ATMOSPHERE)
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
+HIGHEST = 10.0 * ATMOSPHERE
+"""Pressure up to which the gas laws, of dilute gases, are used. [Pa]"""
 
 
 @dataclass(frozen=True)
@@ -35,25 +43,46 @@ class Environment:
 
     Parameters
     ----------
-    pressure : Signal   [Pa]
-    humidity : float    Relative, 0 to 1; it does not enter the classical equations and is kept for the record. [-]
-    gravity : float     [m/s^2]
+    pressure : Signal       A text with unit, a table or a signal. [Pa]
+    humidity : float        Relative, 0 to 1; it does not enter the classical equations and is kept for the record. [-]
+    gravity : float         [m/s^2]
+    gas : str               air, N2, He, Ar, CO2 or H2.
+    wind : float            Speed along surfaces with a correlation, constant. [m/s]
+    sealed : bool           Whether the volume keeps its gas when the surroundings lose theirs.
+    vented : str            Gas node that this volume is vented to; its own pressure is then that at the start.
+    time_constant : float   Of the venting. [s]
     """
 
-    pressure: Signal = ONE_ATMOSPHERE
+    pressure: Any = ONE_ATMOSPHERE
     humidity: float = 0.5
     gravity: float = STANDARD_GRAVITY
+    gas: str = "air"
+    wind: float = 0.0
+    sealed: bool = False
+    vented: str = ""
+    time_constant: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse states that do not exist."""
+        """Turn a text into a signal, and refuse states that do not exist."""
+        object.__setattr__(self, "pressure", signal(self.pressure, "Pa", "environment, pressure"))
         if not 0.0 <= self.humidity <= 1.0:
             raise ScenarioError(f"a relative humidity of {self.humidity:g} does not exist; give 0 to 1.")
         if self.lowest() < 0.0:
             raise ScenarioError("a pressure below zero does not exist.")
+        if not self.samples().max() <= HIGHEST:
+            raise ScenarioError(f"a pressure of {float(self.samples().max()):.4g} Pa lies beyond {HIGHEST:.4g} Pa, where gases are dilute.")
+        if not (self.gravity >= 0.0 and self.wind >= 0.0):
+            raise ScenarioError("gravity and wind are sizes; give them without a sign.")
+        if self.gas not in GASES:
+            gas_named(self.gas, "environment")
+        if self.sealed and self.vented:
+            raise ScenarioError("a volume is sealed or vented, not both.")
+        if bool(self.vented) != (self.time_constant > 0.0):
+            raise ScenarioError("a vented volume has the gas node that it is vented to, and a time constant above zero.")
 
-    def samples(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    def samples(self) -> Array:
         """Return the pressures that occur. [Pa]"""
-        p = self.pressure
+        p: Signal = self.pressure
         if isinstance(p, Table):
             return p.values
         if isinstance(p, Sine):
@@ -63,6 +92,10 @@ class Environment:
     def lowest(self) -> float:
         """Return the lowest pressure that occurs. [Pa]"""
         return float(self.samples().min())
+
+    def natural(self, pressure: Any) -> Any:
+        """Return how strong natural convection is beside that on the ground, (p/p0)^(1/2) (g/g0)^(1/4) [-]."""
+        return (pressure / ATMOSPHERE) ** 0.5 * (self.gravity / STANDARD_GRAVITY) ** 0.25
 
 
 @dataclass(frozen=True)
@@ -79,58 +112,83 @@ class Media:
     as_printed: bool = False
 
     def signals(self) -> dict[str, Signal]:
-        """Return the factor of each gas that changes in time: 1 in air, 0 in vacuum."""
+        """Return what rows of gases that change in time are multiplied by."""
         out: dict[str, Signal] = {}
         for gas, environment in self.environments.items():
-            p = environment.pressure
-            if isinstance(p, Table):
+            p = self._pressure(gas, environment)
+            if isinstance(p, Constant):
+                continue
+            if isinstance(p, Table) and self._jumps(p):
                 present = (p.values > VACUUM_LIMIT).astype(float)
                 out[f"gas {gas}"] = Table(p.times, present, hold=True)
                 out[f"no gas {gas}"] = Table(p.times, 1.0 - present, hold=True)
+            table = sampled(p)
+            natural = environment.natural(table.values)
+            out[f"pressure {gas}"] = p
+            out[f"natural {gas}"] = Table(table.times, natural, table.hold)
+            out[f"rest {gas}"] = Table(table.times, 1.0 - natural, table.hold)
         return out
+
+    def _pressure(self, gas: str, environment: Environment) -> Signal:
+        """Return the pressure of a gas node, that of a vented volume worked out."""
+        own: Signal = environment.pressure
+        if not environment.vented:
+            return own
+        if environment.vented == gas or self._environment(environment.vented).vented:
+            raise ScenarioError(f"'{gas}' is vented to '{environment.vented}', which has no pressure of its own.", "environment")
+        outside = self._environment(environment.vented).pressure
+        return vented(own, outside, environment.time_constant, f"environment.{gas}")
 
     def _key(self, gas: str) -> str:
         return gas if gas in self.environments else "*"
 
-    def _state(self, gas: str, where: str) -> str:
-        """Return air, vacuum or changing for a gas node."""
-        environment = self.environments.get(self._key(gas))
-        if environment is None:
-            return "air"
-        pressures = environment.samples()
-        air = (pressures >= AIR_RANGE[0]) & (pressures <= AIR_RANGE[1])
-        empty = pressures <= VACUUM_LIMIT
-        if not (air | empty).all():
-            odd = float(pressures[~(air | empty)][0])
-            raise ScenarioError(
-                f"the gas '{gas}' is at {odd:.4g} Pa. Between one atmosphere and vacuum convection follows laws of rarefied gas that this "
-                f"model does not hold; give one atmosphere, or at most {VACUUM_LIMIT:g} Pa.",
-                where,
-            )
-        if empty.all():
+    def _environment(self, gas: str) -> Environment:
+        return self.environments.get(self._key(gas), Environment())
+
+    @staticmethod
+    def _jumps(p: Signal) -> bool:
+        """Return whether a pressure only jumps between that of the ground and vacuum."""
+        if not (isinstance(p, Table) and p.hold):
+            return False
+        air = (p.values >= AIR_RANGE[0]) & (p.values <= AIR_RANGE[1])
+        return bool((air | (p.values <= VACUUM_LIMIT)).all())
+
+    def _state(self, gas: str) -> str:
+        """Return air, vacuum, jumping or thin for a gas node."""
+        environment = self._environment(gas)
+        p = self._pressure(self._key(gas), environment)
+        values = p.values if isinstance(p, Table) else Environment(p).samples()
+        if (values <= VACUUM_LIMIT).all():
             return "vacuum"
         if abs(environment.gravity - STANDARD_GRAVITY) > 0.01 * STANDARD_GRAVITY:
-            raise ScenarioError(
-                f"gravity in '{gas}' is {environment.gravity:g} m/s^2; a coefficient of natural convection fitted on the "
-                "ground does not hold there.",
-                where,
-            )
-        if air.all():
+            return "thin"
+        if ((values >= AIR_RANGE[0]) & (values <= AIR_RANGE[1])).all():
             return "air"
-        if not (isinstance(environment.pressure, Table) and environment.pressure.hold):
-            raise ScenarioError(f"the pressure of '{gas}' must jump between one atmosphere and vacuum: write hold = true.", where)
-        return "changing"
+        return "jumping" if self._jumps(p) else "thin"
 
-    def empty(self, gas: str, where: str = "") -> bool:
+    def _gas(self, gas: str, where: str) -> GasState:
+        """Return a gas as rows see it."""
+        key, environment = self._key(gas), self._environment(gas)
+        p = self._pressure(key, environment)
+        kind = gas_named(environment.gas, where)
+        if isinstance(p, Constant):
+            return GasState(kind, p.value, float(environment.natural(p.value)), environment.wind)
+        if environment.wind > 0.0:
+            raise ScenarioError(
+                f"wind in '{key}' needs a constant pressure: a stream thins with its gas, which is not held in time.", where
+            )
+        return GasState(kind, 1.0, 1.0, 0.0, key)
+
+    def empty(self, gas: str) -> bool:
         """Return whether there is no gas at a gas node at any time."""
-        return self._state(gas, where) == "vacuum"
+        return self._state(gas) == "vacuum"
 
     def rows(self, c: FlatConductor, law: Law, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[ConductorRow, ...]:
         """Return the rows that a conductor is, in the state of its gas.
 
         Raises
         ------
-        ScenarioError   When an effective coefficient meets vacuum without an emissivity to keep, or a pressure has no law here.
+        ScenarioError   When an effective coefficient meets another pressure without an emissivity to keep, or another gas.
         """
 
         def row(form: str, coefficients: tuple[Number, ...], signal: str = "") -> ConductorRow:
@@ -138,12 +196,46 @@ class Media:
 
         if law.medium in ("solid", "radiation"):
             return (row(law.form, law.coefficients),)
-        state = self._state(c.gas, c.where)
-        if state == "air":
+        state = self._state(c.gas)
+        if law.medium in ("rest", "correlation"):
+            at = self._gas(c.gas, c.where)
+            if at.pressure == 0.0:
+                return (row("linear", (0.0 * law.coefficients[0],)),)
+            return (gap(c, law, at),) if law.medium == "rest" else correlated(c, law, at)
+        if state == "air" and self._environment(c.gas).gas == "air":
             return (row(law.form, law.coefficients),)
         gone = (row(law.form, (0.0 * law.coefficients[0], *law.coefficients[1:])),)
-        if law.medium == "gas" or self.as_printed:
-            return gone if state == "vacuum" else (row(law.form, law.coefficients, f"gas {self._key(c.gas)}"),)
+        if state == "vacuum" and (law.medium == "gas" or self.as_printed):
+            return gone
+        if self.as_printed and state == "jumping":
+            return (row(law.form, law.coefficients, f"gas {self._key(c.gas)}"),)
+        if state == "vacuum":
+            return (row("radiation", self._kept(c, fields, emissivity)),)
+        return self._changed(c, law, fields, emissivity, state)
+
+    def _changed(
+        self, c: FlatConductor, law: Law, fields: Mapping[str, Number], emissivity: Number | None, state: str
+    ) -> tuple[ConductorRow, ...]:
+        """Return the rows of a coefficient that was fitted in air on the ground, where the gas is another or changes."""
+        own = self._environment(c.gas)
+        if own.gas != "air":
+            raise ScenarioError(
+                f"the coefficient of '{c.path}' was found in air and does not hold in {own.gas}; give a correlation, or a gap.", c.where
+            )
+        radiation: tuple[ConductorRow, ...] = ()
+        kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not self.as_printed else ()
+        if state == "jumping":
+            key = self._key(c.gas)
+            present = ConductorRow(c.path, law.form, c.ends, law.coefficients, c.curve, f"gas {key}")
+            return (present, ConductorRow(c.path, "radiation", c.ends, kept, None, f"no gas {key}")) if kept else (present,)
+        at = self._gas(c.gas, c.where)
+        if kept:
+            share = 1.0 if at.key else 1.0 - at.natural
+            radiation = (ConductorRow(c.path, "radiation", c.ends, (share * kept[0],), None, at.named("rest")),)
+        return *thinned(c, law, fields["area"], at), *radiation
+
+    def _kept(self, c: FlatConductor, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[Number, ...]:
+        """Return the radiation that an effective coefficient leaves without gas."""
         if emissivity is None:
             raise ScenarioError(
                 f"the coefficient of '{c.path}' is effective: it contains radiation, which vacuum does not take away. "
@@ -151,7 +243,4 @@ class Media:
                 "or ask for vacuum as printed (--as-printed), which sets it to zero and is an upper bound.",
                 c.where,
             )
-        kept = (radiation_coefficient(emissivity, fields["area"]),)
-        if state == "vacuum":
-            return (row("radiation", kept),)
-        return row(law.form, law.coefficients, f"gas {self._key(c.gas)}"), row("radiation", kept, f"no gas {self._key(c.gas)}")
+        return (radiation_coefficient(emissivity, fields["area"]),)

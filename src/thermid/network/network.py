@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ import numpy as np
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ThermidError
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
-from thermid.model.kinds import Law
 from thermid.model.model import Model
 from thermid.model.takes import exposed_area
 from thermid.network.medium import Media
@@ -129,15 +128,15 @@ class Network:
         if c.takes:
             fields["area"] = exposed_area(c.path, fields["area"], c.takes, values, c.where)
         try:
-            law = c.law(fields)
+            laws = c.laws(fields)
         except ThermidError as error:
             raise error.located(c.where) from None
-        if value_of(law.coefficients[0]) < 0:
+        if any(value_of(law.coefficients[0]) < 0 for law in laws):
             raise DeckError(f"'{c.path}' would have a negative conductance; heat would flow uphill.", c.where)
         if c.factor != 1.0:
-            law = Law(law.form, (c.factor * law.coefficients[0], *law.coefficients[1:]), law.medium, law.curve)
+            laws = tuple(replace(law, coefficients=(c.factor * law.coefficients[0], *law.coefficients[1:])) for law in laws)
         emissivity = values[c.emissivity] if c.emissivity else None
-        return self.media.rows(c, law, fields, emissivity)
+        return tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
 
 
 def _capacitance(fields: Mapping[str, str], values: Mapping[str, Any], where: str) -> Number | None:

@@ -17,11 +17,12 @@ class ConductorRow:
     Parameters
     ----------
     name : str                      Path of the conductor it comes from.
-    form : str                      linear, power, radiation, flow or table.
+    form : str                      linear, power, radiation, flow, table, gas or natural.
     ends : (str, str)               Node paths; heat flow is positive from the first to the second.
     coefficients : tuple of Number  The first one scales the heat flow.
     curve : Curve or None           For tables.
     signal : str                    Name of the input that the first coefficient is multiplied by; empty for none.
+    second : str                    The same for the second coefficient.
     """
 
     name: str
@@ -30,6 +31,7 @@ class ConductorRow:
     coefficients: tuple[Number, ...]
     curve: Curve | None = None
     signal: str = ""
+    second: str = ""
 
 
 @dataclass(frozen=True, eq=False)

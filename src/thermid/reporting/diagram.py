@@ -25,6 +25,7 @@ STYLES: Mapping[str, tuple[str, str]] = {
     "convection": ("dashed", "convection"),
     "effective": ("dashed", "convection with radiation (effective)"),
     "radiation": ("dotted", "radiation"),
+    "gas": ("dashed", "gas at rest"),
     "flow": ("flow", "one-way flow"),
     "table": ("mixed", "table"),
 }

@@ -18,6 +18,7 @@ __all__ = ["CONDUCTORS", "LOADS", "break_times", "ending", "ints", "kernel_input
 Array = NDArray[np.float64]
 
 CONDUCTORS = {"linear": _kernel.LINEAR, "power": _kernel.POWER, "radiation": _kernel.RADIATION, "flow": _kernel.FLOW}
+CONDUCTORS |= {"gas": _kernel.GAS, "natural": _kernel.NATURAL}
 LOADS = {
     "signal": _kernel.SIGNAL,
     "polynomial": _kernel.POLY,
@@ -56,7 +57,7 @@ def row_form(form: str, places: Sequence[int], curve: Curve | None, tables: list
     table = -1
     if curve is not None:
         table = len(tables)
-        tables.append(curve_arrays(curve))
+        tables += [curve_arrays(each) for each in (curve, *curve.film)]
     if load:
         return LOADS[form], four, table
     if form == "table" and curve is not None:

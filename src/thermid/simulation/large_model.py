@@ -53,7 +53,7 @@ def refusal(engine: Engine) -> str:
         if form == "flow":
             return f"'{name}' carries heat one way"
         if any(follows[p] >= 0 for p in places[1:]):
-            return f"the exponent of '{name}' changes in time"
+            return f"the {'exponent' if form == 'power' else 'pressure'} of '{name}' changes in time"
         if curve is not None and curve.over == "difference" and a >= n:
             return f"'{name}' is a table over a difference that begins at a boundary"
     for form, node, sensor, places, _, name in s["loads"]:
@@ -100,7 +100,7 @@ def _conductors(table: Sequence[Any], c: Array, follows: Sequence[int], n: int) 
         if form == "linear" and second < n and given < 0:
             links.append((first, second, c[places[0]]))
             continue
-        exponent = c[places[1]] if form == "power" else 0.0
+        exponent = c[places[1]] if len(places) > 1 else 0.0
         boundary = second - n if second >= n else NONE
         groups.setdefault((form, boundary, given, id(curve), exponent), []).append((first, 0 if boundary >= 0 else second, c[places[0]]))
         curves[id(curve)] = curve

@@ -72,7 +72,7 @@ class Run:
         numbers = self.assembled.numbers
         rows = [(r.name, r.curve, r.ends) for r in numbers.conductors] + [(r.name, r.curve, (r.sensor, r.sensor)) for r in numbers.loads]
         for name, curve, (a, b) in rows:
-            if curve is None or curve.d is None:
+            if curve is None or curve.d is None or curve.film:
                 continue
             seen = at(a) - at(b) if curve.over == "difference" else 0.5 * (at(a) + at(b))
             beyond = (seen < curve.x[0]) | (seen > curve.x[-1])

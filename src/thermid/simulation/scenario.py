@@ -75,13 +75,13 @@ class Scenario:
         return Media(self.environment, self.as_printed)
 
     def vacuum(self, as_printed: bool = False) -> Scenario:
-        """Return the same scenario without gas.
+        """Return the same scenario without gas; sealed volumes keep theirs, vented ones lose it with their time constant.
 
         Parameters
         ----------
         as_printed : bool   Set effective coefficients to zero as the source document does; an upper bound, since radiation goes too.
         """
-        gone = {gas: replace(e, pressure=Constant(0.0)) for gas, e in self.environment.items()}
+        gone = {gas: e if e.sealed or e.vented else replace(e, pressure=Constant(0.0)) for gas, e in self.environment.items()}
         gone.setdefault("*", Environment(Constant(0.0)))
         label = "vacuum as printed (upper bound)" if as_printed else "vacuum"
         return replace(self, title=f"{self.title}, {label}", environment=gone, as_printed=as_printed)
@@ -102,17 +102,20 @@ class Scenario:
 
 
 def _environment(table: Mapping[str, Any], where: str) -> Environment:
-    unknown = set(table) - {"pressure", "humidity", "gravity"}
+    known = {"pressure": "Pa", "humidity": "1", "gravity": "m/s^2", "wind": "m/s", "time_constant": "s"}
+    unknown = set(table) - {*known, "gas", "sealed", "vented"}
     if unknown:
-        raise ScenarioError(f"a gas has pressure, humidity and gravity, not {', '.join(sorted(unknown))}.", where)
-    given: dict[str, Any] = {}
+        raise ScenarioError(f"a gas has {', '.join(known)}, gas, sealed and vented, not {', '.join(sorted(unknown))}.", where)
+    given: dict[str, Any] = {
+        name: literal(table[name], unit, where) for name, unit in known.items() if name in table and name != "pressure"
+    }
+    given |= {name: table[name] for name in ("gas", "sealed", "vented") if name in table}
     if "pressure" in table:
         given["pressure"] = signal(table["pressure"], "Pa", where)
-    if "humidity" in table:
-        given["humidity"] = literal(table["humidity"], "1", where)
-    if "gravity" in table:
-        given["gravity"] = literal(table["gravity"], "m/s^2", where)
-    return Environment(**given)
+    try:
+        return Environment(**given)
+    except ThermidError as error:
+        raise error.located(where) from None
 
 
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:

@@ -156,8 +156,8 @@ class SparseNetwork:
 
         def table(curve: Curve | None) -> int:
             if curve is not None:
-                tables.append(curve_arrays(curve))
-            return len(tables) - 1 if curve is not None else NONE
+                tables.extend(curve_arrays(each) for each in (curve, *curve.film))
+            return len(tables) - 1 - len(curve.film) if curve is not None else NONE
 
         rows, done = [], 0
         for g in self.rows:

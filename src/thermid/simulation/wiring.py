@@ -94,7 +94,9 @@ class Wiring:
         self.schedule = read_schedule(network, self.scenario)
         base = network.numbers()
         self.signals: dict[str, Signal] = {f"boundary {b}": s for b, s in self.scenario.boundaries.items()}
-        self.signals |= load_inputs(network, self.scenario, base) | network.media.signals()
+        needed = {name for row in base.conductors for name in (row.signal, row.second)}
+        gases = {name: given for name, given in network.media.signals().items() if name in needed}
+        self.signals |= load_inputs(network, self.scenario, base) | gases
         self._follow: dict[tuple[str, int, int], str] = {}
         numbers = self._numbers({})
         # the kernel needs a node to solve for, even where all of them only follow
@@ -236,7 +238,7 @@ class Wiring:
     def _conductor_signal(self, row: ConductorRow, position: int, c: int) -> str:
         """Return the input that a conductor's coefficient is multiplied by; empty for none."""
         follow = self._follow.get((row.name, position, c), "")
-        own = row.signal if c == 0 and row.signal != MARK else ""
+        own = (row.signal if row.signal != MARK else "") if c == 0 else row.second if c == 1 else ""
         if follow and own:
             raise ScenarioError(f"'{row.name}' cannot follow a schedule while the pressure of its gas changes.", self.scenario.title)
         return follow or own

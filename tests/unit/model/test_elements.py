@@ -149,6 +149,7 @@ def test_open_paths_are_fine(part: Build) -> None:
         ({"kind": "effective", "effective_htc": "6 [W/(m^2 K)]", "area": "0.1 [m^2]"}, 0.6),
         ({"kind": "radiation", "emissivity": 0.3, "area": "0.1 [m^2]"}, 0.3 * 5.670374419e-8 * 0.1),
         ({"kind": "radiation", "exchange_factor": 0.2, "area": "0.1 [m^2]"}, 0.2 * 5.670374419e-8 * 0.1),
+        ({"kind": "gas", "area": "0.1 [m^2]", "gap": "1 [mm]"}, 0.026358 * 0.1 / 0.001),
         ({"kind": "flow", "mass_flow": "0.5 [g/s]", "specific_heat": "1006 [J/(kg K)]"}, 0.503),
         ({"kind": "table", "scale": 3, "table": {"points": [["0 [degC]", "1 [W/K]"], ["50 [degC]", "2 [W/K]"]]}}, 3.0),
     ],

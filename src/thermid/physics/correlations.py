@@ -1,0 +1,190 @@
+"""Convection by a named correlation: Nusselt numbers of surfaces in a gas, with the range in which each holds and where it comes from.
+
+Names are those of the library `ht`; the first four need no library. Any other function of `ht` for free convection of immersed bodies
+that takes a Prandtl and a Grashof number serves too, where that library is installed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import DeckError, nearest
+from thermid.physics._number import Number
+from thermid.physics.bodies import SHAPE, THINNEST, body_nusselt
+from thermid.physics.plates import horizontal_plate_down_nusselt, vertical_plate_nusselt, vertical_plate_nusselt_all
+
+__all__ = ["ORIENTATIONS", "Correlation", "correlation", "forced_plate_nusselt", "signed_nusselt"]
+
+Array = NDArray[np.float64]
+Orientation = Literal["vertical", "up", "down"]
+ORIENTATIONS: Final = ("vertical", "up", "down")
+BLEND: Final = 8
+"""Exponent with which conduction and convection are joined: 1 % above the larger one at a ratio of 1.5. [-]"""
+SQUARE: Final = THINNEST / math.sqrt(2.0)
+"""Nusselt number of gas at rest around a thin square plate, on its side; on area over perimeter a quarter of it. [-]"""
+LEAST: Final = 1e-10
+"""Rayleigh number that stands for gas at rest. [-]"""
+DEFAULTS: Final = {"vertical": "Nu_vertical_plate_Churchill", "up": "Nu_horizontal_plate_McAdams", "down": "Nu_horizontal_plate_McAdams"}
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """A law of free convection.
+
+    Parameters
+    ----------
+    name : str              As decks write it; a function of `ht`, or one of this package.
+    nusselt : callable      Rayleigh number, Prandtl number, whether buoyancy carries the gas away from the surface -> Nusselt number.
+    low, high : float       Rayleigh numbers between which it was found. [-]
+    facing : bool           Whether it needs to know which way the surface faces.
+    still : float           Nusselt number of gas at rest on its length, the least: of a square plate with both its faces, 3.19 k / sqrt(A)
+                            (Incropera, 6th ed., Section 4.3), or what the correlation itself ends at. [-]
+    source : str            Book or paper.
+    """
+
+    name: str
+    nusselt: Callable[[float, float, bool], float]
+    low: float
+    high: float
+    facing: bool
+    still: float
+    source: str
+
+
+def _mcadams(rayleigh: float, prandtl: float, away: bool) -> float:
+    """The larger of both laws, so that it has no jump."""
+    if not away:
+        return float(horizontal_plate_down_nusselt(rayleigh))
+    return float(max(0.54 * rayleigh**0.25, 0.15 * rayleigh ** (1.0 / 3.0)))
+
+
+def _churchill(rayleigh: float, prandtl: float, away: bool) -> float:
+    return float(vertical_plate_nusselt_all(rayleigh, prandtl))
+
+
+def _laminar(rayleigh: float, prandtl: float, away: bool) -> float:
+    return float(vertical_plate_nusselt(rayleigh, prandtl))
+
+
+def _body(rayleigh: float, prandtl: float, away: bool) -> float:
+    return float(body_nusselt(rayleigh, prandtl))
+
+
+_CHURCHILL = "Churchill and Chu, Int. J. Heat Mass Transfer 18 (1975) 1323; Incropera, 6th ed., Eqs. 9.26 and 9.27"
+OWN: Final = {
+    c.name: c
+    for c in (
+        Correlation("Nu_vertical_plate_Churchill", _churchill, 0.0, 1e12, False, SQUARE, _CHURCHILL),
+        Correlation("Nu_vertical_plate_laminar", _laminar, 0.0, 1e9, False, SQUARE, f"{_CHURCHILL}; Eq. 7 of the source document"),
+        Correlation(
+            "Nu_horizontal_plate_McAdams", _mcadams, 1e4, 1e11, True, SQUARE / 4.0, "McAdams; Incropera, 6th ed., Eqs. 9.30 to 9.32"
+        ),
+        Correlation("Nu_body", _body, 0.0, 1e9, False, SHAPE, "Lee, Yovanovich, Jafarpur, J. Thermophysics 5 (1991) 208"),
+    )
+}
+
+
+def correlation(name: str, orientation: str = "vertical", where: str = "") -> Correlation:
+    """Return a correlation by its name; without one, the usual one of an orientation.
+
+    Raises
+    ------
+    DeckError   When there is none of that name, its library is missing, or the orientation does not fit.
+    """
+    if orientation not in ORIENTATIONS:
+        raise DeckError(f"the orientation '{orientation}' is none of {', '.join(ORIENTATIONS)}.{nearest(orientation, ORIENTATIONS)}", where)
+    found = OWN.get(name or DEFAULTS[orientation]) or _of_library(name, where)
+    if found.facing and orientation == "vertical":
+        raise DeckError(f"'{found.name}' is for horizontal plates: give orientation = 'up' or 'down', the way the surface faces.", where)
+    return found
+
+
+def _of_library(name: str, where: str) -> Correlation:
+    """Return a function of `ht` as a correlation."""
+    hint = nearest(name, OWN)
+    if not name.startswith("Nu_"):
+        raise DeckError(f"no correlation is called '{name}'.{hint} There are {', '.join(OWN)}, and the functions of the library ht.", where)
+    try:
+        from ht import conv_free_immersed as library
+    except ImportError:
+        raise DeckError(
+            f"'{name}' would come from the library ht, which is not installed: pip install 'thermid[correlations]'."
+            f" Without it there are {', '.join(OWN)}.",
+            where,
+        ) from None
+    function: Any = getattr(library, name, None)
+    if function is None:
+        known = [n for n in library.__all__ if n.startswith("Nu_")]
+        raise DeckError(f"the library ht has no '{name}' for free convection.{nearest(name, [*OWN, *known])}", where)
+    from inspect import signature
+
+    names = list(signature(function).parameters)
+    if names[:2] != ["Pr", "Gr"]:
+        raise DeckError(f"'{name}' takes {', '.join(names)}; only functions of Pr and Gr can serve here.", where)
+    facing = "buoyancy" in names
+
+    def nusselt(ra: float, pr: float, away: bool) -> float:
+        return float(function(pr, ra / pr, buoyancy=away) if facing else function(pr, ra / pr))
+
+    return Correlation(name, nusselt, 0.0, math.inf, facing, 0.0, f"ht.{name}")
+
+
+def forced_plate_nusselt(reynolds: Number, prandtl: Number) -> Number:
+    """Mean Nusselt number of a plate in a stream along it, laminar and then turbulent from Re = 5e5 [-].
+
+    Parameters
+    ----------
+    reynolds : float    On the length of the plate, up to 1e8. [-]
+    prandtl : float     [-]
+
+    References
+    ----------
+    Incropera, 6th ed., Eqs. 7.30 and 7.38.
+
+    Examples
+    --------
+    >>> round(forced_plate_nusselt(1e4, 0.71), 1), round(forced_plate_nusselt(1e6, 0.71))
+    (59.2, 1306)
+    """
+    if reynolds <= 5e5:
+        return 0.664 * reynolds**0.5 * prandtl ** (1.0 / 3.0)
+    return (0.037 * reynolds**0.8 - 871.0) * prandtl ** (1.0 / 3.0)
+
+
+@lru_cache(maxsize=256)
+def signed_nusselt(name: str, orientation: str, prandtl: float, forced: float = 0.0, where: str = "") -> tuple[Array, Array, float]:
+    """Return points of Nu beyond conduction over the signed fourth root of Ra, and the Nusselt number of gas at rest that it stands on.
+
+    A positive root is a surface warmer than its gas. Conduction and convection are joined smoothly, and a stream by the cubes.
+
+    Parameters
+    ----------
+    name, orientation : str     As in `correlation`.
+    prandtl : float             [-]
+    forced : float              Nusselt number of a stream. [-]
+
+    References
+    ----------
+    Churchill, AIChE J. 23 (1977) 10, for the third power of assisting streams; Incropera, 6th ed., Eq. 9.64.
+    """
+    law = correlation(name, orientation, where)
+    root = np.geomspace(0.05, 3000.0, 280)
+    sides = []
+    least = max(law.still, law.nusselt(LEAST, prandtl, True), law.nusselt(LEAST, prandtl, False))
+    for warm in (False, True):
+        away = warm if orientation != "down" else not warm
+        still = law.nusselt(LEAST, prandtl, away)
+        bare = np.array([law.nusselt(float(u) ** 4, prandtl, away) for u in root])
+        joined = (np.maximum(bare, still) ** BLEND + least**BLEND - still**BLEND) ** (1.0 / BLEND)
+        sides.append((joined**3 + forced**3) ** (1.0 / 3.0) - least)
+    middle = (least**3 + forced**3) ** (1.0 / 3.0) - least
+    x = np.concatenate((-root[::-1], [0.0], root))
+    y = np.concatenate((sides[0][::-1], [middle], sides[1]))
+    return x, y, least
