@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from thermid.identify.compare import compare as compare
     from thermid.identify.criticism import Criticism as Criticism
     from thermid.identify.criticism import criticise as criticise
+    from thermid.identify.discrepancy import Discrepancy as Discrepancy
+    from thermid.identify.discrepancy import discrepancy as discrepancy
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
     from thermid.identify.posterior import Evidence as Evidence
@@ -140,6 +142,8 @@ _PUBLIC = {
     "run_stages": "identify.stages",
     "joint": "identify.stages",
     "predict": "identify.predict",
+    "discrepancy": "identify.discrepancy",
+    "Discrepancy": "identify.discrepancy",
     "Prediction": "identify.prediction",
     "Spread": "identify.spread",
     "Criteria": "identify.validate",

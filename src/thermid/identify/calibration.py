@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.moved import Moves
-from thermid.identify.residuals import Block, Predictions
+from thermid.identify.residuals import Block, Predictions, Problem
 from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.model import Model
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from thermid.identify.experiment import Experiment
     from thermid.identify.request import Request
     from thermid.identify.residuals import Problem
+    from thermid.identify.wander import Wander
 
 __all__ = ["Calibration", "Local"]
 
@@ -65,8 +66,7 @@ class Calibration:
     moved : Moves               How far what stages below handed on had to move, and how surely.
     search : str                What was looked at beyond one descent; empty for nothing.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
-    effective : dict            (record, sensor) -> independent samples that its readings are worth; all where none are given.
-    held : tuple                FittedValues of stages below that the model holds, under their paths here.
+    wander : Wander or None     How the residuals wander.
     """
 
     stage: str
@@ -90,8 +90,7 @@ class Calibration:
     request: Request | None = field(default=None, repr=False)
     problem: Problem | None = field(default=None, repr=False)
     moved: Moves = field(default_factory=Moves)
-    effective: Mapping[tuple[str, str], float] = field(default_factory=dict, repr=False)
-    held: tuple[FittedValues, ...] = field(default=(), repr=False)
+    wander: Wander | None = field(default=None, repr=False)
     search: str = ""
 
     @property
@@ -116,11 +115,21 @@ class Calibration:
         return [(b.record, b.sensor, Sums.of(b.residuals)) for b in self.blocks]
 
     @property
+    def held(self) -> tuple[FittedValues, ...]:
+        """FittedValues of stages below that the model holds as they were found, under their paths here."""
+        return self.request.held if self.request is not None else ()
+
+    @property
+    def _effective(self) -> Mapping[tuple[str, str], float]:
+        """(record, sensor) -> independent samples that its readings are worth."""
+        return self.wander.effective if self.wander is not None else {}
+
+    @property
     def statistics(self) -> dict[str, dict[str, SensorStatistics]]:
         """Record -> sensor -> statistics."""
         out: dict[str, dict[str, SensorStatistics]] = {}
         for record, sensor, sums in self._sums():
-            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0), self.effective.get((record, sensor)))
+            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0), self._effective.get((record, sensor)))
         return out
 
     @property
@@ -130,7 +139,7 @@ class Calibration:
         worth: dict[str, float] = {}
         for record, sensor, sums in self._sums():
             parts.setdefault(sensor, []).append(sums)
-            worth[sensor] = worth.get(sensor, 0.0) + self.effective.get((record, sensor), sums.count)
+            worth[sensor] = worth.get(sensor, 0.0) + self._effective.get((record, sensor), sums.count)
         return {n: pooled(several).statistics(self.bias.get(n, 0.0), worth[n]) for n, several in parts.items()}
 
     def median_rmse(self, sensor: str) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, SolverError
 from thermid.identify.calibration import Calibration
+from thermid.identify.further import Further
 from thermid.identify.prediction import Band, Prediction
 from thermid.identify.spread import Spread
 from thermid.model.model import Model
@@ -34,6 +35,7 @@ def predict(
     every: str | float | None = None,
     times: Any = None,
     nodes: Sequence[str] | None = None,
+    discrepancy: bool = True,
     draws: int = 0,
     seed: int = 0,
     options: Options | None = None,
@@ -51,6 +53,7 @@ def predict(
     spread : dict, Spread       What else is not known exactly: name -> standard deviation as text, or `Spread`, or several of these.
     every, times                When to store, as in `simulate`.
     nodes : sequence of str     Nodes to predict; all by default.
+    discrepancy : bool          Whether to count what constant coefficients leave out, and what the fit could not follow; see `discrepancy`.
     draws : int                 Members drawn from the spreads; bands are then quantiles. 0 for derivatives alone.
     seed : int                  Of the draws.
     options : Options           The integrator's.
@@ -66,23 +69,27 @@ def predict(
     ready = prepare(base, scenario, names, every=every, times=times, options=options)
     spreads = [*own, *(s if isinstance(s, Spread) else Spread.stated(s, ready) for s in given)]
     _check_once(spreads, ready)
-    run = ready.run(sensitivities=True)
+    misfit = Further.of(fit, base, ready) if discrepancy and fit.problem is not None else Further(ready)
+    run = misfit.ready.run(misfit.still, sensitivities=True)
     found = {n: run[n].path for n in (nodes if nodes is not None else run.nodes)}
     kept = list(dict.fromkeys(found.values()))
-    settled, moves = _settled(ready)
+    settled, moves = _settled(misfit)
     columns: dict[str, Columns] = {}
     for s in (s for s in spreads if s.names):
-        more = _columns(ready, s, kept, run, moves)
+        more = _columns(misfit.ready, s, kept, run, moves)
         columns[s.cause] = {n: np.hstack([columns[s.cause][n], c]) if s.cause in columns else c for n, c in more.items()}
+    columns |= misfit.columns(kept, run, moves)
+    shift = {n: misfit.shift(n, run, moves) for n in kept}
     members = _members(ready, spreads, kept, draws, seed) if draws else {}
+    _err_further(members, shift, [columns[c] for c in misfit.words], seed)
     bands, rest = {}, {}
     for n in kept:
         parts = {cause: np.sum(c[n] ** 2, axis=1) for cause, c in columns.items()}
-        bands[n] = Band(n, ready.times, run[n].kelvin, {c: v[:-1] for c, v in parts.items()}, members.get(n))
+        bands[n] = Band(n, ready.times, run[n].kelvin, shift[n][:-1], {c: v[:-1] for c, v in parts.items()}, members.get(n))
         if settled:
-            rest[n] = Band(n, ready.times[-1:], np.array([settled[n]]), {c: v[-1:] for c, v in parts.items()}).final
+            rest[n] = Band(n, ready.times[-1:], np.array([settled[n]]), shift[n][-1:], {c: v[-1:] for c, v in parts.items()}).final
     words = {s.cause: _words([n for t in spreads if t.cause == s.cause for n in t.names]) for s in spreads if s.names}
-    return Prediction(base.title, scenario.title, ready.times, bands, rest, words, tuple(run.warnings), found)
+    return Prediction(base.title, scenario.title, ready.times, bands, rest, {**words, **misfit.words}, tuple(run.warnings), found)
 
 
 def _known(fit: Calibration) -> list[Spread]:
@@ -114,10 +121,10 @@ def _check_once(spreads: Sequence[Spread], ready: Simulator) -> None:
             owner[name] = s.cause
 
 
-def _settled(ready: Simulator) -> tuple[dict[str, float], dict[str, Array]]:
+def _settled(misfit: Further) -> tuple[dict[str, float], dict[str, Array]]:
     """Return node -> settled temperature [K] and its derivatives; empty where nothing settles."""
     try:
-        return ready.settled()
+        return misfit.ready.settled(misfit.still)
     except SolverError:
         return {}, {}
 
@@ -145,6 +152,18 @@ def _members(ready: Simulator, spreads: Sequence[Spread], kept: Sequence[str], c
         values |= s.draws({n: ready.nominal[ready.canonical(n)] for n in s.names}, count, generator)
     many = ready.ensemble(values, nodes=list(kept))
     return {n: many.temperatures(n) for n in kept}
+
+
+def _err_further(members: Mapping[str, Array], shift: Mapping[str, Array], columns: Sequence[Columns], seed: int) -> None:
+    """Add to every member what constant coefficients leave out, drawn once for all nodes and times."""
+    generator = np.random.default_rng([seed, 1])
+    for c in columns if members else ():
+        directions = next(iter(c.values())).shape[1]
+        drawn = generator.standard_normal((directions, next(iter(members.values())).shape[1]))
+        for n, traces in members.items():
+            traces += c[n][:-1] @ drawn
+    for n, traces in members.items():
+        traces += shift[n][:-1, None]
 
 
 def _words(names: Sequence[str]) -> str:

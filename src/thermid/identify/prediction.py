@@ -50,20 +50,27 @@ class Band:
     ----------
     path : str                      The node.
     times : array (times,)          [s]
-    kelvin : array (times,)         What the model says with its best values. [K]
+    simulated : array (times,)      What the model says with its best values. [K]
+    shift : array (times,)          What it is expected to be wrong by, where coefficients that it holds constant are used further off. [K]
     parts : dict                    Cause -> variance (times,). [K^2]
     members : array or None         Temperatures (times, members) of drawn members, where draws were asked for. [K]
     """
 
     path: str
     times: Array
-    kelvin: Array
+    simulated: Array
+    shift: Array
     parts: Mapping[str, Array]
     members: Array | None = field(default=None, repr=False)
 
     @property
+    def kelvin(self) -> Array:
+        """Expected temperatures (times,). [K]"""
+        return self.simulated + self.shift
+
+    @property
     def celsius(self) -> Array:
-        """Temperatures (times,). [degC]"""
+        """Expected temperatures (times,). [degC]"""
         return self.kelvin - ICE_POINT
 
     @property

@@ -209,7 +209,7 @@ class Problem:
                 return float(fitted[k]), k
         return self.fixed_bias.get(sensor, 0.0), None
 
-    def _inputs(self, i: int, fitted: Array) -> tuple[Array, Array]:
+    def inputs(self, i: int, fitted: Array) -> tuple[Array, Array]:
         """Return the values of an experiment's free names and their slopes (names, unknowns) to the fitted form."""
         place = {name: n for n, name in enumerate(self.benches()[i].free)}
         values, slopes = np.zeros(len(place)), np.zeros((len(place), len(self.unknowns)))
@@ -222,7 +222,7 @@ class Problem:
         """Return measured and predicted readings of every sensor of every record."""
         out = []
         for i, bench in enumerate(self.benches()):
-            x, _ = self._inputs(i, fitted)
+            x, _ = self.inputs(i, fitted)
             columns, _ = bench.temperatures(x, False, self.options)
             for k, o in enumerate(bench.experiment.observations):
                 bias, _ = self._bias(o.sensor, fitted)
@@ -247,7 +247,7 @@ class Problem:
         taken: list[Array] = []
         chi = 0.0
         for i, bench in enumerate(self.benches()):
-            x, chain = self._inputs(i, fitted)
+            x, chain = self.inputs(i, fitted)
             seen = bench.experiment.observations
             biases = [self._bias(o.sensor, fitted) for o in seen]
             looked = [position for _, position in biases if position is not None]
@@ -294,7 +294,7 @@ class Problem:
     def slopes(self, i: int, fitted: Array, times: Array | None = None) -> Array:
         """Return d weighted residuals / d fitted (times, sensors, unknowns) of an experiment, at its own times or at others [s]."""
         bench = self.benches()[i]
-        x, chain = self._inputs(i, fitted)
+        x, chain = self.inputs(i, fitted)
         columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
         out = -(derivatives @ chain) if x.size else np.zeros((*columns.shape, len(self.unknowns)))
         for k, o in enumerate(bench.experiment.observations):

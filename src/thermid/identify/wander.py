@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.identify.residuals import Problem
 from thermid.identify.solve import Fit, covariances
 
-__all__ = ["Trace", "Wander", "wander"]
+__all__ = ["Binned", "Trace", "Wander", "binned", "wander"]
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ class Wander:
 
 
 @dataclass(frozen=True, eq=False)
-class _Binned:
+class Binned:
     """A trace in stretches of time: means of the residuals, samples and derivatives in each, the variance inside them and its freedom."""
 
     mean: Array
@@ -95,19 +95,19 @@ def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
     size = len(problem.unknowns)
-    binned = _binned(problem, found.fitted, _psi(loss, knee))
+    pieces = binned(problem, found.fitted, loss, knee)
     root = _root(covariances(found)[2])
-    parts = {key: _parts(b, root) for key, b in binned.items()}
+    parts = {key: _parts(b, root) for key, b in pieces.items()}
     calm = [key for key, (own, _, _) in parts.items() if own == 0.0]
     level = 1.0
     if calm:
-        squares, samples = sum(binned[k].squares for k in calm), sum(float(binned[k].count.sum()) for k in calm)
+        squares, samples = sum(pieces[k].squares for k in calm), sum(float(pieces[k].count.sum()) for k in calm)
         if len(calm) == len(parts):
             squares = found.chi_square
         level = max(1.0, squares / max(samples * (1.0 - size / max(problem.samples, 1)), 1.0))
     traces, excess = [], np.zeros((size, size))
     for (record, sensor), (own, slow, time) in parts.items():
-        b = binned[record, sensor]
+        b = pieces[record, sensor]
         total = float(b.count.sum())
         effective = total
         if own > 0.0:
@@ -131,9 +131,10 @@ def _psi(loss: str, knee: float) -> Callable[[Array], Array]:
     return forms[loss]
 
 
-def _binned(problem: Problem, fitted: Array, weight: Callable[[Array], Array]) -> dict[tuple[str, str], _Binned]:
+def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 1.0) -> dict[tuple[str, str], Binned]:
     """Return (record, sensor) -> its residuals in stretches of time."""
-    out: dict[tuple[str, str], _Binned] = {}
+    weight = _psi(loss, knee)
+    out: dict[tuple[str, str], Binned] = {}
     blocks = iter(problem.blocks(fitted))
     for i, experiment in enumerate(problem.experiments):
         times = experiment.times
@@ -153,7 +154,7 @@ def _binned(problem: Problem, fitted: Array, weight: Callable[[Array], Array]) -
             spare = z.size - int(full.sum())
             within = float(inside @ inside) / max(spare, 1)
             squares = float(w @ z**2)
-            out[block.record, o.sensor] = _Binned(mean[full], count[full], centres[full], slopes[full, k, :], within, spare, squares)
+            out[block.record, o.sensor] = Binned(mean[full], count[full], centres[full], slopes[full, k, :], within, spare, squares)
     return out
 
 
@@ -169,7 +170,7 @@ def _root(covariance: Array) -> Array:
     return np.asarray(vectors * np.sqrt(np.maximum(sizes, 0.0)))
 
 
-def _parts(b: _Binned, known: Array) -> tuple[float, float, float]:
+def _parts(b: Binned, known: Array) -> tuple[float, float, float]:
     """Return the variances of the independent and the wandering part of a trace, and the time of the latter; zeros where it is white."""
     root = np.sqrt(b.count)
     free = _beside(root[:, None] * b.slopes @ known)

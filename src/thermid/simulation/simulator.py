@@ -124,6 +124,16 @@ class Simulator:
     options: Options
 
     @property
+    def wiring(self) -> Wiring:
+        """The network and scenario, wired to the kernel's coefficients."""
+        return self._wiring
+
+    @property
+    def engine(self) -> Engine:
+        """What runs it."""
+        return self._engine
+
+    @property
     def free(self) -> tuple[str, ...]:
         """What may change from run to run."""
         return self._wiring.free

@@ -23,7 +23,7 @@ def in_full(problem: Problem, at: np.ndarray) -> np.ndarray:
     """All weighted residuals of the very run that gives the derivatives; without these the integrator iterates a little differently."""
     parts = []
     for i, bench in enumerate(problem.benches()):
-        columns, _ = bench.temperatures(problem._inputs(i, at)[0], True, problem.options)
+        columns, _ = bench.temperatures(problem.inputs(i, at)[0], True, problem.options)
         for k, o in enumerate(bench.experiment.observations):
             parts.append((o.measured - (columns[o.index, k] + problem._bias(o.sensor, at)[0])) / o.sigma(problem.noise))
     return np.concatenate(parts)

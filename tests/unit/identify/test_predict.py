@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError
 from thermid.identify.calibrate import calibrate, fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.predict import predict
+from thermid.identify.prediction import Prediction
 from thermid.identify.request import Request
 from thermid.identify.spread import Spread
 from thermid.simulation import simulate
@@ -22,6 +24,11 @@ from unit.identify.bench import HTC, MASS, box, log, pair
 HOT = Scenario("hot", boundaries={"air": "40 [degC]"}, start="24 [degC]", duration="3 [h]")
 
 
+def plain(*given: Any, **more: Any) -> Prediction:
+    """A prediction without what constant coefficients leave out; test_discrepancy.py has that."""
+    return predict(*given, discrepancy=False, **more)
+
+
 @pytest.fixture(scope="module")
 def found() -> Calibration:
     data = log(box(), {HTC: "5 [W/(m^2 K)]", MASS: "1.7 [kg]"}, {"T": "case"}, seed=2, accuracy=0.3)
@@ -29,7 +36,7 @@ def found() -> Calibration:
 
 
 def test_it_is_the_simulation_with_the_error_of_the_covariance(found: Calibration) -> None:
-    told = predict(found, HOT, times=[3600.0, 10800.0])
+    told = plain(found, HOT, times=[3600.0, 10800.0])
     run = simulate(found.fitted_model, HOT, times=[3600.0, 10800.0])
     assert told["case"].kelvin == pytest.approx(run["case"].kelvin, abs=1e-4)
     # by differences: the logarithms of both values, one standard error along each direction of their covariance
@@ -47,7 +54,7 @@ def test_it_is_the_simulation_with_the_error_of_the_covariance(found: Calibratio
 
 
 def test_what_is_settled_is_the_steady_state(found: Calibration) -> None:
-    told = predict(found, HOT)
+    told = plain(found, HOT)
     steady = td.steady(found.fitted_model, HOT)
     assert told.settled["case"].celsius == pytest.approx(steady["case"] - 273.15, abs=1e-6)
     # at the end only the coefficient counts: rise / (h A)
@@ -56,8 +63,8 @@ def test_what_is_settled_is_the_steady_state(found: Calibration) -> None:
 
 
 def test_what_else_is_not_known_is_added_and_named(found: Calibration) -> None:
-    told = predict(found, HOT, spread={"air": "0.5 [K]", "scale.heat": "2 [%]"})
-    alone = predict(found, HOT)
+    told = plain(found, HOT, spread={"air": "0.5 [K]", "scale.heat": "2 [%]"})
+    alone = plain(found, HOT)
     final = told.settled["case"]
     rise = final.celsius - 40.0
     assert final.error**2 == pytest.approx(alone.settled["case"].error ** 2 + 0.5**2 + (0.02 * rise) ** 2, rel=1e-3)
@@ -74,9 +81,9 @@ def test_correlated_and_log_normal_spreads(found: Calibration) -> None:
     alike = Spread("stated", names, 0.02**2 * np.array([[1.0, 1.0], [1.0, 1.0]]), (True, True))
     opposed = Spread("stated", names, 0.02**2 * np.array([[1.0, -1.0], [-1.0, 1.0]]), (True, True))
     # power and area by the same factor leave the steady temperature where it is
-    without = predict(found, HOT).settled["case"].error
-    assert predict(found, HOT, spread=alike).settled["case"].error == pytest.approx(without, rel=1e-3)
-    final = predict(found, HOT, spread=opposed).settled["case"]
+    without = plain(found, HOT).settled["case"].error
+    assert plain(found, HOT, spread=alike).settled["case"].error == pytest.approx(without, rel=1e-3)
+    final = plain(found, HOT, spread=opposed).settled["case"]
     assert final.error**2 == pytest.approx(without**2 + (0.04 * (final.celsius - 40.0)) ** 2, rel=1e-3)
 
 
@@ -85,19 +92,19 @@ def test_correlated_and_log_normal_spreads(found: Calibration) -> None:
     [({"sd": "0.4 [K]"}, 0.4), ("0.4 [K]", 0.4), ({"low": "39 [degC]", "high": "41 [degC]"}, 2 / np.sqrt(12))],
 )
 def test_forms_of_a_stated_spread(found: Calibration, spread: object, sd: float) -> None:
-    assert predict(found, HOT, spread={"air": spread})["air"].final.error == pytest.approx(sd)
+    assert plain(found, HOT, spread={"air": spread})["air"].final.error == pytest.approx(sd)
 
 
 def test_draws_agree_with_derivatives_where_the_model_is_straight(found: Calibration) -> None:
     spread = {"scale.heat": {"log_sd": 0.02}, "air": "0.5 [K]"}
-    by_slopes = predict(found, HOT, spread=spread)["case"].final
-    drawn = predict(found, HOT, spread=spread, draws=2000, seed=3)["case"].final
+    by_slopes = plain(found, HOT, spread=spread)["case"].final
+    drawn = plain(found, HOT, spread=spread, draws=2000, seed=3)["case"].final
     assert drawn.error == pytest.approx(by_slopes.error, rel=0.05)
     assert (drawn.low, drawn.high) == pytest.approx((by_slopes.low, by_slopes.high), abs=0.1 * by_slopes.error * 2)
 
 
 def test_draws_are_not_symmetric_where_it_bends(found: Calibration) -> None:
-    drawn = predict(found, HOT.with_(duration="30 [h]"), spread={"skin.area": {"log_sd": 0.4}}, draws=1000)["case"].final
+    drawn = plain(found, HOT.with_(duration="30 [h]"), spread={"skin.area": {"log_sd": 0.4}}, draws=1000)["case"].final
     assert drawn.high - drawn.celsius > 1.4 * (drawn.celsius - drawn.low)
 
 
@@ -109,14 +116,14 @@ def test_values_held_from_a_stage_below_are_not_exact(found: Calibration) -> Non
     held = (_prefixed(found.values.bare(), "a."),)
     above = fit(Request(model, (data,), ("stack.contact_conductance",), name="pair", held=held))
     scenario = Scenario("s", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="3 [h]")
-    told = predict(above, scenario)
+    told = plain(above, scenario)
     assert "held from Box" in told.causes
-    bare = predict(fit(Request(model, (data,), ("stack.contact_conductance",), name="pair")), scenario)
+    bare = plain(fit(Request(model, (data,), ("stack.contact_conductance",), name="pair")), scenario)
     assert told["a.case"].final.error > 1.5 * bare["a.case"].final.error
 
 
 def test_some_nodes_and_aliases(found: Calibration) -> None:
-    told = predict(found, HOT, nodes=["case"])
+    told = plain(found, HOT, nodes=["case"])
     assert list(told.bands) == ["case"]
     with pytest.raises(NameNotFoundError, match=r"no node 'cas' was predicted. Did you mean 'case'"):
         told["cas"]
@@ -124,15 +131,15 @@ def test_some_nodes_and_aliases(found: Calibration) -> None:
 
 def test_what_is_spread_twice_or_wrongly_is_refused(found: Calibration) -> None:
     with pytest.raises(IdentificationError, match=r"'skin.effective_htc' is spread twice, by fit and by stated. Leave one out"):
-        predict(found, HOT, spread={HTC: "1 [W/(m^2 K)]"})
+        plain(found, HOT, spread={HTC: "1 [W/(m^2 K)]"})
     with pytest.raises(ScenarioError, match=r"write \{sd\}, \{log_sd\} or \{low, high\}"):
-        predict(found, HOT, spread={"air": {"width": "1 [K]"}})
+        plain(found, HOT, spread={"air": {"width": "1 [K]"}})
     with pytest.raises(ScenarioError, match="not spread by per cent; give kelvin"):
-        predict(found, HOT, spread={"air": "2 [%]"})
+        plain(found, HOT, spread={"air": "2 [%]"})
     with pytest.raises(ScenarioError, match="low end lies above"):
-        predict(found, HOT, spread={"air": {"low": "41 [degC]", "high": "39 [degC]"}})
+        plain(found, HOT, spread={"air": {"low": "41 [degC]", "high": "39 [degC]"}})
     with pytest.raises(ScenarioError, match="a number from zero up"):
-        predict(found, HOT, spread={"air": "-1 [K]"})
+        plain(found, HOT, spread={"air": "-1 [K]"})
     with pytest.raises(IdentificationError, match="2 names need a covariance of 2 by 2"):
         Spread("stated", ("a", "b"), np.eye(3))
     with pytest.raises(IdentificationError, match="symmetric"):
@@ -142,7 +149,7 @@ def test_what_is_spread_twice_or_wrongly_is_refused(found: Calibration) -> None:
 
 
 def test_it_can_be_written_down(found: Calibration, tmp_path: Path) -> None:
-    told = predict(found, HOT, times=[0.0, 3600.0, 10800.0])
+    told = plain(found, HOT, times=[0.0, 3600.0, 10800.0])
     content = json.loads(json.dumps(told.to_dict([3600.0])))
     assert content["nodes"]["case"]["final"]["C"] == told["case"].final.celsius
     assert content["nodes"]["case"]["at"][0]["error_K"] == told["case"].at(3600.0).error
