@@ -80,6 +80,13 @@ def fit_problem(
     request: Request, problem: Problem, progress: Progress | None = None, known: Mapping[str, float] | None = None
 ) -> Calibration:
     """Return the calibration of a problem that was made for a request."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):  # matrices of up to some hundred rows: two threads wait for one another a hundred times longer
+        return _fitted(request, problem, progress, known)
+
+
+def _fitted(request: Request, problem: Problem, progress: Progress | None, known: Mapping[str, float] | None) -> Calibration:
     stated = all(o.noise is not None for o in problem.observations())
     if known is not None and list(known) == [u.name for u in problem.unknowns]:
         found = ended(problem, np.array(list(known.values())), request.loss, request.knee)
