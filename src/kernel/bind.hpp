@@ -43,11 +43,7 @@ nb::object array(std::unique_ptr<T[]> data, std::initializer_list<size_t> shape)
     return nb::cast(nb::ndarray<nb::numpy, T>(raw, shape, owner));
 }
 
-// Room for large outputs. numpy asks the system for large pages; without them half the time of filling it goes into page faults.
-inline std::pair<nb::object, double*> room(nb::tuple shape) {
-    nb::object made = nb::module_::import_("numpy").attr("empty")(shape);
-    return {made, nb::cast<nb::ndarray<double, nb::c_contig, nb::device::cpu>>(made).data()};
-}
+std::pair<nb::object, double*> room(nb::tuple shape);  // for large outputs
 
 template <class T, class V>
 nb::object array(const std::vector<V>& v, std::initializer_list<size_t> shape) {

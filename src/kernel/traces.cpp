@@ -9,33 +9,46 @@ namespace thermid {
 
 namespace {
 
-// R rows and V vectors of four columns of out (rows, m) = w' (rows, k) x (k, padded(m)).
+// R rows and V vectors of four columns of out (rows, m) = w' (rows, k) x (k, padded(m)); of the last vector `part` columns.
 template <int R, int V>
-THERMID_INLINE void tile(double* out, const double* w, const double* x, int k, int m, int columns) {
+THERMID_INLINE void tile(double* out, const double* w, const double* x, int k, int m, int part = 4) {
     const int stride = (m + 3) / 4 * 4;
-    Four sum[R][V] = {};
-    for (int i = 0; i < k; ++i, w += CHUNK, x += stride) {
-        const Four* from = reinterpret_cast<const Four*>(x);
+    Four sum[R][V];
+    const Four* from = reinterpret_cast<const Four*>(x);
+    for (int r = 0; r < R; ++r)
+        for (int v = 0; v < V; ++v) sum[r][v] = w[r] * from[v];
+    for (int i = 1; i < k; ++i) {
+        w += CHUNK;
+        x += stride;
+        from = reinterpret_cast<const Four*>(x);
         for (int r = 0; r < R; ++r)
             for (int v = 0; v < V; ++v) sum[r][v] += w[r] * from[v];
     }
-    for (int r = 0; r < R; ++r) std::memcpy(out + static_cast<size_t>(r) * m, sum[r], sizeof(double) * columns);
+    for (int r = 0; r < R; ++r) {
+        double* to = out + static_cast<size_t>(r) * m;
+        if (part < 4) {
+            std::memcpy(to, sum[r], sizeof(double) * part);
+            continue;
+        }
+        for (int v = 0; v < V; ++v) reinterpret_cast<Four*>(to)[v] = sum[r][v];
+    }
 }
 
-template <int V>
-THERMID_INLINE void columns(double* out, const double* w, int rows, const double* x, int k, int m, int count) {
-    int r = 0;
-    for (; r + 4 <= rows; r += 4) tile<4, V>(out + static_cast<size_t>(r) * m, w + r, x, k, m, count);
-    for (; r < rows; ++r) tile<1, V>(out + static_cast<size_t>(r) * m, w + r, x, k, m, count);
+// R rows, from the first column to the last, so that memory is filled in its own order.
+template <int R>
+THERMID_INLINE void line(double* out, const double* w, const double* x, int k, int m) {
+    int j = 0;
+    for (; j + 12 <= m; j += 12) tile<R, 3>(out + j, w, x + j, k, m);
+    for (; j + 4 <= m; j += 4) tile<R, 1>(out + j, w, x + j, k, m);
+    if (j < m) tile<R, 1>(out + j, w, x + j, k, m, m - j);
 }
 
 }  // namespace
 
 THERMID_CLONES void weighted(double* out, const double* w, int rows, const double* x, int k, int m) {
-    int j = 0;
-    for (; j + 12 <= m; j += 12) columns<3>(out + j, w, rows, x + j, k, m, 12);
-    for (; j + 4 <= m; j += 4) columns<1>(out + j, w, rows, x + j, k, m, 4);
-    if (j < m) columns<1>(out + j, w, rows, x + j, k, m, m - j);
+    int r = 0;
+    for (; r + 4 <= rows; r += 4) line<4>(out + static_cast<size_t>(r) * m, w + r, x, k, m);
+    for (; r < rows; ++r) line<1>(out + static_cast<size_t>(r) * m, w + r, x, k, m);
 }
 
 THERMID_CLONES void powers(double* THERMID_RESTRICT w, const double* THERMID_RESTRICT s, double h, int rows) {
