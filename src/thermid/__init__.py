@@ -22,12 +22,15 @@ if TYPE_CHECKING:
     from thermid.identify.discrepancy import discrepancy as discrepancy
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
+    from thermid.identify.inverse import power_history as power_history
     from thermid.identify.posterior import Evidence as Evidence
     from thermid.identify.posterior import Posterior as Posterior
     from thermid.identify.posterior import evidence as evidence
     from thermid.identify.posterior import posterior as posterior
     from thermid.identify.predict import predict as predict
     from thermid.identify.prediction import Prediction as Prediction
+    from thermid.identify.power_history import PowerHistory as PowerHistory
+    from thermid.identify.power_laws import PowerLaw as PowerLaw
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
     from thermid.identify.split import Split as Split
@@ -131,6 +134,9 @@ _PUBLIC = {
     "criticise": "identify.criticism",
     "Criticism": "identify.criticism",
     "load_values": "identify.values",
+    "power_history": "identify.inverse",
+    "PowerHistory": "identify.power_history",
+    "PowerLaw": "identify.power_laws",
     "posterior": "identify.posterior",
     "Posterior": "identify.posterior",
     "evidence": "identify.posterior",
