@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Iterable
 
-from work import BENCH, HERE, HOUR, LEVEL_OF, LEVELS, PLACES, Vacuum, Work
+from work import BENCH, HERE, HOUR, LEVEL, LEVEL_OF, LEVELS, PLACES, Vacuum, Work
 
 import thermid as td
 from thermid.physics.biot import BIOT_LIMIT
@@ -154,6 +155,35 @@ def htc() -> td.HtcComparison:
         capacitance="0.737*960 [J/K]",
         settled_after="5 [h]",
     )
+
+
+def no_room_for_paint() -> str:
+    """Return why the document's EleGFO cannot be a painted box: its effective coefficient leaves no room for that radiation."""
+    deck = tomllib.loads((HERE / "EleGFO.toml").read_text(encoding="utf-8"))
+    deck["surfaces"]["skin"]["finish"] = "paint, black"
+    try:
+        td.split(td.model_from_dict(deck), conditions=BENCH)
+    except td.ThermidError as refused:
+        return refused.message
+    raise ValueError("a painted EleGFO was split")
+
+
+def hidden(work: Work) -> Table:
+    """Return the predictions of the held-out logs against the hidden temperatures."""
+    rows: list[Line] = []
+    for h in work.hidden_errors():
+        look = "good" if h.inside >= LEVEL else "warn"
+        rows.append(
+            [Cell(h.record, "", "main"), h.sensor, f"{h.error:.2f}", f"{h.half_width:.2f}", Cell(f"{100 * h.inside:.0f} %", "", look)]
+        )
+    columns = [
+        Column("held-out log"),
+        Column("sensor"),
+        Column("largest error, K", True),
+        Column("half-width, K", True),
+        Column("of the time inside", True),
+    ]
+    return Table.of(columns, rows, "Against the hidden temperature, not the reading. At the start the band has no width yet.")
 
 
 BIOT = {

@@ -87,6 +87,7 @@ def levels(work: Work) -> Section:
             "one temperature: convection and radiation are hardly told apart in air, so their sum is known far better than either."
         ),
         folded("Found and hidden, value by value", [findings.recovered(work)], f"{len(work.recovered())} values"),
+        folded("Hidden temperatures of the held-out logs", [findings.hidden(work)], "sensor by sensor"),
         folded("Other parameters by level", [tables.levels(work.natural)[1]], "natural structure"),
         Facts(tuple((name, f"{steady[path] - 273.15:.1f} °C") for name, path in SEEN.items())),
         Words(
@@ -105,7 +106,12 @@ def coefficients() -> list[Block | Table]:
     """Return the document's example: both coefficients, what their difference can and cannot mean, Biot numbers."""
     found = findings.htc()
     numbers = "\n".join(line for line in str(found).splitlines() if not line.startswith("remark"))
-    return [Code(numbers, "The EleGFO example, Eq. 7."), Notes(found.remarks, "What the difference can and cannot mean"), findings.biot()]
+    return [
+        Code(numbers, "The EleGFO example, Eq. 7."),
+        Notes(found.remarks, "What the difference can and cannot mean"),
+        Notes((findings.no_room_for_paint(),), "A painted EleGFO is refused"),
+        findings.biot(),
+    ]
 
 
 def figures(work: Work) -> Section:

@@ -60,14 +60,15 @@ STAGES: dict[str, dict[str, Any]] = {
             *("imu_foot_conductivity", "cd_conductivity", "disk_skin.htc.coefficient", "disk_skin.emissivity"),
             *("pre.proc.skin.htc.coefficient", "pre.ele.skin.htc.coefficient", "imu.support_skin.htc.coefficient"),
             *("imu.fog_x.skin.htc.coefficient", "imu.fog_y.skin.htc.coefficient", "imu.acc.support_skin.htc.coefficient"),
-            "imu.acc.acc_x.skin.htc.coefficient",
+            *("imu.fog_z.skin.htc.coefficient", *(f"imu.acc.acc_{axis}.skin.htc.coefficient" for axis in "xyz")),
         ],
         "priors": {
             **{p: {"sd": "40 [%]"} for p in ("imu_foot_conductivity", "cd_conductivity")},
-            **{f"imu.{p}.htc.coefficient": AS_PRINTED for p in ("support_skin", "fog_x.skin", "fog_y.skin")},
-            **{f"imu.acc.{p}.htc.coefficient": AS_PRINTED for p in ("support_skin", "acc_x.skin")},
+            **{f"imu.{p}.htc.coefficient": AS_PRINTED for p in ("support_skin", "fog_x.skin", "fog_y.skin", "fog_z.skin")},
+            **{f"imu.acc.{p}.htc.coefficient": AS_PRINTED for p in ("support_skin", "acc_x.skin", "acc_y.skin", "acc_z.skin")},
         },
         "inherit": {"pre": ("m_PrE",), "imu": ("m_IMU",)},
+        "untie": True,  # three instances of one part, each in an air of its own
     },
 }
 """What each stage frees, and what it takes from which stage below, with its covariance; no names mean everything."""
@@ -144,7 +145,7 @@ def campaign() -> str:
             part: {"stage": below, "as": "prior"} | ({"only": only} if only else {})
             for part, (below, *only) in asked.get("inherit", {}).items()
         }
-        stage["inherit"] = handed
+        stage["inherit"], stage["untie"] = handed, asked.get("untie", False)
     return tomlkit.dumps(plan)
 
 

@@ -25,7 +25,7 @@ HERE = Path(__file__).parent
 HOUR = 3600.0
 BENCH = td.Scenario("bench at 24 °C", boundaries={"cv": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
 MEMBERS, SEED = 400, 20261121
-INTERVAL = (0.025, 0.975)
+LEVEL = 0.95
 LEVELS = ("Component", "m_AccS", "m_IMU", "m_PrE", "Sd")
 LEVEL_OF = {"m_AccS": "m_AccS", "m_IMU": "m_IMU", "m_PrE": "m_PrE", "m_Sd": "Sd"}
 PLACES = {
@@ -95,6 +95,17 @@ class Vacuum:
 
 
 @dataclass(frozen=True)
+class Hidden:
+    """A held-out prediction against the hidden temperature: largest error, largest half-width of the 95 % band [K], share of time inside."""
+
+    record: str
+    sensor: str
+    error: float
+    half_width: float
+    inside: float
+
+
+@dataclass(frozen=True)
 class Work:
     """What the study found.
 
@@ -141,12 +152,6 @@ class Work:
         """Return values of a stage drawn from their covariance (members,)."""
         return self.natural[stage].values.draws(MEMBERS, SEED)
 
-    def powers(self, model: td.Model) -> dict[str, Array]:
-        """Return a factor (members,) on every load: each power is known as well as its meter."""
-        rng = np.random.default_rng(SEED)
-        loads = [load.path for load in td.compile_network(model).flat.loads]
-        return {f"scale.{path}": 1.0 + laboratory.POWER_ACCURACY * rng.standard_normal(MEMBERS) for path in loads}
-
     def effective(self, stage: str, surface: str) -> Value:
         """Return the effective coefficient of a surface, radiation in it, where the stage's model settles on the bench. [W/(m^2 K)]"""
         model = self.natural[stage].fitted_model
@@ -191,30 +196,36 @@ class Work:
     def vacuum(self, stage: str, nodes: dict[str, str]) -> list[Vacuum]:
         """Return what a stage's model says without gas at nodes (label -> path), beside the hidden truth and the printed bound."""
         times = np.linspace(0.0, BENCH.seconds, 61)
-        model, empty = self.model(stage), BENCH.vacuum()
-        draws, shares = self.draws(stage) | self.powers(model), (INTERVAL[0], 0.5, INTERVAL[1])
-        many = td.ensemble(model, empty, draws, times=times, nodes=list(nodes.values()), quantiles=shares)
-        truth = td.simulate(self.hidden.models[self.natural[stage].model.title], empty, times=times)
-        printed = td.simulate(td.load_model(HERE / f"{self.natural[stage].model.title}.toml"), BENCH.vacuum(as_printed=True), times=times)
-        rest = td.steady(model, empty)
+        fit, model, empty = self.natural[stage], self.model(stage), BENCH.vacuum()
+        meters = {f"scale.{load.path}": f"{laboratory.POWER_ACCURACY}" for load in td.compile_network(model).flat.loads}
+        told = td.predict(fit, empty, model=model, spread=meters, times=times, nodes=list(nodes.values()), draws=MEMBERS, seed=SEED)
+        truth = td.simulate(self.hidden.models[fit.model.title], empty, times=times)
+        printed = td.simulate(td.load_model(HERE / f"{fit.model.title}.toml"), BENCH.vacuum(as_printed=True), times=times)
         out = []
         for label, node in nodes.items():
-            low, middle, high = (many.quantile(node, share) - 273.15 for share in (INTERVAL[0], 0.5, INTERVAL[1]))
-            out.append(Vacuum(label, times, low, middle, high, truth[node].celsius, printed[node].celsius, rest[node] - 273.15))
+            band, rest = told[node], told.settled[td.compile_network(model).find(node)]
+            low, high = band.interval(LEVEL)
+            out.append(Vacuum(label, times, low, band.celsius, high, truth[node].celsius, printed[node].celsius, rest.celsius))
         return out
 
-    def hidden_errors(self) -> list[tuple[str, str, float, float, float]]:
-        """Return record, sensor, largest error against the hidden temperature [K], its stated half-width [K], share of time inside."""
+    def hidden_errors(self) -> list[Hidden]:
+        """Return the predictions of the held-out logs against the hidden temperatures, sensor by sensor."""
         out = []
         for verdict in self.natural.verdicts:
             truth = np.genfromtxt(self.folder / "hidden" / f"{verdict.record}.csv", delimiter=",", names=True, skip_header=1)
-            bias = self.natural[verdict.model].values.sensors
+            (experiment,), fit, times = verdict.prediction.experiments, self.natural[verdict.model], truth["time_s"]
+            spread = {name: f"{sd} [K]" if name == "cv" else f"{sd}" for name, sd in experiment.shared.values()}
+            nodes = {o.sensor: o.node for o in experiment.observations}
+            told = td.predict(fit, experiment.scenario, spread=spread, times=times, nodes=list(nodes.values()))
             for block in verdict.prediction.blocks:
-                shift = self.natural[verdict.model].bias.get(block.sensor, 0.0)
-                ours = np.interp(truth["time_s"], block.times, block.predicted) - shift - 273.15
-                error = np.abs(ours - truth[block.sensor])
-                wide = 2 * bias[block.sensor].error
-                out.append((verdict.record, block.sensor, float(error.max()), float(wide), float(np.mean(error <= wide))))
+                shift = fit.bias.get(block.sensor, 0.0)
+                error = np.interp(times, block.times, block.predicted) - shift - 273.15 - truth[block.sensor]
+                wide = told[nodes[block.sensor]].error * 1.96
+                out.append(
+                    Hidden(
+                        verdict.record, block.sensor, float(np.abs(error).max()), float(wide.max()), float(np.mean(np.abs(error) <= wide))
+                    )
+                )
         return out
 
 

@@ -85,6 +85,7 @@ def text(done: work.Work) -> str:
     widest = max(r.half_width for r in runs)
     alone = [run for part in ("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV") for run in done.vacuum(part, {part: "case"})]
     htc = findings.htc()
+    seen = done.hidden_errors()
     outside = "; ".join(f"{r.stage}: {r.name}" for r in found if not r.inside) or "none"
     values = {
         "document": done.study.document,
@@ -106,14 +107,19 @@ def text(done: work.Work) -> str:
         "inside": str(inside),
         "found": str(len(found)),
         "outside": outside,
-        "true_error": f"{max(e for _, _, e, _, _ in done.hidden_errors()):.2f}",
+        "true_error": f"{max(h.error for h in seen):.2f}",
+        "true_inside": str(sum(h.inside >= work.LEVEL for h in seen)),
+        "true_of": str(len(seen)),
         "limit": f"{flag.limit:.0f}",
         "crossing": f"{flag.time / 3600:.3f}",
         "vacuum": rows(findings.vacuums(runs)),
         "widest": f"{100 * widest:.0f}",
         "vacuum_alone": rows(findings.vacuums(alone)),
         "settling": rows(findings.settling(done)),
-        "remarks": "; ".join(htc.remarks),
+        "remarks": "\n".join(f"- {remark}" for remark in htc.remarks),
+        "paint": findings.no_room_for_paint(),
+        "accelerometer": f"{100 * alone[0].half_width:.0f}",
+        "hidden": rows(findings.hidden(done)),
         "biot": rows(findings.biot()),
         "slips": rows(findings.slips(done)),
         "limits": chr(10).join(f"- {line}" for line in page.LIMITS),

@@ -1,0 +1,128 @@
+"""The whole study, worked through once: what it must show, and the written study, whose numbers are the program's."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from docs.pages import NUMBER, near
+
+pytestmark = [pytest.mark.campaign, pytest.mark.document]
+ROOT = Path(__file__).parents[2]
+STUDY = ROOT / "examples" / "sisnav"
+WRITTEN = ROOT / "docs" / "studies"
+MODULES = ("work", "findings", "drawings", "page", "write_study", "structures", "laboratory")
+
+
+@pytest.fixture(scope="module")
+def modules() -> Iterator[dict[str, ModuleType]]:
+    """The study's own modules, which stand beside its decks."""
+    before = {name: sys.modules.pop(name) for name in MODULES if name in sys.modules}
+    sys.path.insert(0, str(STUDY))
+    try:
+        yield {name: import_module(name) for name in MODULES}
+    finally:
+        sys.path.remove(str(STUDY))
+        for name in MODULES:
+            sys.modules.pop(name, None)
+        sys.modules.update(before)
+
+
+@pytest.fixture(scope="module")
+def done(modules: dict[str, ModuleType], tmp_path_factory: pytest.TempPathFactory) -> Any:
+    return modules["work"].run(tmp_path_factory.mktemp("study"))
+
+
+def test_no_fit_reads_what_is_hidden(modules: dict[str, ModuleType], done: Any) -> None:
+    """The folder `hidden` is named by the laboratory and by what compares afterwards, by no deck and no campaign."""
+    files = [*STUDY.glob("*.toml"), *(done.folder / "natural").glob("*.toml"), STUDY / "structures.py"]
+    assert not [f.name for f in files if re.search(r"hidden/|truth\.json", f.read_text(encoding="utf-8"))]
+
+
+def test_held_out_readings_are_predicted_within_half_a_kelvin(done: Any) -> None:
+    """At every DS18B20; the noisy accelerometer channel has its limit on the root mean square, and 1 K on what is left after a minute's mean."""
+    assert len(done.natural.verdicts) == 3
+    assert all(v.passed for v in done.natural.verdicts)
+    largest = [c.found for v in done.natural.verdicts for c in v.checks if c.criterion == "max_error"]
+    assert max(largest) < 0.2
+
+
+def test_the_document_s_structure_misses_what_follows_a_pause(done: Any) -> None:
+    assert {v.record for v in done.constant.verdicts if not v.passed} == {"pre_held_out", "imu_held_out"}
+
+
+def test_hidden_values_lie_within_their_stated_errors(done: Any) -> None:
+    """About 95 % within two standard errors; none is far out."""
+    found = done.recovered()
+    assert len(found) > 70
+    assert sum(r.inside for r in found) >= 0.92 * len(found)
+    assert max(abs(r.found.value - r.truth) / r.found.error for r in found) < 4
+
+
+def test_hidden_temperatures_lie_in_their_bands(done: Any) -> None:
+    seen = done.hidden_errors()
+    assert max(h.error for h in seen) < 0.2
+    assert sum(h.inside >= 0.95 for h in seen) >= 0.9 * len(seen)
+
+
+def test_V2_vacuum_with_radiation_holds_the_truth_below_the_printed_bound(modules: dict[str, ModuleType], done: Any) -> None:  # noqa: N802
+    """The whole unit: the truth inside, half-width at most a quarter of the rise; the printed run is above both."""
+    runs = done.vacuum("m_Sd", modules["page"].SEEN)
+    assert all(r.inside and r.half_width <= 0.25 and r.beyond < 0.05 for r in runs)
+    assert all(r.printed[-1] > r.high[-1] and r.printed[-1] > r.truth[-1] for r in runs)
+    for part in ("FOG_h", "FOG_l", "EleGFO", "ProcSISNAV"):
+        (run,) = done.vacuum(part, {part: "case"})
+        assert run.inside
+        assert run.half_width <= 0.25, part
+
+
+def test_a_painted_power_supply_is_refused(modules: dict[str, ModuleType]) -> None:
+    said = modules["findings"].no_room_for_paint()
+    assert said.startswith("the coefficient of 'skin' cannot be split: 2.2 W/(m^2 K) in air, but finish 'paint, black'")
+    assert "the area" in said
+    assert "the power" in said
+
+
+def test_fig_21_network_and_equations_agree(modules: dict[str, ModuleType]) -> None:
+    _, worst = modules["drawings"].fig_21()
+    assert worst < 1e-7
+
+
+def test_equations_of_the_page_are_the_printed_ones(modules: dict[str, ModuleType]) -> None:
+    """`equations` compares as symbols and raises otherwise; the formulas are MathML."""
+    pytest.importorskip("sympy")
+    section = modules["page"].equations()
+    formulas = [b for b in section.blocks if b.kind == "formulas"]
+    assert sum(len(b.lines) for b in formulas) == 6
+    assert all(text.startswith("<math") for b in formulas for text, _ in b.lines)
+
+
+def test_V2_the_page_says_what_it_is(modules: dict[str, ModuleType], done: Any, tmp_path: Path) -> None:  # noqa: N802
+    text = modules["page"].main(done, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "DEMONSTRATION: 22 ASSUMED PARAMETERS, SYNTHETIC DATA" in text
+    assert text.count("synthetic: virtual laboratory") >= 20
+    assert "upper bounds" in text
+    assert not re.search(r"<script|https?://(?!www\.w3\.org)", text)
+    assert len(text) < 3_000_000
+
+
+def test_the_written_study_has_the_program_s_numbers(modules: dict[str, ModuleType], done: Any) -> None:
+    """Word for word, numbers as near as they are printed. Write it again with: python examples/sisnav/write_study.py"""
+    shown, found = (WRITTEN / "sisnav.md").read_text(encoding="utf-8"), modules["write_study"].text(done)
+    assert NUMBER.sub("#", shown) == NUMBER.sub("#", found)
+    apart = [(a, b) for a, b in zip(NUMBER.findall(shown), NUMBER.findall(found), strict=True) if not near(a, float(b))]
+    assert apart == []
+
+
+def test_every_figure_of_the_written_study_is_there(modules: dict[str, ModuleType]) -> None:
+    named = re.findall(r"\(figures/([\w.]+)\)", (WRITTEN / "sisnav.md").read_text(encoding="utf-8"))
+    assert len(named) >= 9
+    assert sorted(set(named)) == sorted(p.name for p in (WRITTEN / "figures").iterdir())
+    assert all((WRITTEN / "figures" / n).stat().st_size < 60_000 for n in named)
