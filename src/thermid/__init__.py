@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
+    from thermid.identify.actions import Action as Action
     from thermid.identify.balance import EnergyBalance as EnergyBalance
     from thermid.identify.balance import energy_balance as energy_balance
     from thermid.identify.calibrate import calibrate as calibrate
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from thermid.identify.posterior import posterior as posterior
     from thermid.identify.predict import predict as predict
     from thermid.identify.prediction import Prediction as Prediction
+    from thermid.identify.next_test import Advice as Advice
+    from thermid.identify.next_test import Prediction as Prediction
+    from thermid.identify.next_test import next_test as next_test
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
     from thermid.identify.split import Split as Split
@@ -133,6 +137,10 @@ _PUBLIC = {
     "Valley": "identify.valley",
     "criticise": "identify.criticism",
     "Criticism": "identify.criticism",
+    "next_test": "identify.next_test",
+    "Action": "identify.actions",
+    "Prediction": "identify.next_test",
+    "Advice": "identify.next_test",
     "load_values": "identify.values",
     "posterior": "identify.posterior",
     "Posterior": "identify.posterior",
