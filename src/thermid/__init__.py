@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
     from thermid.identify.actions import Action as Action
+    from thermid.identify.actions import Aim as Aim
     from thermid.identify.balance import EnergyBalance as EnergyBalance
     from thermid.identify.balance import energy_balance as energy_balance
     from thermid.identify.calibrate import calibrate as calibrate
@@ -23,23 +24,21 @@ if TYPE_CHECKING:
     from thermid.identify.discrepancy import discrepancy as discrepancy
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
+    from thermid.identify.next_test import Advice as Advice
+    from thermid.identify.next_test import next_test as next_test
+    from thermid.identify.plausibility import Plausibility as Plausibility
+    from thermid.identify.plausibility import plausibility as plausibility
     from thermid.identify.posterior import Evidence as Evidence
     from thermid.identify.posterior import Posterior as Posterior
     from thermid.identify.posterior import evidence as evidence
     from thermid.identify.posterior import posterior as posterior
     from thermid.identify.predict import predict as predict
     from thermid.identify.prediction import Prediction as Prediction
-    from thermid.identify.next_test import Advice as Advice
-    from thermid.identify.next_test import Prediction as Prediction
-    from thermid.identify.next_test import next_test as next_test
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
     from thermid.identify.split import Split as Split
     from thermid.identify.split import split as split
     from thermid.identify.spread import Spread as Spread
-    from thermid.identify.profile import valley as valley
-    from thermid.identify.split import Split as Split
-    from thermid.identify.split import split as split
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
@@ -137,9 +136,11 @@ _PUBLIC = {
     "Valley": "identify.valley",
     "criticise": "identify.criticism",
     "Criticism": "identify.criticism",
+    "plausibility": "identify.plausibility",
+    "Plausibility": "identify.plausibility",
     "next_test": "identify.next_test",
     "Action": "identify.actions",
-    "Prediction": "identify.next_test",
+    "Aim": "identify.actions",
     "Advice": "identify.next_test",
     "load_values": "identify.values",
     "posterior": "identify.posterior",

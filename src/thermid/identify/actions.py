@@ -14,10 +14,31 @@ from thermid.model.signal import Constant, Signal, Table
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import network_for
 
-__all__ = ["Action", "usual_actions"]
+__all__ = ["Action", "Aim", "usual_actions"]
 
 CHAMBER_STEP = 20.0
 """Step of a chamber that costs little and is far from what most parts fear. [K]"""
+
+
+@dataclass(frozen=True)
+class Aim:
+    """A temperature that is to be known better.
+
+    Parameters
+    ----------
+    scenario : Scenario     Where.
+    node : str              Of what.
+    at : str or float       When; the end when empty. [s]
+    """
+
+    scenario: Scenario
+    node: str
+    at: str | float = ""
+
+    def __str__(self) -> str:
+        """It in words."""
+        when = f" at {self.at}" if self.at else " at the end"
+        return f"'{self.node}' in '{self.scenario.title}'{when}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -194,7 +194,7 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
     for b in fit.blocks:
         at, watts = powers[b.record]
         z, n = b.residuals, b.residuals.size
-        effective = fit.effective.get((b.record, b.sensor), float(n))
+        effective = float(fit.statistics[b.record][b.sensor].effective_samples)
         power = np.interp(b.times, at, watts)
         slopes = {}
         for name, x in (("temperature", b.predicted), ("power", power), ("time", b.times)):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
-from thermid.identify.actions import Action, usual_actions
+from thermid.identify.actions import Action, Aim, usual_actions
 from thermid.identify.calibration import Calibration
 from thermid.identify.gather import problem_for
 from thermid.identify.groups import percent
@@ -24,34 +24,13 @@ from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import prepare
 
-__all__ = ["Advice", "Option", "Prediction", "next_test"]
+__all__ = ["Advice", "Option", "next_test"]
 
 Array = NDArray[np.float64]
 NAME = "next test"
 DURATIONS = 24
 ENOUGH = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """A temperature that is to be known better.
-
-    Parameters
-    ----------
-    scenario : Scenario     Where.
-    node : str              Of what.
-    at : str or float       When; the end when empty. [s]
-    """
-
-    scenario: Scenario
-    node: str
-    at: str | float = ""
-
-    def __str__(self) -> str:
-        """It in words."""
-        when = f" at {self.at}" if self.at else " at the end"
-        return f"'{self.node}' in '{self.scenario.title}'{when}"
 
 
 @dataclass(frozen=True)
@@ -138,7 +117,7 @@ class _Knowledge:
 
 def next_test(
     source: Calibration | Model,
-    target: str | Prediction,
+    target: str | Aim,
     actions: Sequence[Action] = (),
     *,
     scenario: Scenario | None = None,
@@ -152,7 +131,7 @@ def next_test(
     Parameters
     ----------
     source : Calibration or Model   What is known: a fit, or a model with `priors` on what is not.
-    target : str or Prediction      A parameter's path, or a temperature somewhere else.
+    target : str or Aim             A parameter's path, or a temperature somewhere else.
     actions : sequence of Action    What could be done; the usual ones about `scenario` when none are given.
     scenario : Scenario             A test as it was made, for the usual actions and their duration.
     sensors : dict                  As in `identifiability`; those of the fit's records when not given.
@@ -238,7 +217,7 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
     return tuple(out)
 
 
-def _gradient(known: _Knowledge, target: str | Prediction) -> tuple[Array, float, str, str]:
+def _gradient(known: _Knowledge, target: str | Aim) -> tuple[Array, float, str, str]:
     """Return the derivative of the target with respect to the fitted forms, its value, its name and its unit."""
     gradient = np.zeros(len(known.names))
     unknowns = _unknowns(known)

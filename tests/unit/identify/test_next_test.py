@@ -104,7 +104,7 @@ def test_hours_to_a_goal(fit: td.Calibration) -> None:
 
 def test_a_prediction_is_bettered_by_what_it_depends_on(fit: td.Calibration) -> None:
     hot = td.Scenario("hot", boundaries={"air": "60 [degC]"}, loads={"heat": "8 [W]"}, duration="20 [h]")
-    advice = td.next_test(fit, td.Prediction(hot, "case"), scenario=BENCH)
+    advice = td.next_test(fit, td.Aim(hot, "case"), scenario=BENCH)
     # settled, the rise is P/(h A): its error is that of h
     rise = 8.0 / (0.05 * fit[HTC].value)
     assert advice.now == pytest.approx(rise * fit[HTC].error / fit[HTC].value, rel=0.02)
