@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
+    from thermid.identify.actions import Action as Action
+    from thermid.identify.actions import Aim as Aim
     from thermid.identify.balance import EnergyBalance as EnergyBalance
     from thermid.identify.balance import energy_balance as energy_balance
     from thermid.identify.calibrate import calibrate as calibrate
@@ -23,6 +25,10 @@ if TYPE_CHECKING:
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
     from thermid.identify.inverse import power_history as power_history
+    from thermid.identify.next_test import Advice as Advice
+    from thermid.identify.next_test import next_test as next_test
+    from thermid.identify.plausibility import Plausibility as Plausibility
+    from thermid.identify.plausibility import plausibility as plausibility
     from thermid.identify.posterior import Evidence as Evidence
     from thermid.identify.posterior import Posterior as Posterior
     from thermid.identify.posterior import evidence as evidence
@@ -133,6 +139,12 @@ _PUBLIC = {
     "Valley": "identify.valley",
     "criticise": "identify.criticism",
     "Criticism": "identify.criticism",
+    "plausibility": "identify.plausibility",
+    "Plausibility": "identify.plausibility",
+    "next_test": "identify.next_test",
+    "Action": "identify.actions",
+    "Aim": "identify.actions",
+    "Advice": "identify.next_test",
     "load_values": "identify.values",
     "power_history": "identify.inverse",
     "PowerHistory": "identify.power_history",

@@ -187,7 +187,6 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
 
     out = []
     powers = {}
-    effective_of = fit.wander.effective if fit.wander is not None else {}
     for e in fit.experiments:
         times = np.linspace(0.0, e.scenario.seconds, 301)
         run = simulate(fit.fitted_model, e.scenario, times=times)
@@ -195,7 +194,7 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
     for b in fit.blocks:
         at, watts = powers[b.record]
         z, n = b.residuals, b.residuals.size
-        effective = effective_of.get((b.record, b.sensor), float(n))
+        effective = float(fit.statistics[b.record][b.sensor].effective_samples)
         power = np.interp(b.times, at, watts)
         slopes = {}
         for name, x in (("temperature", b.predicted), ("power", power), ("time", b.times)):

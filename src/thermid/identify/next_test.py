@@ -1,0 +1,308 @@
+"""`next_test`: which of the tests that could be made would say most of a parameter, or of a prediction, and how long it would take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.identify.actions import Action, Aim, usual_actions
+from thermid.identify.calibration import Calibration
+from thermid.identify.gather import problem_for
+from thermid.identify.groups import percent
+from thermid.identify.planned import Sensor, planned_record, sensors_of
+from thermid.identify.request import Request
+from thermid.identify.residuals import Problem
+from thermid.identify.unknowns import Unknown
+from thermid.measure.amounts import duration_text
+from thermid.model.model import Model
+from thermid.model.signal import literal
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.simulator import prepare
+
+__all__ = ["Advice", "Option", "next_test"]
+
+Array = NDArray[np.float64]
+NAME = "next test"
+DURATIONS = 24
+ENOUGH = 0.9
+"""A test is long enough when it has brought nine tenths of what it could."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """A test that could be made, and what it would be worth.
+
+    Parameters
+    ----------
+    name : str              What is done.
+    error : float           Standard error of the target after all of it; infinite where it cannot be made. [SI]
+    hours : float           Duration after which the goal is met, or, without one, nine tenths of the gain are in; infinite where never.
+    longest : float         Its whole duration. [h]
+    errors : array (durations, 2)   Duration [h] and error [SI].
+    refused : str           Why it cannot be made; empty where it can.
+    """
+
+    name: str
+    error: float
+    hours: float
+    longest: float
+    errors: Array
+    refused: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Advice:
+    """What to test next.
+
+    Parameters
+    ----------
+    target : str            What is to be known better.
+    value, now : float      Its value and standard error now. [SI]
+    unit : str              'K' for a prediction; SI unit of a parameter otherwise.
+    goal : float            Error to be reached; nan without one. [SI]
+    options : tuple         The best first.
+    """
+
+    target: str
+    value: float
+    now: float
+    unit: str
+    goal: float
+    options: tuple[Option, ...]
+
+    @property
+    def best(self) -> Option:
+        """The first option."""
+        return self.options[0]
+
+    def _shown(self, error: float) -> str:
+        return f"{error:.2g} K" if self.unit == "K" else percent(error / abs(self.value) if self.value else np.inf)
+
+    def __str__(self) -> str:
+        """Return a table: what to do, what error it leaves, how long it takes."""
+        aim = f", wanted +- {self._shown(self.goal)}" if np.isfinite(self.goal) else ""
+        lines = [f"Next test for {self.target}: now +- {self._shown(self.now)}{aim}"]
+        width = max(len(o.name) for o in self.options)
+        for o in self.options:
+            if o.refused:
+                lines.append(f"  {o.name:<{width}}  cannot be made: {o.refused}")
+                continue
+            gain = f"{self.now / o.error:.2g} times better" if self.now > 1.02 * o.error else "no better"
+            took = duration_text(3600 * o.hours) if np.isfinite(o.hours) else ""
+            what = "goal after" if np.isfinite(self.goal) else "most of it after"
+            long = duration_text(3600 * o.longest)
+            when = f"{what} {took} of {long}" if took else f"goal not within {long}"
+            lines.append(f"  {o.name:<{width}}  +- {self._shown(o.error):<10} {gain:<20} {when}")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class _Knowledge:
+    """What is known: a model at its values, names of unknowns with their information, and what of it priors of instruments hold."""
+
+    model: Model
+    names: tuple[str, ...]
+    free: tuple[str, ...]
+    information: Array
+    fitted: Mapping[str, float]
+    spread: float
+    untie: bool
+    held: Mapping[str, float]
+
+
+def next_test(
+    source: Calibration | Model,
+    target: str | Aim,
+    actions: Sequence[Action] = (),
+    *,
+    scenario: Scenario | None = None,
+    sensors: Mapping[str, Any] | None = None,
+    priors: Mapping[str, tuple[str, str]] | None = None,
+    every: str | float = "1 [min]",
+    goal: str = "",
+) -> Advice:
+    """Return which test would say most of a parameter or a prediction, from the sensitivities of the model as it stands.
+
+    Parameters
+    ----------
+    source : Calibration or Model   What is known: a fit, or a model with `priors` on what is not.
+    target : str or Aim             A parameter's path, or a temperature somewhere else.
+    actions : sequence of Action    What could be done; the usual ones about `scenario` when none are given.
+    scenario : Scenario             A test as it was made, for the usual actions and their duration.
+    sensors : dict                  As in `identifiability`; those of the fit's records when not given.
+    priors : dict                   Of a model: path -> (mean, standard deviation) as texts.
+    every : str or float            Interval of the readings. [s]
+    goal : str                      Error to be reached, with its unit, or in %.
+
+    Raises
+    ------
+    IdentificationError   When there is nothing to choose from, or the target is not among what is looked for.
+
+    Notes
+    -----
+    Information adds up: that of what is known, the inverse of the covariance, constant errors of instruments included, and J'J of the
+    planned readings. A new instrument brings the prior of its constant error, one that was there before brings none a second time
+    (Fedorov, Theory of Optimal Experiments, Academic Press 1972, chapter 1).
+    """
+    known = _known(source, priors or {})
+    model = known.model
+    if scenario is None and not actions:
+        raise IdentificationError("there is nothing to choose from: give actions, or a scenario to vary.", model.title)
+    base = scenario if scenario is not None else actions[0].scenario
+    given = sensors_of(model, base, sensors) if sensors else _sensors(source)
+    if not given:
+        raise IdentificationError("no sensor is given, so a test would say nothing.", model.title)
+    gradient, value, label, slot = _gradient(known, target)
+    now = _error(known.information, gradient)
+    wanted = _goal(goal, slot, value)
+    todo = tuple(actions) or usual_actions(model, base, given)
+    options = [_option(known, a, a.sensors or given, every, gradient, wanted) for a in todo]
+    ranked = sorted(options, key=lambda o: _rank(o, wanted))
+    return Advice(label, value, now, slot, wanted, tuple(ranked))
+
+
+def _rank(option: Option, goal: float) -> tuple[float, float, float]:
+    """Return what options are sorted by: the time to the goal, or without one the error in steps of 5 %, and then the time."""
+    if np.isfinite(goal):
+        return (option.hours, option.error, 0.0)
+    return (round(20.0 * float(np.log(option.error))) if np.isfinite(option.error) else np.inf, option.hours, option.error)
+
+
+def _known(source: Calibration | Model, priors: Mapping[str, tuple[str, str]]) -> _Knowledge:
+    if isinstance(source, Calibration):
+        values = source.values
+        names = tuple(values)
+        information = np.linalg.pinv(np.where(np.isfinite(values.covariance), values.covariance, 0.0), hermitian=True)
+        untie = source.request.untie if source.request is not None else False
+        spread = max(1.0, source.reduced_chi_square) ** 0.5
+        held = {n: v.prior[1] ** -2 for n, v in values.items() if v.prior is not None}
+        return _Knowledge(source.fitted_model, names, tuple(values.parameters), information, source.fitted, spread, untie, held)
+    from thermid.identify.unknowns import parameter_unknown
+    from thermid.network.network import compile_network
+
+    if not priors:
+        raise IdentificationError("a model alone says nothing of what it does not know: give priors, or a fit.", source.title)
+    from thermid.identify.gather import prior_of
+
+    parameters = compile_network(source).flat.parameters
+    table = parameters.evaluate({})
+    unknowns = []
+    for raw, texts in priors.items():
+        path = parameters.freeable(raw, source.canonical)
+        plain = parameter_unknown(path, parameters.table[path].parameter, parameters.dimension(path), float(table[path]), (), None)
+        unknowns.append(replace(plain, prior=prior_of(plain, texts)))
+    spreads = np.array([u.prior.sd for u in unknowns if u.prior is not None])
+    names = tuple(u.name for u in unknowns)
+    return _Knowledge(source, names, names, np.diag(spreads**-2), {u.name: u.to_fitted(u.start) for u in unknowns}, 1.0, False, {})
+
+
+def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
+    """Return the instruments of a fit's first record, with the noise that the fit used."""
+    if not isinstance(source, Calibration) or source.problem is None:
+        return ()
+    from thermid.identify.experiment import _bound
+
+    experiment = source.experiments[0]
+    out = []
+    for name, c in experiment.record.channels.items():
+        role, path = _bound(experiment.record, c, experiment.network)
+        noise = c.noise if c.noise is not None else source.problem.noise.get(name)
+        if role != "command":
+            out.append(Sensor(name, path, role, noise, c.accuracy))
+    return tuple(out)
+
+
+def _gradient(known: _Knowledge, target: str | Aim) -> tuple[Array, float, str, str]:
+    """Return the derivative of the target with respect to the fitted forms, its value, its name and its unit."""
+    gradient = np.zeros(len(known.names))
+    unknowns = _unknowns(known)
+    if isinstance(target, str):
+        path = known.model.canonical(target)
+        if path not in unknowns:
+            raise NameNotFoundError(f"'{target}' is not among what is looked for.{nearest(path, unknowns)}", known.model.title)
+        u = unknowns[path]
+        gradient[known.names.index(path)] = u.slope(known.fitted[path])
+        return gradient, u.to_value(known.fitted[path]), f"'{path}'", u.unit if u.unit != "K" else "1"
+    at = literal(target.at, "s", "at") if isinstance(target.at, str) and target.at else float(target.at or target.scenario.seconds)
+    run = prepare(known.model, target.scenario, known.free, times=[at]).run(sensitivities=True)
+    for path, u in unknowns.items():
+        gradient[known.names.index(path)] = float(run.sensitivity(target.node, path)[0]) * u.slope(known.fitted[path])
+    return gradient, float(run[target.node].kelvin[0]), str(target), "K"
+
+
+def _unknowns(known: _Knowledge) -> dict[str, Unknown]:
+    from thermid.identify.unknowns import parameter_unknown
+    from thermid.network.network import compile_network
+
+    parameters = compile_network(known.model).flat.parameters
+    values = parameters.evaluate({})
+    return {p: parameter_unknown(p, parameters.table[p].parameter, parameters.dimension(p), float(values[p]), (), None) for p in known.free}
+
+
+def _goal(text: str, slot: str, value: float) -> float:
+    if not text:
+        return float("nan")
+    if text.rstrip(" ]").endswith("%"):
+        return abs(value) * literal(text, "1", "goal")
+    return literal(text, slot, "goal")
+
+
+def _error(information: Array, gradient: Array) -> float:
+    """Return the standard error of a target."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    sizes, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    part = vectors.T @ (gradient / scale)
+    weak = sizes < 1e-11 * sizes[-1]
+    if (np.abs(part[weak]) > 1e-6 * np.linalg.norm(part)).any():
+        return float("inf")
+    return float(np.sqrt(np.sum(part[~weak] ** 2 / sizes[~weak])))
+
+
+def _option(known: _Knowledge, action: Action, sensors: Sequence[Sensor], every: str | float, gradient: Array, goal: float) -> Option:
+    """Return what an action would be worth, over its duration."""
+    longest = action.scenario.seconds / 3600.0
+    try:
+        grown = [replace(s, noise=(s.noise or 0.0) * known.spread if s.role == "node" else s.noise) for s in sensors]
+        record = planned_record(known.model, action.scenario, grown, every, NAME)
+        request = Request(known.model, (record,), known.free, {"*": action.scenario}, untie=known.untie)
+        problem = problem_for(request)
+        durations, matrices, names = _growing(known, problem)
+    except ThermidError as error:
+        return Option(action.name, np.inf, np.inf, longest, np.zeros((0, 2)), error.message)
+    full = np.zeros(len(names))
+    full[: gradient.size] = gradient
+    errors = np.array([_error(m, full) for m in matrices])
+    now = _error(known.information, gradient)
+    wanted = goal if np.isfinite(goal) else now - ENOUGH * (now - errors[-1]) if np.isfinite(now) else errors[-1] / ENOUGH
+    met = np.flatnonzero(errors <= wanted * (1 + 1e-9))
+    hours = float(durations[met[0]]) / 3600.0 if met.size else np.inf
+    return Option(action.name, float(errors[-1]), hours, longest, np.column_stack([durations / 3600.0, errors]))
+
+
+def _growing(known: _Knowledge, problem: Problem) -> tuple[Array, list[Array], list[str]]:
+    """Return durations, the information at each, and the names that it is over: those known now, then the test's own."""
+    own = [u.name for u in problem.unknowns]
+    names = [*known.names, *(n for n in own if n not in known.names)]
+    place = [names.index(n) for n in own]
+    at = np.array([known.fitted.get(u.name, u.to_fitted(u.start)) for u in problem.unknowns])
+    rows = problem.jacobian(at)
+    times = np.concatenate([problem.experiments[0].times[o.index] for o in problem.experiments[0].observations])
+    base = np.zeros((len(names),) * 2)
+    base[: len(known.names), : len(known.names)] = known.information
+    for k, u in enumerate(problem.unknowns):
+        if u.prior is not None and u.kind != "parameter":
+            # a meter good to so many watts is known better as a share once it has read a larger power
+            base[place[k], place[k]] += max(0.0, u.prior.sd**-2 - known.held.get(u.name, 0.0))
+    durations = np.linspace(0.0, float(times.max()), DURATIONS + 1)[1:]
+    matrices = []
+    for end in durations:
+        part = rows[times <= end * (1 + 1e-9)]
+        matrix = base.copy()
+        matrix[np.ix_(place, place)] += part.T @ part
+        matrices.append(matrix)
+    return durations, matrices, names

@@ -1,0 +1,152 @@
+"""Advice on the next test: what it promises is what the test brings when it is made, with noise, and fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import IdentificationError, NameNotFoundError
+from thermid.identify.next_test import Option
+from unit.identify.bench import HTC, MASS, box, log, metered, pair
+
+TRUE = {HTC: "5 [W/(m^2 K)]"}
+BENCH = td.Scenario("bench", boundaries={"air": "24 [degC]"}, duration="4 [h]")
+JOINT = "stack.contact_conductance"
+
+
+def first(seed: int = 1, hours: float = 2.0) -> td.Record:
+    data = log(box(), TRUE, {"T": "case"}, name="first", samples=121, hours=hours, noise=0.1, accuracy=0.3, swing=0.0, seed=seed)
+    return metered(data, "heat", 4.0, accuracy=0.05)
+
+
+@pytest.fixture(scope="module")
+def fit() -> td.Calibration:
+    return td.calibrate(box(), first(), [HTC, MASS])
+
+
+def option(advice: td.Advice, start: str) -> Option:
+    return next(o for o in advice.options if o.name.startswith(start))
+
+
+def made(level: Callable[[np.ndarray], np.ndarray], seed: int, hours: float = 4.0) -> td.Record:
+    """The test as it would be logged, one reading a minute."""
+    from thermid.model.signal import Table
+
+    samples = int(60 * hours) + 1
+    times = np.linspace(0.0, 3600.0 * hours, samples)
+    watts = level(times)
+    power = Table(times, watts, True)
+    data = log(
+        box(),
+        TRUE,
+        {"T": "case"},
+        name="second",
+        loads={"heat": power},
+        samples=samples,
+        hours=hours,
+        noise=0.1,
+        accuracy=0.3,
+        swing=0.0,
+        seed=seed,
+    )
+    return metered(data, "heat", watts, accuracy=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "level"),
+    [
+        ("the same test again", lambda t: np.full(t.size, 4.0)),
+        ("'heat' at 8 W", lambda t: np.full(t.size, 8.0)),
+        ("'heat' from 4 to 8 W", lambda t: np.where(t < 7200.0, 4.0, 8.0)),
+        ("'heat' off", lambda t: np.where(t < 7200.0, 4.0, 0.0)),
+    ],
+)
+def test_the_error_promised_is_the_error_of_the_refit(fit: td.Calibration, name: str, level: Callable[[np.ndarray], np.ndarray]) -> None:
+    both = td.calibrate(box(), [first(), made(level, 7)], [HTC, MASS])
+    for path in (HTC, MASS):
+        promised = option(td.next_test(fit, path, scenario=BENCH), name)
+        assert both[path].error == pytest.approx(promised.error, rel=0.2)
+        assert promised.error < fit[path].error
+
+
+@pytest.mark.campaign
+def test_refits_scatter_as_promised() -> None:
+    """Forty pairs of tests with noise, constant error and meter error drawn anew."""
+    rng = np.random.default_rng(11)
+    found = []
+    for seed in range(40):
+        # a meter good to 0.05 W at the 8 W that it has read
+        bias, gain = 0.3 * rng.standard_normal(), 1 + 0.05 / 8.0 * rng.standard_normal()
+        records = []
+        for record in (first(seed), made(lambda t: np.full(t.size, 8.0), 1000 + seed)):
+            t, p = record.channel("T"), record.channel("METER")
+            records.append(record.with_channels(replace(t, values=t.values + bias), replace(p, values=p.values * gain)))
+        found.append(td.calibrate(box(), records, [HTC, MASS])[HTC].value)
+    promised = option(td.next_test(td.calibrate(box(), first(), [HTC, MASS]), HTC, scenario=BENCH), "'heat' at 8 W")
+    # a standard deviation of forty has an error of 11 %
+    assert np.std(found, ddof=1) == pytest.approx(promised.error, rel=0.25)
+
+
+def test_hours_to_a_goal(fit: td.Calibration) -> None:
+    advice = td.next_test(fit, HTC, scenario=BENCH, goal="1.6 [%]")
+    best = advice.best
+    assert 0 < best.hours < 4.0
+    at = np.interp(best.hours, best.errors[:, 0], best.errors[:, 1])
+    assert at <= 0.016 * advice.value * 1.001
+    assert option(advice, "the same test again").hours == np.inf
+    assert "goal not within 4 h" in str(advice)
+    assert "wanted +- 1.6 %" in str(advice)
+
+
+def test_a_prediction_is_bettered_by_what_it_depends_on(fit: td.Calibration) -> None:
+    hot = td.Scenario("hot", boundaries={"air": "60 [degC]"}, loads={"heat": "8 [W]"}, duration="20 [h]")
+    advice = td.next_test(fit, td.Aim(hot, "case"), scenario=BENCH)
+    # settled, the rise is P/(h A): its error is that of h
+    rise = 8.0 / (0.05 * fit[HTC].value)
+    assert advice.now == pytest.approx(rise * fit[HTC].error / fit[HTC].value, rel=0.02)
+    assert advice.unit == "K"
+    assert advice.best.error < advice.now
+    assert str(advice).startswith("Next test for 'case' in 'hot' at the end: now +- ")
+
+
+def test_another_sensor_tells_a_joint() -> None:
+    model = pair(second=box({"parameters/power/value": "1 [W]", "title": "Cool"}))
+    data = log(model, {}, {"A": "a.case"}, boundary="room", noise=0.05, accuracy=0.2, samples=121)
+    fit = td.calibrate(model, data, [JOINT], priors={JOINT: ("", "50 [%]")})
+    advice = td.next_test(fit, JOINT, scenario=td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]"))
+    assert option(advice, "the same with a sensor at 'b.case'").error < 0.5 * option(advice, "the same test again").error
+    assert option(advice, "the same, pumped down").refused.startswith("the coefficient of")
+    assert "cannot be made: the coefficient of" in str(advice)
+
+
+def test_a_model_with_priors() -> None:
+    priors = {HTC: ("", "30 [%]"), "power": ("", "10 [%]"), MASS: ("", "50 [%]")}
+    advice = td.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"}, priors=priors)
+    assert advice.now == pytest.approx(0.3 * 6.0)
+    same = option(advice, "the same test again")
+    told = td.identifiability(box(), free=list(priors), scenario=BENCH, sensors={"case": "0.1 [K]"}, priors=priors, every="1 [min]")
+    assert same.error == pytest.approx(told[HTC].error, rel=0.01)
+    # nobody meters the power, so twice of it is as unknown
+    assert option(advice, "'heat' at twice its power").error > 0.05 * 6.0
+
+
+def test_what_is_asked_must_make_sense(fit: td.Calibration) -> None:
+    with pytest.raises(IdentificationError, match=r"there is nothing to choose from"):
+        td.next_test(fit, HTC)
+    with pytest.raises(IdentificationError, match=r"a model alone says nothing of what it does not know: give priors"):
+        td.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"})
+    with pytest.raises(IdentificationError, match=r"no sensor is given, so a test would say nothing"):
+        td.next_test(box(), HTC, scenario=BENCH, priors={HTC: ("", "30 [%]")})
+    with pytest.raises(NameNotFoundError, match=r"'case\.mas' is not among what is looked for\. Did you mean 'case\.mass'"):
+        td.next_test(fit, "case.mas", scenario=BENCH)
+
+
+def test_a_test_of_ones_own(fit: td.Calibration) -> None:
+    ramp = td.Action("ramp", BENCH.with_(boundaries={"air": (np.array([0.0, 14400.0]), 297.15 + np.array([0.0, 40.0]))}))
+    advice = td.next_test(fit, MASS, [ramp])
+    assert [o.name for o in advice.options] == ["ramp"]
+    assert advice.best.error < fit[MASS].error
