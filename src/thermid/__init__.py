@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from thermid.identify.split import Split as Split
     from thermid.identify.split import split as split
     from thermid.identify.spread import Spread as Spread
-    from thermid.identify.profile import valley as valley
-    from thermid.identify.split import Split as Split
-    from thermid.identify.split import split as split
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages

@@ -193,8 +193,8 @@ def _pressure(solution: Solution, gas: str, given: Signal) -> Array:
     share = given.at(solution.times)
     _check_humidity(share, f"'{gas}'")
     environments = solution._run.wiring.scenario.environment
-    whole = environments.get(gas, environments.get("*", Environment())).pressure
-    return np.minimum(vapour_pressure(solution[gas].kelvin, share), np.asarray(whole.at(solution.times)))
+    whole: Signal = environments.get(gas, environments.get("*", Environment())).pressure
+    return np.minimum(vapour_pressure(solution[gas].kelvin, share), whole.at(solution.times))
 
 
 def _check_humidity(values: Array, whose: str) -> None:
