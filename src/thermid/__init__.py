@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from thermid.identify.posterior import Posterior as Posterior
     from thermid.identify.posterior import evidence as evidence
     from thermid.identify.posterior import posterior as posterior
-    from thermid.identify.predict import predict as predict
-    from thermid.identify.prediction import Prediction as Prediction
     from thermid.identify.power_history import PowerHistory as PowerHistory
     from thermid.identify.power_laws import PowerLaw as PowerLaw
+    from thermid.identify.predict import predict as predict
+    from thermid.identify.prediction import Prediction as Prediction
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
     from thermid.identify.split import Split as Split

@@ -193,7 +193,7 @@ def _pressure(solution: Solution, gas: str, given: Signal) -> Array:
     share = given.at(solution.times)
     _check_humidity(share, f"'{gas}'")
     environments = solution._run.wiring.scenario.environment
-    whole = environments.get(gas, environments.get("*", Environment())).pressure
+    whole: Signal = environments.get(gas, environments.get("*", Environment())).pressure
     return np.asarray(np.minimum(vapour_pressure(solution[gas].kelvin, share), whole.at(solution.times)))
 
 
