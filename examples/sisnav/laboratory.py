@@ -3,15 +3,15 @@
 The authors' measurements are not public. The hidden unit has what the models leave out: natural convection that grows with the difference
 of temperature, radiation, gyros whose power falls when they warm, a support with a mass of its own, and sensors that are glued on, weigh
 something and lose heat through their leads. Its numbers differ from the decks'. Run it as ``python laboratory.py FOLDER``; no fit reads
-what it knows.
+what it knows. ``python laboratory.py FOLDER --swap m_PrE.ele=EleGFO_v2`` makes the same tests of a unit in which one part was replaced.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -47,18 +47,29 @@ class World:
     ----------
     models : dict   Name of a deck -> the hidden model in its place.
     truth : dict    What was changed -> factor over the deck's value. [-]
+    swaps : dict    Where a part was replaced -> the deck that took its place.
     """
 
     models: dict[str, td.Model]
     truth: dict[str, float]
+    swaps: dict[str, str] = field(default_factory=dict)
 
     @classmethod
-    def make(cls, seed: int = SEED) -> World:
-        """Return the hidden unit, made from the decks with one seed."""
-        world, rng = cls({}, {}), np.random.default_rng(seed)
+    def make(cls, seed: int = SEED, swaps: dict[str, str] | None = None) -> World:
+        """Return the hidden unit, made from the decks with one seed; `swaps` gives ``deck.part`` -> deck of the part that replaces it.
+
+        A new part has a hidden counterpart of its own; all others are those of the unit before.
+        """
+        world, rng = cls({}, {}, swaps or {}), np.random.default_rng(seed)
+        for new in world.swaps.values():
+            world.models[new] = _hidden(new, world, np.random.default_rng([seed, *new.encode()]))
         for name in PARTS:
             world.models[name] = _hidden(name, world, rng)
         return world
+
+    def tested(self, name: str) -> td.Model:
+        """Return the hidden model of a test; a part that was replaced is tested alone as its replacement."""
+        return self.models[next((new for new in self.swaps.values() if new.removesuffix("_v2") == name), name)]
 
 
 def _hidden(name: str, world: World, rng: np.random.Generator) -> td.Model:
@@ -74,7 +85,7 @@ def _hidden(name: str, world: World, rng: np.random.Generator) -> td.Model:
     for key, surface in deck.get("surfaces", {}).items():
         path = f"{key}.effective_htc"
         surface["htc"] = {"coefficient": _natural(public, rest, path, factor("htc", path)), "exponent": 0.25}
-        surface["emissivity"] = EMISSIVITY[name]
+        surface["emissivity"] = EMISSIVITY[name.removesuffix("_v2")]
         del surface["effective_htc"]
     for path in [p for p in deck.get("set", {}) if p.endswith("effective_htc")]:
         deck["set"][f"{path.removesuffix('effective_htc')}htc.coefficient"] = _natural(public, rest, path, factor("htc", path))
@@ -96,8 +107,8 @@ def _hidden(name: str, world: World, rng: np.random.Generator) -> td.Model:
     if name != "Acc":  # its temperature comes from a channel of the processor
         for node in list(deck.get("nodes", {})):
             _glue(deck, node)
-    for part in deck.get("submodels", {}).values():
-        part["use"] = world.models[part["use"].removesuffix(".toml")]
+    for key, part in deck.get("submodels", {}).items():
+        part["use"] = world.models[world.swaps.get(f"{name}.{key}", part["use"].removesuffix(".toml"))]
     return td.model_from_dict(deck | {"title": f"hidden {name}"})
 
 
@@ -109,7 +120,7 @@ def _natural(public: td.Model, rest: dict[str, float], path: str, factor: float)
     for part in parts:
         owner = owner.submodels[part].model
     node = network.find(".".join([*parts, owner.surfaces[surface].of]))
-    radiation = radiation_conductance(radiation_coefficient(EMISSIVITY[owner.title], 1.0), rest[node], AMBIENT)
+    radiation = radiation_conductance(radiation_coefficient(EMISSIVITY[owner.title.removesuffix("_v2")], 1.0), rest[node], AMBIENT)
     own = factor * float(network.numbers().values[path]) - float(radiation)
     return f"{own / (rest[node] - AMBIENT) ** 0.25!r} [W/(m^2 K)]"
 
@@ -238,7 +249,7 @@ def run(name: str, world: World, seed: int) -> tuple[Array, dict[str, Array], di
     air = room(times, rng)
     off = {load: _pause(*hours) for load, hours in test.off.items()}
     bench = td.Scenario(name, boundaries={"cv": (times, air)}, commands=off, start="cv", duration=SECONDS)
-    solution = td.simulate(world.models[test.model], bench, times=times)
+    solution = td.simulate(world.tested(test.model), bench, times=times)
     columns = {"T_ROOM": thermometer("T_ROOM").read(times, air, rng)}
     truth = {}
     for channel, node in test.sensors.items():
@@ -250,12 +261,12 @@ def run(name: str, world: World, seed: int) -> tuple[Array, dict[str, Array], di
     return times, columns, truth
 
 
-def main(folder: Path) -> None:
+def main(folder: Path, swaps: dict[str, str] | None = None) -> None:
     """Write the logs of all tests, and apart from them what is hidden."""
     logs, hidden = folder / "logs", folder / "hidden"
     for made in (logs, hidden):
         made.mkdir(parents=True, exist_ok=True)
-    world = World.make()
+    world = World.make(swaps=swaps)
     for k, name in enumerate(TESTS):
         times, columns, truth = run(name, world, SEED + k)
         _write(logs / f"{name}.csv", "SYNTHETIC: made by laboratory.py from a hidden unit, not measured", times, columns)
@@ -276,4 +287,8 @@ def _write(path: Path, remark: str, times: Array, columns: dict[str, Array]) -> 
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE)
+    parser = argparse.ArgumentParser(description="Make the logs of the hidden unit.")
+    parser.add_argument("folder", type=Path, nargs="?", default=HERE)
+    parser.add_argument("--swap", action="append", default=[], help="DECK.PART=NEW_DECK, such as m_PrE.ele=EleGFO_v2")
+    given = parser.parse_args()
+    main(given.folder, dict(text.split("=", 1) for text in given.swap))

@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from thermid.identify.stages import run_stages as run_stages
     from thermid.identify.study import Study as Study
     from thermid.identify.study import load_study as load_study
+    from thermid.identify.swap import RetunePlan as RetunePlan
+    from thermid.identify.swap import plan_retune as plan_retune
     from thermid.identify.validate import Criteria as Criteria
     from thermid.identify.validate import Verdict as Verdict
     from thermid.identify.validate import validate as validate
@@ -161,6 +163,8 @@ _PUBLIC = {
     "Discrepancy": "identify.discrepancy",
     "Prediction": "identify.prediction",
     "Spread": "identify.spread",
+    "plan_retune": "identify.swap",
+    "RetunePlan": "identify.swap",
     "Criteria": "identify.validate",
     "validate": "identify.validate",
     "Verdict": "identify.validate",

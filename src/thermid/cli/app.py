@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from thermid.cli import exchange, predict, trust
+from thermid.cli import swap as replacing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -295,6 +296,7 @@ def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck
 
 exchange.register(app)
 predict.register(app)
+replacing.register(app)
 trust.register(app)
 
 

@@ -16,7 +16,7 @@ from thermid.model.resolve import ParameterSet
 if TYPE_CHECKING:
     from thermid.identify.campaignfile import CampaignSource
 
-__all__ = ["Level", "Shared", "shared_parameters"]
+__all__ = ["Level", "Shared", "places_of", "shared_parameters"]
 
 Key = tuple[str, str]
 """Where the part stands whose deck or [set] gives a value, and the value's path there."""
@@ -138,7 +138,7 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
     A value of a level is the same as one of the level above where the part stands there unchanged: nothing above it sets the value anew.
     A level stands where the stages above inherit from it, or where its very deck is used.
     """
-    places = _places(source, levels, top)
+    places = places_of(source, levels, top)
     levels[:] = [replace(level, positions=places[level.name]) for level in levels]
     groups: dict[Key, set[Key]] = {}
 
@@ -182,7 +182,7 @@ def _free(level: Level) -> Iterator[str]:
         yield level.values.freeable(raw, request.model.canonical)
 
 
-def _places(source: CampaignSource, levels: Sequence[Level], top: str) -> dict[str, tuple[str, ...]]:
+def places_of(source: CampaignSource, levels: Sequence[Level], top: str) -> dict[str, tuple[str, ...]]:
     """Return stage -> prefixes at which its model stands in the uppermost one; a place of its own where it stands nowhere."""
     tables = {s.name: s for s in source.content.stages}
     models = {level.name: level.request.model for level in levels}

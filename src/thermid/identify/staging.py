@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 __all__ = ["key_of", "plain_readings", "readings_of", "request_of"]
 
 
-def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[str, Calibration]) -> Request:
-    """Return what a stage asks, with what it inherits laid under the parent's own [set]."""
+def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[str, Calibration], model: Model | None = None) -> Request:
+    """Return what a stage asks, with what it inherits laid under the parent's own [set]; of its deck, or of a model in its place."""
     where = source.where(f"stages.{k}")
-    model = source.model(stage.model, where)
+    model = source.model(stage.model, where) if model is None else model
     handed: list[FittedValues] = []
     held: list[FittedValues] = []
     told: dict[str, Calibration] = {}

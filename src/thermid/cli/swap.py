@@ -1,0 +1,81 @@
+"""``thermid swap``: what replacing a part costs, and the local retune once its tests are there."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from thermid.identify.swap import RetunePlan
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("swap")(swap)
+
+
+def swap(
+    campaign: Annotated[Path, typer.Argument(help="A campaign (TOML).")],
+    part: Annotated[str, typer.Argument(help="Path of the part in the model of the last stage, such as pre.ele.")],
+    deck: Annotated[Path, typer.Argument(help="Deck of the part that replaces it.")],
+    data: Annotated[Path | None, typer.Option("--data", help="Folder of the logs before the swap; THERMID_DATA does the same.")] = None,
+    results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the campaign.")] = None,
+    new_data: Annotated[Path | None, typer.Option("--new-data", help="Folder of the repeated tests: retune with them.")] = None,
+    to: Annotated[Path | None, typer.Option("--to", help="Folder for the values files of the retune.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
+) -> None:
+    """Say what replacing a part costs: values, stages, tests, predictions; with the new tests, retune only that."""
+    from thermid.cli.output import calibration_object, clean
+    from thermid.identify.stages import run_stages
+    from thermid.identify.swap import plan_retune
+
+    folder = results if results is not None else campaign.parent / "results"
+    plan = plan_retune(run_stages(campaign, data=data, cache=folder), part, deck)
+    found: dict[str, Any] = {"schema": 1, "status": "ok", "plan": _object(plan)}
+    texts = [str(plan)]
+    if new_data is not None:
+        made = plan.run(new_data)
+        run = [s.name for s in plan.stages if s.action == "run"]
+        found["stages"] = [calibration_object(made[name]) for name in run]
+        texts += [str(made[name]) for name in run]
+        if to is not None:
+            files = made.save(to)
+            found["values_files"] = [f.name for f in files]
+            texts.append(f"values: {', '.join(f.name for f in files)}")
+    typer.echo(json.dumps(clean(found)) if as_json else "\n\n".join(texts))
+
+
+def _object(plan: RetunePlan) -> dict[str, Any]:
+    """Return a plan as JSON holds it."""
+    return {
+        "part": plan.part,
+        "old": plan.old,
+        "new": plan.new,
+        "freed": list(plan.freed),
+        "touched": [
+            {"stage": t.stage, "path": t.path, "through": list(t.through), "kelvin": t.kelvin, "held": t.held} for t in plan.touched
+        ],
+        "stages": [
+            {
+                "name": s.name,
+                "of": s.of,
+                "action": s.action,
+                "why": s.why,
+                "free": list(s.free),
+                "records": list(s.records),
+                "before": s.identity[0],
+                "after": s.identity[1],
+            }
+            for s in plan.stages
+        ],
+        "tests": list(plan.tests),
+        "kept_tests": list(plan.kept_tests),
+        "neighbours": {n: {"exposed_before": a, "exposed_after": b, "change": dt} for n, (a, b, dt) in plan.neighbours.items()},
+        "before": dict(plan.before),
+        "after": dict(plan.after),
+    }
