@@ -12,6 +12,7 @@ from thermid.errors import IdentificationError, SolverError
 from thermid.identify.calibration import Calibration
 from thermid.identify.further import Further
 from thermid.identify.prediction import Band, Prediction
+from thermid.identify.split import split, split_needed
 from thermid.identify.spread import Spread
 from thermid.model.model import Model
 from thermid.simulation.engine import Options
@@ -45,6 +46,8 @@ def predict(
     Errors are carried by the derivatives of every temperature with respect to every value (Joint Committee for Guides in Metrology,
     GUM 2008, 5.2.2), with their whole covariance; where values spread so far that the model bends, ask for `draws`.
 
+    Where the scenario thins the gas of surfaces whose coefficients are effective, these are split first; see `split`.
+
     Parameters
     ----------
     fit : Calibration           Its values, with their joint covariance.
@@ -60,11 +63,14 @@ def predict(
 
     Raises
     ------
-    IdentificationError     When a value is spread twice, or has no finite error.
+    IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be split cannot be.
     """
     base = fit.fitted_model if model is None else model.with_values(fit.values.assignments, f"stage '{fit.stage}'")
     given = [spread] if isinstance(spread, Mapping | Spread) else list(spread)
-    own = _known(fit)
+    own, thin = _known(fit), [] if model is not None else split_needed(fit, scenario, [n for s in given for n in _names(s)])
+    if thin:
+        apart = split(fit, thin)
+        base, own = apart.model, [Spread.of(apart.values, cause="fit, and split of effective coefficients"), *own[1:]]
     names = [n for s in (*own, *given) for n in _names(s)]
     ready = prepare(base, scenario, names, every=every, times=times, options=options)
     spreads = [*own, *(s if isinstance(s, Spread) else Spread.stated(s, ready) for s in given)]

@@ -20,9 +20,10 @@ from thermid.identify.calibration import Calibration
 from thermid.identify.split_priors import Part, parts_of
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.model import Model
+from thermid.network.network import compile_network
 from thermid.simulation.scenario import Scenario
 
-__all__ = ["Split", "SplitSurface", "split"]
+__all__ = ["Split", "SplitSurface", "split", "split_needed"]
 
 Array = NDArray[np.float64]
 
@@ -154,6 +155,17 @@ def split(
 
 def _laid(model: Model, values: FittedValues, origin: str) -> Model:
     return model.with_values({p: v for p, v in values.assignments.items() if v.origin.startswith("split")}, origin)
+
+
+def split_needed(fit: Calibration, scenario: Scenario, known: Sequence[str] = ()) -> list[str]:
+    """Return the surfaces whose effective coefficient a scenario takes apart, and whose emissivity no fit and no caller knows already."""
+    model = fit.fitted_model
+    network = compile_network(model)
+    media = scenario.media()
+    taken = {*fit.values.assignments, *(p for v in fit.held for p in v.assignments), *map(model.canonical, known)}
+    roots = network.flat.parameters.literal_behind
+    effective = [c for c in network.flat.conductors if c.kind == "effective" and c.emissivity and not media.as_printed]
+    return [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & taken]
 
 
 class _Joint:

@@ -183,6 +183,10 @@ class Media:
         """Return whether there is no gas at a gas node at any time."""
         return self._state(gas) == "vacuum"
 
+    def changed(self, gas: str) -> bool:
+        """Return whether a gas is at any time another than air on the ground."""
+        return self._state(gas) != "air" or self._environment(gas).gas != "air"
+
     def rows(self, c: FlatConductor, law: Law, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[ConductorRow, ...]:
         """Return the rows that a conductor is, in the state of its gas.
 

@@ -140,6 +140,26 @@ def test_fitted_in_air_the_hidden_vacuum_is_contained() -> None:
     assert half_width(found.values, found.model, far, truth) < 0.25
 
 
+def test_a_prediction_without_gas_splits_by_itself() -> None:
+    """`predict` of a fit in air: the band holds the hidden truth, says what it comes from, and in air nothing is split."""
+    model = part("0.03 [m^2]", "8 [W/(m^2 K)]", "2.5 [W]", "plastic")
+    fit = td.calibrate(model, log_of(HIDDEN, BENCH, 3), ["skin.effective_htc", "case.capacitance"], scenario=BENCH)
+    far = BENCH.vacuum().with_(duration="40 [h]")
+    found = td.predict(fit, far)
+    truth = td.simulate(HIDDEN, far)["case"].kelvin[-1]
+    band = found["case"]
+    sd = float(band.error[-1])
+    assert abs(float(band.kelvin[-1]) - truth) < 2 * sd < 0.25 * (truth - 297.15)
+    assert any("split" in cause for cause in band.parts)
+    assert not any("split" in cause for cause in td.predict(fit, BENCH)["case"].parts)
+    assert td.predict(fit, far, spread={"skin.emissivity": "0.02"})["case"].parts.keys() >= {"fit"}
+    painted = part("0.08 [m^2]", "2.2 [W/(m^2 K)]", "2.5 [W]", "paint, white")
+    cool = part("0.08 [m^2]", {"htc": "2.2 [W/(m^2 K)]"}, "2.5 [W]", "")
+    doubtful = td.calibrate(painted, log_of(cool, BENCH, 3), ["skin.effective_htc"], scenario=BENCH)
+    with pytest.raises(IdentificationError, match="cannot be split"):
+        td.predict(doubtful, far)
+
+
 def test_a_second_record_without_gas_overrides_the_finish() -> None:
     """Both fitted together: the finish hardly matters then, and the split hands on what was fitted."""
     empty = BENCH.vacuum().with_(title="pumped", duration="8 [h]")
