@@ -66,7 +66,7 @@ class Population:
         cost = np.array([float(r @ r) for r in (self.problem.prior_rows(p)[0] for p in points)])
         for i, bench in enumerate(self.problem.benches()):
             seen = bench.experiment.observations
-            inputs = np.array([self.problem._inputs(i, p)[0] for p in points])
+            inputs = np.array([self.problem.inputs(i, p)[0] for p in points])
             draws = dict(zip(bench.free, inputs.T, strict=True))
             nodes = list(dict.fromkeys(o.node for o in seen))
             times, options = bench.experiment.times, self.problem.options

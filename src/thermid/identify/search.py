@@ -83,7 +83,7 @@ def _level(problem: Problem, found: Fit) -> float:
 def _errors(problem: Problem, found: Fit) -> Array:
     """Return the standard errors (unknowns,) in the fitted form, widened by residuals that exceed the noise."""
     rows = np.concatenate([found.jacobian / np.sqrt(max(1.0, _level(problem, found))), found.priors])
-    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(rows.T @ rows))))
+    return np.asarray(np.sqrt(np.maximum(np.diag(np.linalg.pinv(rows.T @ rows)), 0.0)))
 
 
 def _descended(population: Population, first: Fit, why: str, progress: Progress | None) -> Fit:
