@@ -36,6 +36,7 @@ class Bench:
     accuracy : float    Of the sensors, the room's among them. [K]
     meter : float       Of the power meters, relative; 0 when the powers are known. [-]
     noise : float       [K]
+    step : float        Resolution of the sensors, 0 for none. [K]
     priors : dict       Parameter -> (mean, sd), in its unit.
     hours : float
     """
@@ -51,6 +52,7 @@ class Bench:
     priors: Mapping[str, tuple[float, float]] | None = None
     hours: float = 5.0
     samples: int = 101
+    step: float = 0.0
 
 
 def draw(bench: Bench, rng: np.random.Generator) -> tuple[dict[str, float], list[Record]]:
@@ -79,22 +81,27 @@ def log(bench: Bench, hidden: Model, k: int, bias: Mapping[str, float], gain: Ma
     )
     run = simulate(hidden, scenario, times=times)
     accuracy = bench.accuracy or None
+
+    def shown(kelvin: np.ndarray) -> np.ndarray:
+        return np.round((kelvin - ICE) / bench.step) * bench.step + ICE if bench.step else kelvin
+
     channels = {
         s: Channel.of(
             s,
-            run[node].kelvin + bias[s] + bench.noise * rng.standard_normal(times.size),
+            shown(run[node].kelvin + bias[s] + bench.noise * rng.standard_normal(times.size)),
             role="node",
             target=node,
             noise=bench.noise,
             accuracy=accuracy,
+            resolution=bench.step or None,
         )
         for s, node in bench.nodes.items()
     }
-    channels["ROOM"] = Channel.of("ROOM", air + bias["ROOM"], role="boundary", target=bench.boundary, accuracy=accuracy)
+    channels["ROOM"] = Channel.of("ROOM", shown(air + bias["ROOM"]), role="boundary", target=bench.boundary, accuracy=accuracy)
     for load, watts in powers.items():
-        shown = np.full(times.size, watts / gain[load])
+        metered = np.full(times.size, watts / gain[load])
         size = bench.meter * max(p[load] for p, _ in bench.runs) or None
-        channels[f"P {load}"] = Channel.of(f"P {load}", shown, quantity="power", role="load", target=load, accuracy=size)
+        channels[f"P {load}"] = Channel.of(f"P {load}", metered, quantity="power", role="load", target=load, accuracy=size)
     return Record.from_arrays(f"run{k}", times, channels)
 
 

@@ -120,7 +120,7 @@ class Calibration:
         return self.request.held if self.request is not None else ()
 
     @property
-    def _effective(self) -> Mapping[tuple[str, str], float]:
+    def effective(self) -> Mapping[tuple[str, str], float]:
         """(record, sensor) -> independent samples that its readings are worth."""
         return self.wander.effective if self.wander is not None else {}
 
@@ -129,7 +129,7 @@ class Calibration:
         """Record -> sensor -> statistics."""
         out: dict[str, dict[str, SensorStatistics]] = {}
         for record, sensor, sums in self._sums():
-            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0), self._effective.get((record, sensor)))
+            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0), self.effective.get((record, sensor)))
         return out
 
     @property
@@ -139,7 +139,7 @@ class Calibration:
         worth: dict[str, float] = {}
         for record, sensor, sums in self._sums():
             parts.setdefault(sensor, []).append(sums)
-            worth[sensor] = worth.get(sensor, 0.0) + self._effective.get((record, sensor), sums.count)
+            worth[sensor] = worth.get(sensor, 0.0) + self.effective.get((record, sensor), sums.count)
         return {n: pooled(several).statistics(self.bias.get(n, 0.0), worth[n]) for n, several in parts.items()}
 
     def median_rmse(self, sensor: str) -> float:

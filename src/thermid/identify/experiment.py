@@ -231,7 +231,14 @@ def _signal(record: Record, name: str, zero: float, held: bool) -> Signal:
 
 def _observation(channel: Channel, path: str, grid: NDArray[np.int64], weight: float) -> Observation:
     index = np.flatnonzero(channel.valid[grid])
-    return Observation(channel.name, path, index, channel.values[grid[index]], channel.noise, channel.accuracy, weight)
+    return Observation(channel.name, path, index, channel.values[grid[index]], _noise(channel), channel.accuracy, weight)
+
+
+def _noise(channel: Channel) -> float | None:
+    """Return the standard deviation of one sample: the noise, and the rounding to steps of the sensor, a step over the root of 12. [K]"""
+    if channel.noise is None or channel.resolution is None:
+        return channel.noise
+    return float(np.hypot(channel.noise, channel.resolution / np.sqrt(12.0)))
 
 
 def _starts(

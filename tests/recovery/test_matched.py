@@ -1,0 +1,52 @@
+"""Intervals of fits and predictions hold hidden truths as often as they say, and docs/coverage.md says how often that was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from recovery import matched, mismatch
+
+pytestmark = pytest.mark.recovery
+PAGE = Path(__file__).parents[2] / "docs" / "coverage.md"
+SEED = 20261122
+
+
+@pytest.mark.parametrize("case", matched.CASES)
+def test_fits_and_predictions_of_matched_truths(case: str) -> None:
+    rows = matched.campaign(case, 50, SEED)
+    pooled = np.mean([abs(x) <= matched.Z95 for row in rows.values() for x in row.scores])
+    # values of one draw are correlated; the pool of 5 to 11 of them, 50 times, counts as some 100 independent ones
+    assert pooled == pytest.approx(0.95, abs=3.5 * np.sqrt(0.95 * 0.05 / 100))
+    for name, row in rows.items():
+        assert row.coverage >= 0.95 - 3.5 * np.sqrt(0.95 * 0.05 / 50), name
+
+
+def test_without_constant_errors_hardly_any_interval_holds_the_truth() -> None:
+    rows = matched.campaign("m_PrE", 20, SEED, biases=False)
+    assert np.mean([row.coverage for row in rows.values()]) < 0.5
+
+
+@pytest.mark.parametrize("case", mismatch.CASES)
+def test_predictions_of_mismatched_truths(case: str) -> None:
+    found = mismatch.campaign(case, 12, SEED)
+    far = [h for (scenario, _), h in found.items() if scenario in ("room at +61 C", "room at -34 C")]
+    assert np.mean([h.coverage() for h in found.values()]) >= 0.9
+    assert np.mean([h.coverage(wide=False) for h in far]) < 0.5
+    assert np.mean([h.rms() for h in found.values()]) < np.mean([h.rms(wide=False) for h in found.values()])
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("case", matched.CASES)
+def test_matched_in_a_thousand_cases(case: str) -> None:
+    for name, row in matched.campaign(case, 1000, SEED + 1).items():
+        assert 0.93 <= row.coverage <= 0.97, f"{name}: {row.coverage:.3f}"
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("case", mismatch.CASES)
+def test_mismatched_in_three_hundred_cases(case: str) -> None:
+    for key, h in mismatch.campaign(case, 300, SEED + 1).items():
+        assert h.coverage() >= 0.9, f"{key}: {h.coverage():.3f}"
