@@ -18,8 +18,12 @@ if TYPE_CHECKING:
     from thermid.identify.calibrate import calibrate as calibrate
     from thermid.identify.calibration import Calibration as Calibration
     from thermid.identify.compare import compare as compare
+    from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
+    from thermid.identify.credibility import credibility as credibility
     from thermid.identify.criticism import Criticism as Criticism
     from thermid.identify.criticism import criticise as criticise
+    from thermid.identify.difference import Difference as Difference
+    from thermid.identify.difference import difference as difference
     from thermid.identify.discrepancy import Discrepancy as Discrepancy
     from thermid.identify.discrepancy import discrepancy as discrepancy
     from thermid.identify.identifiability import Identifiability as Identifiability
@@ -165,6 +169,10 @@ _PUBLIC = {
     "Spread": "identify.spread",
     "plan_retune": "identify.swap",
     "RetunePlan": "identify.swap",
+    "credibility": "identify.credibility",
+    "CredibilityRecord": "identify.credibility",
+    "difference": "identify.difference",
+    "Difference": "identify.difference",
     "Criteria": "identify.validate",
     "validate": "identify.validate",
     "Verdict": "identify.validate",

@@ -131,6 +131,7 @@ def _verdict(v: Verdict) -> dict[str, Any]:
         "title": v.title,
         "passed": v.passed,
         "conditional": v.conditional,
+        "unseen": v.unseen,
         "fitted_locally": list(v.fitted_locally),
         "sensors": {n: _sensor(s) for n, s in v.statistics.items()},
         "checks": [

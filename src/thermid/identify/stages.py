@@ -16,6 +16,7 @@ from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, local_of, placed, read_campaign, scenario_of
 from thermid.identify.joint import Joint, fit_jointly, joint_key
+from thermid.identify.looks import look
 from thermid.identify.request import Request
 from thermid.identify.staging import key_of, plain_readings, request_of
 from thermid.identify.validate import Criteria, Verdict, validate
@@ -150,6 +151,7 @@ def run_stages(
     made = replace(made, joint=_joint(made, notice, folder)) if source.content.joint is not None else made
     used = {sha: user for c in done.values() for sha, user in c.seen.items()}
     verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, made, used, notice))
+    verdicts = tuple(_looked(folder, v, made) for v in verdicts)
     return replace(made, verdicts=verdicts)
 
 
@@ -185,6 +187,14 @@ def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> Jo
     assert source is not None
     key = joint_key(campaign.keys, source.content.joint_table)
     return fit_jointly(source, campaign.requests, campaign.stages, key, _told(notice, "joint"), folder)
+
+
+def _looked(folder: Path | None, verdict: Verdict, made: Campaign) -> Verdict:
+    """Return a verdict with what the results folder knows of earlier looks at its record; this one is noted there."""
+    joint = verdict.model not in made.keys
+    key = joint_key(made.keys, made.source.content.joint_table) if joint and made.source is not None else made.keys[verdict.model]
+    record = next(iter(verdict.prediction.records.items()))
+    return replace(verdict, failed_before=look(folder, *record, verdict.model, key, verdict.passed))
 
 
 def _told(notice: Notice | None, name: str) -> Callable[[int, float], None] | None:

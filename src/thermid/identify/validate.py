@@ -10,6 +10,7 @@ from typing import Any
 from thermid.errors import IdentificationError, nearest
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
+from thermid.identify.looks import Look
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.statistics import SensorStatistics
 from thermid.measure import Record
@@ -100,6 +101,7 @@ class Verdict:
     fitted_locally : tuple of str   What was fitted to this very record; the verdict is then conditional on it.
     prediction : Calibration        Measured and predicted readings.
     title : str                     What it is about.
+    failed_before : tuple of Look   Failed verdicts on this record by other values, of which the results folder knows.
     """
 
     model: str
@@ -109,11 +111,17 @@ class Verdict:
     fitted_locally: tuple[str, ...]
     prediction: Calibration
     title: str = ""
+    failed_before: tuple[Look, ...] = ()
 
     @property
     def passed(self) -> bool:
         """Whether every criterion is met."""
         return all(c.passed for c in self.checks)
+
+    @property
+    def unseen(self) -> bool:
+        """Whether nobody can have learnt from this record: no failed verdict on it came before a new fit."""
+        return not self.failed_before
 
     @property
     def conditional(self) -> bool:
@@ -126,6 +134,12 @@ class Verdict:
         condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.conditional else ""
         about = f" ({self.title})" if self.title else ""
         lines = [f"{self.model} on {self.record}{about}: {word}{condition}"]
+        if self.failed_before:
+            first = self.failed_before[0]
+            lines.append(
+                f"  no longer unseen: {len(self.failed_before)} failed verdict{'s' if len(self.failed_before) > 1 else ''} on it since "
+                f"{first.date}, and a new fit since; what passes now may have been made to. Judge on another record."
+            )
         for c in self.checks:
             lines.append(
                 f"  {c.sensor}: {c.criterion.replace('_', ' ')} {c.found:.3g} K, limit {c.limit:.3g} K: {'met' if c.passed else 'NOT met'}"

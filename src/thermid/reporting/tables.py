@@ -262,6 +262,8 @@ def verdicts(campaign: Campaign) -> Table:
             first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if k == 0 else [Cell("", "", "same"), Cell("", "", "same")]
             result = Cell("✓ met", "", "good") if c.passed else Cell("✗ not met", "", "bad")
             condition = Cell(", ".join(v.fitted_locally), "fitted to this very record", "warn") if v.conditional else Cell("nothing")
+            if not v.unseen:
+                condition = Cell("no longer unseen", "it failed a verdict before the model was fitted anew", "bad")
             found = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
             rows.append([*first, c.sensor, _criterion(c.criterion), *found, result, condition])
     return Table.of(columns, rows)
