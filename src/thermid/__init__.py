@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from thermid.identify.balance import energy_balance as energy_balance
     from thermid.identify.calibrate import calibrate as calibrate
     from thermid.identify.calibration import Calibration as Calibration
+    from thermid.identify.clocks import Alignment as Alignment
+    from thermid.identify.clocks import align as align
     from thermid.identify.compare import compare as compare
     from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
     from thermid.identify.credibility import credibility as credibility
@@ -131,6 +133,8 @@ _PUBLIC = {
     "Record": "measure",
     "read_record": "measure",
     "compare": "identify.compare",
+    "align": "identify.clocks",
+    "Alignment": "identify.clocks",
     "calibrate": "identify.calibrate",
     "Calibration": "identify.calibration",
     "split": "identify.split",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thermid.errors import NameNotFoundError, RecordError, nearest
-from thermid.measure import export, flags, prepare
+from thermid.measure import export, flags, join, prepare
 from thermid.measure.channel import BoolArray, Channel, FloatArray, Origin, digest, frozen
 from thermid.measure.steps import run_steps
 from thermid.measure.windows import usual_step
@@ -177,6 +177,10 @@ class Record:
     def shift_start(self) -> Record:
         """Return the record with times from zero."""
         return prepare.shift_start(self)
+
+    def joined(self, other: Record, offset: float = 0.0, rate: float = 1.0) -> Record:
+        """Return the channels of both records: a time t on the other's clock is ``offset + rate t`` on this one's. [s]"""
+        return join.joined(self, other, offset, rate)
 
     def steady(
         self,
