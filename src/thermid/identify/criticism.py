@@ -20,7 +20,8 @@ STRONG, POSSIBLE = 10.0, 2.0
 """Differences of BIC that count as very strong evidence, and as evidence worth a word: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)
 773-795, DOI 10.1080/01621459.1995.10476572."""
 SURE = 3.0
-MOST_LAGS, STRETCHES = 20, 150
+MOST_LAGS, STRETCHES, FEWEST = 20, 150, 12
+Modes = dict[tuple[str, str], list[tuple[Array, Array]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,7 @@ class TraceCriticism:
     record, sensor : str
     times, temperature, power, residuals : array (samples,)     [s], [K], [W] (all loads together), [K]
     rmse : float            [K]
+    noise : float           What was stated of the readings; the RMSE where nothing was. [K]
     lag_one : float         Autocorrelation of neighbours. [-]
     ljung_box : float       Probability of correlations as large by chance, over up to 20 lags. [-]
     periodogram : float     Largest distance of the cumulated periodogram from that of white noise. [-]
@@ -47,6 +49,7 @@ class TraceCriticism:
     power: Array
     residuals: Array
     rmse: float
+    noise: float
     lag_one: float
     ljung_box: float
     periodogram: float
@@ -59,9 +62,21 @@ class TraceCriticism:
         """Whether nothing in them speaks against independent noise: Ljung and Box at 1 %, the periodogram within its band."""
         return self.ljung_box > 0.01 and self.periodogram < 1.2 * self.band
 
+    @property
+    def loud(self) -> bool:
+        """Whether they are larger than the stated noise by more than four standard deviations of chance; a few bad readings suffice."""
+        return bool(self.rmse**2 > self.noise**2 * (1.0 + 4.0 * (2.0 / self.residuals.size) ** 0.5))
+
+    @property
+    def quiet(self) -> bool:
+        """Whether they are independent noise of the size that was stated."""
+        return self.white and not self.loud
+
     def __str__(self) -> str:
         """What they say, in words."""
         head = f"{self.sensor} in {self.record}: RMSE {self.rmse:.3g} K"
+        if self.loud:
+            head += f" for a noise of {self.noise:.3g} K"
         if self.white:
             return f"{head}, independent from reading to reading"
         chance = "below 1e-6" if self.ljung_box < 1e-6 else f"{self.ljung_box:.2g}"
@@ -134,7 +149,7 @@ class Criticism:
 
     def __str__(self) -> str:
         """Return findings and suggestion as text."""
-        coloured = [t for t in self.traces if not t.white]
+        coloured = [t for t in self.traces if not t.quiet]
         lines = [f"{self.title}: {len(self.traces) - len(coloured)} of {len(self.traces)} traces leave nothing but noise"]
         lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
         if self.candidates:
@@ -162,7 +177,7 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
     Parameters
     ----------
     fit : Calibration   The fit.
-    elements : bool     Whether missing elements are tried in refits; by default only where residuals are not independent.
+    elements : bool     Whether missing elements are tried in refits; by default only where residuals are not independent, or too large.
 
     Raises
     ------
@@ -177,8 +192,10 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
     if fit.request is None or fit.problem is None:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
     traces = tuple(_traces(fit))
-    wanted = any(not t.white for t in traces) if elements is None else elements
-    tried = [_tried(fit, m) for m in missing_elements(fit, fit.request)] if wanted else []
+    wanted = any(not t.quiet for t in traces) if elements is None else elements
+    modes: Modes = {}
+    old = _likelihood(fit, modes)
+    tried = [_tried(fit, old, m, modes) for m in missing_elements(fit, fit.request)] if wanted else []
     return Criticism(fit.stage, traces, tuple(sorted(tried, key=lambda c: -c.evidence)))
 
 
@@ -215,6 +232,7 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
                 power,
                 z,
                 float(np.sqrt(z @ z / n)),
+                b.noise,
                 lag,
                 chance,
                 distance,
@@ -258,7 +276,7 @@ def _periodogram(residuals: Array) -> tuple[float, float]:
     return max(0.0, float((share - line).max())), float(1.36 / np.sqrt(share.size - 1))
 
 
-def _tried(fit: Calibration, missing: Missing) -> Candidate:
+def _tried(fit: Calibration, old: tuple[float, int], missing: Missing, modes: Modes) -> Candidate:
     """Return what a refit with an element says."""
     before = _rmse(fit)
     try:
@@ -267,8 +285,7 @@ def _tried(fit: Calibration, missing: Missing) -> Candidate:
         words, possible = missing.judge(found)
     except ThermidError as error:
         return Candidate(missing.name, error.message, False, -np.inf, -np.inf, (before, before), None)
-    old, new = _likelihood(fit), _likelihood(found)
-    gain, count = 2.0 * (new[0] - old[0]), old[1]
+    gain, count = 2.0 * (_likelihood(found, modes)[0] - old[0]), old[1]
     added = max(len(found.fitted) - len(fit.fitted), 1)
     evidence = gain - added * np.log(max(count, 2.0))
     return Candidate(missing.name, words, possible, gain, evidence, (before, _rmse(found)), found)
@@ -279,12 +296,17 @@ def _rmse(fit: Calibration) -> float:
     return float(np.sqrt(sum(squares) / max(sum(s.samples for s in fit.sensors.values()), 1)))
 
 
-def _likelihood(fit: Calibration) -> tuple[float, int]:
-    """Return the logarithm of the likelihood of all residuals, independent and wandering parts chosen for each trace, and their number."""
+def _likelihood(fit: Calibration, modes: Modes) -> tuple[float, int]:
+    """Return the logarithm of the likelihood of all residuals, independent and wandering parts chosen for each trace, and their number.
+
+    `modes` keeps what depends on the times alone, for the next fit.
+    """
     total, count = 0.0, 0
     for b in fit.blocks:
         z, times = _stretches(b.residuals, b.times)
-        total += _trace_likelihood(z, times, 0.3 * b.noise * (z.size / b.residuals.size) ** 0.5)
+        if (b.record, b.sensor) not in modes:
+            modes[b.record, b.sensor] = _modes(times)
+        total += _trace_likelihood(z, modes[b.record, b.sensor], 0.3 * b.noise * (z.size / b.residuals.size) ** 0.5)
         count += z.size
     return total, count
 
@@ -295,7 +317,17 @@ def _stretches(residuals: Array, times: Array) -> tuple[Array, Array]:
     return np.array([residuals[p].mean() for p in parts]), np.array([times[p].mean() for p in parts])
 
 
-def _trace_likelihood(z: Array, times: Array, least: float) -> float:
+def _modes(times: Array) -> list[tuple[Array, Array]]:
+    """Return sizes and vectors of the correlations exp(-dt / time), for times from one stretch to the whole."""
+    if times.size < FEWEST:
+        return []
+    apart = np.abs(times[:, None] - times[None, :])
+    spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
+    found = (np.linalg.eigh(np.exp(-apart / time)) for time in np.geomspace(spacing, max(span, 2.0 * spacing), 8))
+    return [(np.maximum(sizes, 0.0), vectors) for sizes, vectors in found]
+
+
+def _trace_likelihood(z: Array, modes: list[tuple[Array, Array]], least: float) -> float:
     """Return the largest log-likelihood of residuals as the sum of independent errors and of a part with correlations exp(-dt / time).
 
     Independent errors are not made smaller than `least`, or a perfect fit would be infinitely likely. [K]
@@ -303,16 +335,9 @@ def _trace_likelihood(z: Array, times: Array, least: float) -> float:
     n = z.size
     calm = max(float(z @ z) / n, least**2)
     best = -0.5 * n * float(np.log(calm)) - 0.5 * float(z @ z) / calm
-    if n < 12:
-        return best
-    apart = np.abs(times[:, None] - times[None, :])
-    spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
-    for time in np.geomspace(spacing, max(span, 2.0 * spacing), 8):
-        sizes, vectors = np.linalg.eigh(np.exp(-apart / time))
-        sizes, parts = np.maximum(sizes, 0.0), (vectors.T @ z) ** 2
-        for ratio in np.geomspace(1e-2 / sizes[-1], 1e3, 40):
-            variances = 1.0 + ratio * sizes
-            squares = float((parts / variances).sum())
-            own = max(squares / n, least**2)
-            best = max(best, -0.5 * (n * float(np.log(own)) + float(np.log(variances).sum()) + squares / own))
+    for sizes, vectors in modes:
+        variances = 1.0 + np.geomspace(1e-2 / sizes[-1], 1e3, 40)[:, None] * sizes
+        squares = ((vectors.T @ z) ** 2 / variances).sum(axis=1)
+        own = np.maximum(squares / n, least**2)
+        best = max(best, float(np.max(-0.5 * (n * np.log(own) + np.log(variances).sum(axis=1) + squares / own))))
     return best

@@ -18,8 +18,8 @@ __all__ = ["SHARE", "Combination", "Group", "listed", "percent", "practical_grou
 Array = NDArray[np.float64]
 SHARE, SAME, CORRELATED = 0.02, 1e-3, 0.8
 ANGLE = 3e-4
-"""Two null spaces are one when no direction of the second leans out of the first by more, in relative changes; the integrator's error is
-a hundredth of it."""
+"""Two null spaces are one when no direction of the second leans out of the first by more, in relative changes; where a law holds they
+agree to rounding."""
 FORMS = ("power law", "sum", "series")
 MOST_PIVOTS = 300
 KINDS_OF: Mapping[str, Mapping[str, float]] = {

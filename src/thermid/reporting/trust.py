@@ -158,7 +158,7 @@ def _valley(figure: Figure, found: Valley) -> None:
 
 def _criticism(figure: Figure, found: Criticism) -> None:
     """Draw the residuals of the worst trace against time, temperature and power, and their cumulated periodogram with its band."""
-    worst = min(found.traces, key=lambda t: (t.white, t.ljung_box, -t.periodogram))
+    worst = min(found.traces, key=lambda t: (t.quiet, t.white, t.ljung_box, -t.periodogram))
     size, unit_name = time_unit(float(worst.times[-1] - worst.times[0]))
     axes = figure.subplots(2, 2)
     figure.suptitle(f"{found.title}: {worst.sensor} in {worst.record}", fontsize=11)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.identify.criticism import _ljung_box, _periodogram, _trace_likelihood
+from thermid.identify.criticism import _ljung_box, _modes, _periodogram, _trace_likelihood
 from unit.identify.bench import HTC, MASS, box, log
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
@@ -27,7 +27,7 @@ SKIN = {"of": "case", "to": "air", "area": "0.05 [m^2]"}
 
 def fitted(truth: td.Model, node: str = "case", **more: Any) -> td.Calibration:
     """A box of one node, fitted to a log of something else."""
-    data = log(truth, {}, {"T": node}, noise=0.05, **more)
+    data = log(truth, {}, {"T": node}, **{"noise": 0.05, **more})
     data = data.with_channels(replace(data.channel("T"), target="case"))
     return td.calibrate(box(BARE), data, [HTC, MASS])
 
@@ -63,6 +63,14 @@ def test_what_was_left_out_is_suggested(changes: dict[str, Any], node: str, load
     assert best.rmse[1] == pytest.approx(0.05, rel=0.1)
     assert best.rmse[1] < 0.85 * best.rmse[0]
     assert f"Suggested: {name}" in str(found)
+
+
+def test_a_few_bad_readings_are_seen_by_their_size() -> None:
+    """At 181 readings the lag shows in the first few alone: too few to colour the whole, too large for noise."""
+    (trace,) = td.criticise(fitted(box(LAG), "bulb", samples=181), elements=False).traces
+    assert trace.white
+    assert trace.loud
+    assert "RMSE 0.06 K for a noise of 0.05 K" in str(trace)
 
 
 def test_what_is_found_is_what_was_planted() -> None:
@@ -113,7 +121,7 @@ class TestMeasures:
         covariance = 0.04 * np.exp(-np.abs(t[:, None] - t) / 10.0) + 0.01 * np.eye(80)
         z = np.linalg.cholesky(covariance) @ rng.standard_normal(80)
         exact = -0.5 * (z @ np.linalg.solve(covariance, z) + np.linalg.slogdet(covariance)[1])
-        best = _trace_likelihood(z, t, 1e-6)
+        best = _trace_likelihood(z, _modes(t), 1e-6)
         # the best of three free numbers lies above the truth by half a chi-square of three
         assert exact - 0.3 < best < exact + 6.0
 
