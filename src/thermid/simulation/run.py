@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from thermid.dual import value_of
 from thermid.network.network import Network
 from thermid.simulation.engine import Answer, Engine
+from thermid.simulation.ranges import outside
 from thermid.simulation.solution import HeatBalance
 from thermid.simulation.traces import Traces
 from thermid.simulation.wiring import Assembled, Wiring
@@ -82,7 +83,7 @@ class Run:
                     f"'{name}' left the range of its law, {curve.x[0]:.6g} to {curve.x[-1]:.6g} K, at {first:.6g} s: it saw {low:.6g} to"
                     f" {high:.6g} K; beyond its range a law stays constant"
                 )
-        return tuple(out)
+        return (*out, *outside(self))
 
     def _columns(self, temperatures: Array) -> Array:
         index = self._index(self.all_nodes())

@@ -208,6 +208,21 @@ def test_correlations_that_cannot_be(htc: dict[str, Any], message: str) -> None:
         td.compile_network(box({"htc": htc}))
 
 
+def test_a_correlation_outside_its_range_is_named_with_its_limits() -> None:
+    small = td.simulate(box({"htc": {"length": "5 [mm]", "orientation": "up"}}, power="0.1 [W]"), BENCH)
+    words = "Nu_horizontal_plate_McAdams of 'skin' was found between Rayleigh numbers of 10000 and 1e+11; here they reach"
+    assert [w for w in small.warnings if w.startswith(words)] != []
+    large = td.simulate(box({"htc": {"correlation": "Nu_vertical_plate_laminar", "length": "2 [m]"}}), BENCH)
+    assert any("between Rayleigh numbers of 0 and 1e+09" in w for w in large.warnings)
+    assert td.simulate(box({"htc": {"length": "0.1 [m]"}}), BENCH).warnings == ()
+
+
+def test_a_gas_outside_the_range_of_its_properties_is_named() -> None:
+    cold = BENCH.with_(boundaries={"air": "100 [K]"})
+    found = td.simulate(box(links={"gap": {"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]"}}), cold)
+    assert any("'gap' left the range of its law, 200 to 450 K" in w for w in found.warnings)
+
+
 def test_a_deck_with_correlation_and_gas_is_written_back() -> None:
     model = box(
         {"htc": {"length": "0.2 [m]", "orientation": "up"}}, {"gap": {"kind": "gas", "area": "1 [cm^2]", "gap": "1 [mm]", "gas": "N2"}}
