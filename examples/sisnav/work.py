@@ -96,7 +96,7 @@ class Vacuum:
 
 @dataclass(frozen=True)
 class Hidden:
-    """A held-out prediction against the hidden one: largest error, largest half-width of the 95 % band [K], share of time inside."""
+    """A held-out prediction against the hidden temperature: largest error, largest half-width of its 95 % band [K], time inside [-]."""
 
     record: str
     sensor: str

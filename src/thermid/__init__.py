@@ -84,6 +84,7 @@ if TYPE_CHECKING:
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
     from thermid.reporting.page import report as report
+    from thermid.reporting.study_page import study_report as study_report
     from thermid.reporting.trust import picture as picture
     from thermid.simulation.block_solution import BlockSolution as BlockSolution
     from thermid.simulation.draws import draw as draw
@@ -183,6 +184,7 @@ _PUBLIC = {
     "load_study": "identify.study",
     "Study": "identify.study",
     "report": "reporting.page",
+    "study_report": "reporting.study_page",
     "picture": "reporting.trust",
     "compare_htc": "physics.htc",
     "HtcComparison": "physics.htc",

@@ -47,7 +47,7 @@ def test_no_fit_reads_what_is_hidden(modules: dict[str, ModuleType], done: Any) 
 
 
 def test_held_out_readings_are_predicted_within_half_a_kelvin(done: Any) -> None:
-    """At every DS18B20; the noisy accelerometer channel has 1 K on the mean of a minute and a limit on the root mean square."""
+    """At every DS18B20; the noisy accelerometer channel has its limit on the root mean square."""
     assert len(done.natural.verdicts) == 3
     assert all(v.passed for v in done.natural.verdicts)
     largest = [c.found for v in done.natural.verdicts for c in v.checks if c.criterion == "max_error"]

@@ -153,6 +153,7 @@ def canvas(width: float, height: float, rows: int = 1, ratios: Sequence[float] |
         from matplotlib.figure import Figure as Canvas
     settings: Any = {
         "svg.fonttype": "none",
+        "svg.hashsalt": "thermid",  # identifiers are the same ones every time
         "text.parse_math": False,
         "axes.unicode_minus": True,
         "font.size": 10,
