@@ -1,0 +1,67 @@
+"""What a sensor's constant error means for a fit: how large it is beside the rise that the sensor saw, and what it makes uncertain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from thermid.identify.calibration import Calibration
+
+__all__ = ["SensorShare", "sensor_shares"]
+
+WORTH = 0.05
+"""Share of a variance from which it is worth a word."""
+
+
+@dataclass(frozen=True)
+class SensorShare:
+    """The constant error of a sensor beside what it measured.
+
+    Parameters
+    ----------
+    sensor : str
+    accuracy : float    Standard deviation of its constant error before the fit. [K]
+    rise : float        Between its lowest and highest reading in a record, the largest of all records. [K]
+    parameter : str     The parameter whose error it sets most; empty for none worth a word.
+    share : float       Of the variance of that parameter, what would be gone if the constant error were known. [-]
+    """
+
+    sensor: str
+    accuracy: float
+    rise: float
+    parameter: str
+    share: float
+
+    def __str__(self) -> str:
+        """Return it as a sentence."""
+        part = f"is {100 * self.accuracy / self.rise:.2g} % of its rise of {self.rise:.2g} K" if self.rise > 0 else "met no rise"
+        sets = f", and sets {100 * self.share:.0f} % of the variance of {self.parameter}" if self.parameter else ""
+        return f"constant error of {self.sensor}: {self.accuracy:.2g} K (accuracy) {part}{sets}"
+
+
+def sensor_shares(fit: Calibration) -> tuple[SensorShare, ...]:
+    """Return what the constant error of every sensor that has an accuracy means for a fit.
+
+    The share is the squared correlation of parameter and constant error in their joint covariance.
+    """
+    seen: dict[str, float] = {}
+    accuracy: dict[str, float] = {}
+    for e in fit.experiments:
+        for o in e.observations:
+            seen[o.sensor] = max(seen.get(o.sensor, 0.0), float(np.ptp(o.measured)) if o.measured.size else 0.0)
+            accuracy[o.sensor] = o.accuracy or 0.0
+    order = list(fit.values)
+    out = []
+    for sensor in fit.values.sensors:
+        j, best, share = order.index(f"sensor {sensor}"), "", WORTH
+        for path in fit.values.parameters:
+            k = order.index(path)
+            size = fit.values.covariance[k, k] * fit.values.covariance[j, j]
+            found = float(fit.values.covariance[k, j] ** 2 / size) if size > 0 and np.isfinite(size) else 0.0
+            best, share = (path, found) if found > share else (best, share)
+        if accuracy.get(sensor):
+            out.append(SensorShare(sensor, accuracy[sensor], seen[sensor], best, share if best else 0.0))
+    return tuple(out)
