@@ -14,6 +14,7 @@ from thermid.reporting.figures import Drawn
 from thermid.reporting.sections import Figures, Plot
 
 SYNTHETIC = "synthetic: virtual laboratory"
+SMALL = (360, 225)
 NAMES = {"stack.first": "R_cd1", "stack.second": "R_cd2", "proc.skin": "R_cn1", "ele.skin": "R_cn2", "stack.gap": "R_cn3"}
 NAMES |= {"m_PrE_PrS": "T_1", "m_PrE_EleG": "T_2", "cd": "T_cd", "cv": "T_amb", "proc.electronics": "Q_k1", "ele.electronics": "Q_k2"}
 """The document's symbols of Fig. 19."""
@@ -64,7 +65,7 @@ def panel(work: Work, p: Panel, key: str) -> Drawn:
         Curve("simulated, convection zero as printed: a bound", "bound", printed.times, printed.celsius),
     ]
     high = float(np.max(simulated))
-    return curves(lines, key, f"{p.label}: measured and simulated", top=high + 0.9 * (high - 24.0))
+    return curves(lines, key, f"{p.label}: measured and simulated", top=high + 0.9 * (high - 24.0), size=SMALL)
 
 
 def figure(work: Work, panels: tuple[Panel, ...], key: str) -> Figures:
@@ -128,7 +129,7 @@ def structures(work: Work) -> Figures:
             Curve("one constant coefficient", "bound", c.times, c.residuals),
         ]
         drawn = curves(
-            lines, f"held-{key}", f"{sensor} in {record}", below=below, names=("temperature, °C", "residual, K"), size=(440, 300)
+            lines, f"held-{key}", f"{sensor} in {record}", below=below, names=("temperature, °C", "residual, K"), size=(380, 280)
         )
         plots.append(Plot(drawn, f"{model}: {sensor} in {record}, seen by no fit", SYNTHETIC))
     return Figures(tuple(plots), plots[0].drawn.legend)
@@ -144,6 +145,6 @@ def vacuum(runs: list[Vacuum], key: str) -> Figures:
             Curve("as printed: no radiation either, a bound", "bound", run.times, run.printed),
         ]
         band = Band("95 % interval", run.times, run.low, run.high)
-        drawn = curves(lines, f"{key}-{k}", f"{run.node} in vacuum", band=band)
+        drawn = curves(lines, f"{key}-{k}", f"{run.node} in vacuum", band=band, size=SMALL)
         plots.append(Plot(drawn, run.node, SYNTHETIC))
     return Figures(tuple(plots), plots[0].drawn.legend)
