@@ -47,12 +47,11 @@ def test_on_the_navigation_unit(script: ModuleType, tmp_path: Path) -> None:
     assert set(reached) == set(page)
     for way, figures in page.items():
         assert reached[way] == pytest.approx(figures, abs=0.01)
-    constants, priors, joint = (reached[w] for w in ("constants upward", "priors upward", "... and a joint fit"))
+    constants, joint = reached["constants upward"], reached["... and a joint fit"]
     assert all(j < 0.85 * c for j, c in zip(joint[:2], constants[:2], strict=True)), "below the top constants cost most"
-    assert priors[2] < min(constants[2], joint[2]), "at the top priors are best"
     assert reached["all at once, no stages"] == pytest.approx(reached["... and a joint fit"], abs=0.005)
     assert "imu.support_mass" in rows[-1].refused
-    assert all(w.moved == "had to move" for w in rows if w.name in ("priors upward", "... and a joint fit"))
+    assert {w.name: w.moved for w in rows if w.moved} == {"... and a joint fit": "had to move", "priors upward": "may have moved"}
 
 
 @pytest.mark.campaign
