@@ -201,6 +201,7 @@ def test_wind_adds_by_the_third_power() -> None:
         ({"correlation": "Nu_vertical_plate_Churchil", "length": "0.1 [m]"}, "Did you mean 'Nu_vertical_plate_Churchill'"),
         ({"correlation": "Nu_horizontal_plate_McAdams", "length": "0.1 [m]"}, "is for horizontal plates: give orientation"),
         ({"length": "0 [m]"}, "a correlation needs a length above zero"),
+        ({"correlation": "Nu_no_such_plate", "length": "1 [m]"}, "the library ht has no 'Nu_no_such_plate' for free convection"),
     ],
 )
 def test_correlations_that_cannot_be(htc: dict[str, Any], message: str) -> None:
@@ -295,6 +296,16 @@ def test_a_vented_volume_follows_with_its_time_constant() -> None:
     assert ramp.at(np.array([500.0]))[0] == pytest.approx(520.0, rel=1e-3)
     with pytest.raises(ScenarioError, match="that at its start, a constant"):
         vented(Table(np.array([0.0, 1.0]), np.ones(2)), Constant(0.0), 1.0, "x")
+
+
+def test_a_volume_is_vented_to_one_that_has_a_pressure() -> None:
+    with pytest.raises(ScenarioError, match="'air' is vented to 'air', which has no pressure of its own"):
+        td.simulate(box({"htc": "5 [W/(m^2 K)]"}), BENCH.with_(environment={"air": td.Environment(vented="air", time_constant=5.0)}))
+
+
+def test_gas_laws_are_not_written_to_other_programs() -> None:
+    with pytest.raises(DeckError, match="'gap' is a law of gas at a pressure, which rests on tables, which is not written to"):
+        td.to_octave(plates("1 [mm]"), BENCH)
 
 
 def test_a_vented_volume_loses_its_gas_in_vacuum() -> None:
