@@ -247,7 +247,7 @@ def warmer(work: Work) -> Table:
         )
     columns = [Column("node"), *(Column(f"{k}, {t}", True) for k in found for t in ("24 °C", "34 °C", "shift, K"))]
     caption = (
-        "A linear network shifts by exactly the 10 K of its room. Radiation grows and the gyros' power falls with temperature: the other shifts less."
+        "A linear network shifts by exactly the 10 K of its room. With radiation, and gyros whose power falls as they warm, it is less."
     )
     return Table.of(columns, rows, caption)
 
