@@ -246,7 +246,9 @@ def warmer(work: Work) -> Table:
             [Cell(name, "", "main"), cells[0], cells[1], Cell(shifts[0], "", "main"), cells[2], cells[3], Cell(shifts[1], "", "main")]
         )
     columns = [Column("node"), *(Column(f"{k}, {t}", True) for k in found for t in ("24 °C", "34 °C", "shift, K"))]
-    caption = "A linear network shifts by exactly the 10 K of its room. Radiation grows and the gyros' power falls with temperature: the other shifts less."
+    caption = (
+        "A linear network shifts by exactly the 10 K of its room. With radiation, and gyros whose power falls as they warm, it is less."
+    )
     return Table.of(columns, rows, caption)
 
 

@@ -1,4 +1,4 @@
-"""The document's actions as fits: rows A2, A4, A7, H1 and M1 of the acceptance sheet. A6 and the campaign are in tests/examples."""
+"""The document's actions as fits: rows A2, A4, A7, B15, H1 and M1 of the acceptance sheet. A6 and the campaign are in tests/examples."""
 
 from __future__ import annotations
 
@@ -115,3 +115,22 @@ def test_M1_a_room_that_drifts_is_fed_as_it_was() -> None:  # noqa: N802
     blind = td.calibrate(part, log(readings, 0.05), ["skin.effective_htc"], scenario=BENCH).values.parameters["skin.effective_htc"]
     assert abs(fed.value - truth) < 3 * fed.error_random < 0.02
     assert truth - blind.value > 5 * fed.error
+
+
+def test_B15_a_replaced_gyro_changes_its_block_and_its_foot_alone() -> None:  # noqa: N802
+    """The other parts keep their identity and their numbers; a retune of what the new part brought touches three parameters."""
+    unit, new = deck("m_IMU"), deck("FOG_l_v2")
+    swapped = unit.replace("fog_y", new)
+    for part in ("acc", "fog_x", "fog_z"):
+        assert swapped.submodel(part).identity() == unit.submodel(part).identity()
+    assert swapped.submodel("fog_y").identity() == new.identity() != unit.submodel("fog_y").identity()
+    before, after = (td.compile_network(m).numbers() for m in (unit, swapped))
+    moved = {p for p, v in before.values.items() if float(after.values[p]) != float(v)}
+    assert moved == {"fog_y.power", "fog_y.mass", "fog_y.electronics.power", "fog_y.case.capacitance"}
+    planted = {"fog_y.mass": "0.66 [kg]", "fog_y.skin.effective_htc": "4.4 [W/(m^2 K)]", "fog_foot_conductivity": "2.5 [W/(m K)]"}
+    run = td.simulate(swapped.with_values(planted), BENCH, times=MINUTES)
+    nodes = ("fog_x.case", "fog_y.case", "fog_z.case", "support")
+    fit = td.calibrate(swapped, log({n: run[n].kelvin for n in nodes}, 0.01), list(planted), scenario=BENCH)
+    assert {p: v.value for p, v in fit.values.parameters.items()} == pytest.approx(
+        {"fog_y.mass": 0.66, "fog_y.skin.effective_htc": 4.4, "fog_foot_conductivity": 2.5}, rel=0.01
+    )
