@@ -1,0 +1,77 @@
+"""The page of a study: its steps, its parts, what its author adds, and nothing that runs or loads; curves in the document's manner."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.identify.stages import Campaign
+from thermid.reporting.cells import Column, Table
+from thermid.reporting.curves import Band, Curve, curves
+from thermid.reporting.sections import Code, Facts, Figures, Formulas, Heading, Notes, Picture, Plot, Section, Words, folded
+
+STUDY = Path(__file__).parents[3] / "examples" / "sisnav" / "study.toml"
+EVIL = '"><script>alert(1)</script>{{ 7*7 }}'
+TIMES = np.linspace(0.0, 18000.0, 101)
+
+
+@pytest.fixture(scope="module")
+def drawn() -> Plot:
+    rise = 24.0 + 10.0 * (1.0 - np.exp(-TIMES / 3600.0))
+    lines = [Curve("measured", "measured", TIMES, rise), Curve("a bound", "bound", TIMES, 24.0 + TIMES / 300.0)]
+    return Plot(curves(lines, "one", "a rise", band=Band("95 %", TIMES, rise - 1, rise + 1), top=40.0), "a caption", "synthetic")
+
+
+@pytest.fixture(scope="module")
+def page(drawn: Plot, tmp_path_factory: pytest.TempPathFactory) -> str:
+    blocks = [
+        *(Words(EVIL), Heading("heading"), Notes((EVIL,), "note"), Facts((("name", "value"),)), Code("a = 1 < 2", "code")),
+        *(Picture("<svg></svg>", "picture"), Formulas((("<math></math>", "(1)"),)), Figures((drawn,), drawn.drawn.legend)),
+        folded("more", [Table.of([Column("a")], [[EVIL]])]),
+    ]
+    section = Section.of("own", "What the author adds", blocks)
+    target = tmp_path_factory.mktemp("page") / "deep" / "page.html"
+    empty = Campaign("nothing run", {}, (), {})
+    made = td.study_report(td.load_study(STUDY), empty, to=target, sections=[section], watermark="A trial & no more")
+    assert made == target
+    return target.read_text(encoding="utf-8")
+
+
+def test_it_holds_the_four_steps_the_parts_and_where_values_come_from(page: str) -> None:
+    for words in ("1  Knowledge and intended use", "2  Box colour", "3  Theoretical and experimental set-up", "4  Procedure"):
+        assert words in page
+    for item in td.load_study(STUDY).components:
+        assert item in page
+    assert page.count("with qualification") == 5
+    assert "39 assumed, 5 derived, 27 published" in page
+    assert "tau h A / c with tau = 5 h / ln 100" in page  # a formula, on record
+
+
+def test_sections_come_between_the_parts_and_the_record(page: str) -> None:
+    assert re.findall(r'<section id="([\w-]+)"', page) == ["steps", "parts", "own", "record"]
+    assert "No verdict" in page
+
+
+def test_texts_are_escaped_and_nothing_runs_or_loads(page: str) -> None:
+    assert page.count("&lt;script&gt;") == 3
+    assert "49" not in re.findall(r"alert\(1\)&lt;/script&gt;(\S*)", page)
+    assert not re.search(r"<script|\son\w+=|(?:src|href)=\"(?!#|data:)", page)
+
+
+def test_the_watermark_stands_behind_and_on_the_banner(page: str) -> None:
+    assert "A TRIAL &amp; NO MORE" in page
+    assert "A%20trial%20%26amp%3B%20no%20more" in page
+
+
+def test_curves_have_their_looks_and_say_where_they_leave(drawn: Plot) -> None:
+    assert [(e.label, e.variable, e.dash) for e in drawn.drawn.legend] == [
+        ("measured", "--f-measured", ""),
+        ("a bound", "--f-residual", "dotted"),
+        ("95 %", "--f-simulated", "band"),
+    ]
+    assert "84 at the end" in drawn.drawn.markup
+    assert drawn.drawn.points < 1000
