@@ -54,7 +54,8 @@ mismatched). Made by `python scripts/coverage.py`; the campaigns are in `tests/r
 Truths are drawn from their ranges, constant errors of sensors (0.25 K, one standard deviation) and meters (1 %) from their accuracies. Logs
 have noise of 0.05 K, steps of 1/16 K and a room that drifts by 0.5 K; two tests of five hours, 101 samples each. Predicted is the end of a
 test that no fit saw: a room at 45 C from a start at 20 C, powers 1.5 and 0.5 times as large in turn. On the right the same fits without a
-model of constant errors: smooth curves, narrow intervals, and hardly ever the truth.
+model of constant errors: the misfit shows and widens their intervals, which hardly ever hold the truth all the same.
+A share of 95 % scatters by 0.7 % in 1000 draws.
 
 | assembly | value or node | 95 % interval holds the truth | half-width | without constant errors | half-width |
 |---|---|---|---|---|---|
