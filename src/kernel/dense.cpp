@@ -104,7 +104,13 @@ double Integrator::unsettled() {
 void Integrator::dense(bool inside) {
     const size_t n = n_, np = np_;
     if (!inside) return;
-    if (np == 0 || constant_) e_.slopes(J1_.data());  // else they stand there since the last stage
+    if (leftover_) {  // the end has been improved since the last stage
+        std::copy(T1_.begin(), T1_.end(), e_.t.begin());
+        e_.rows();
+        for (int i = 0; i < n_; ++i) F_[(STAGES - 1) * n + i] = cap_[i] > 0.0 ? e_.f[i] : 0.0;
+    }
+    if (np == 0 || constant_ || leftover_) e_.slopes(J1_.data());  // else they stand there since the last stage
+    if (leftover_ && np > 0) heat_sensitivity(J1_.data(), S1_.data(), FS_.data() + (STAGES - 1) * n * np);
     for (int i = 0; i < n_; ++i) d1_[i] = cap_[i] > 0.0 ? F_[(STAGES - 1) * n + i] / cap_[i] : 0.0;
     std::fill(g_.begin(), g_.end(), 0.0);
     if (nk_ > 0) {

@@ -95,6 +95,7 @@ class Integrator {
     Slaved massless_, fast_, quick_;
     std::vector<int> group_, place_;
     Lu trial_;
+    std::vector<double> shed_[2];  // error estimates, filtered again
     std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
     std::vector<double> xa_, fp_, row_, lag_, lag_s_, reach_, peak_;
     std::vector<char> counts_;
@@ -115,10 +116,13 @@ class Integrator {
     void stage_sensitivity(int s);
     double error();
     double sensitivity_error();
+    void filter_sensitivity(const double* e, double* G);
+    void improve();
     double tolerance() const;
     void iteration_matrix(const double* j);
     void add_energy(int s, bool updated);
     void start_sensitivity();
+    void heat_sensitivity(const double* j, const double* S, double* fs);
 
     // slaved.cpp
     void make_slaved(Slaved& s, double small);

@@ -97,6 +97,8 @@ struct Evaluation {
     void rows();             // t -> rows and f
     // Adds w times the heats of conductors and loads after temperatures of all nodes have fallen by delta, to first order.
     void shift(double w, const double* delta, double* conductors, double* loads) const;
+    // Adds w times what heats gain, to first order, when all temperatures rise by dir.
+    void lean(double w, const double* dir, double* conductors, double* loads) const;
     void jacobian(double* j) const;  // d f / d t, (n, n)
     void slopes(double* v) const;    // the same as values of the pattern
     // Derivative of row quantity in the coefficient of an entry.

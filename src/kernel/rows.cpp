@@ -78,6 +78,11 @@ void Evaluation::shift(double w, const double* delta, double* conductors, double
     for (int r = 0; r < p->load.size(); ++r) loads[r] += w * (power[r] - slope[r] * delta[p->load.sensor[r]]);
 }
 
+void Evaluation::lean(double w, const double* dir, double* conductors, double* loads) const {
+    for (int r = 0; r < p->con.size(); ++r) conductors[r] += w * (qa[r] * dir[p->con.a[r]] + qb[r] * dir[p->con.b[r]]);
+    for (int r = 0; r < p->load.size(); ++r) loads[r] += w * slope[r] * dir[p->load.sensor[r]];
+}
+
 void Evaluation::rows() {
     const Conductors& c = p->con;
     const int* first = p->kind_begin;

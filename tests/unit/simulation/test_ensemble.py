@@ -17,7 +17,7 @@ from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.signal import Table
 from thermid.simulation.many import assemble_members
 
-TIGHT = td.Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-7)
+TIGHT = td.Options(tolerance=1e-9, relative=1e-10, input_tolerance=5e-8)
 DECK: dict[str, Any] = {
     "title": "unit",
     "needs": ["room"],
