@@ -27,6 +27,7 @@ HERE = Path(__file__).parent
 SEED = 20261121
 SECONDS = 18000.0
 AMBIENT = 297.15
+REMARK = "SYNTHETIC: made by laboratory.py from a hidden unit, not measured"
 PARTS = ("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV", "m_PrE", "m_AccS", "m_IMU", "m_Sd")
 
 EMISSIVITY = {"Acc": 0.3, "FOG_h": 0.1, "FOG_l": 0.1, "EleGFO": 0.06, "ProcSISNAV": 0.12, "m_AccS": 0.1, "m_IMU": 0.1, "m_Sd": 0.12}
@@ -191,11 +192,13 @@ class Test:
     model : str         Name of the deck.
     sensors : dict      Channel -> node; a channel that begins with ACC comes from the processor.
     off : dict          Load -> (from, to) in hours during which it is off.
+    vacuum : bool       Whether it stands in a chamber without gas, whose walls are at the room's temperature.
     """
 
     model: str
     sensors: dict[str, str]
     off: dict[str, tuple[float, float]]
+    vacuum: bool = False
 
 
 _PRE = {"T_PROC": "proc.case_sensor", "T_ELE": "ele.case_sensor"}
@@ -218,6 +221,14 @@ TESTS = {
     "sd_all": Test("m_Sd", _SD, {}),
     "sd_held_out": Test("m_Sd", _SD, {"pre.ele.electronics": (3.0, 5.0), "imu.fog_x.electronics": (3.0, 5.0)}),
 }
+CHAMBER = {
+    "acc_vacuum": Test("Acc", {"ACC_X": "case"}, {}, True),
+    "fog_h_vacuum": Test("FOG_h", {"T_FOG1": "case_sensor"}, {}, True),
+    "fog_l_vacuum": Test("FOG_l", {"T_FOG2": "case_sensor"}, {}, True),
+    "elegfo_vacuum": Test("EleGFO", {"T_ELE": "case_sensor"}, {}, True),
+    "procsisnav_vacuum": Test("ProcSISNAV", {"T_PROC": "case_sensor"}, {}, True),
+}
+"""The second record of a component, at low pressure; `two_pressures.py` makes and uses them."""
 
 
 def room(times: Array, rng: np.random.Generator) -> Array:
@@ -244,12 +255,12 @@ def _pause(begin: float, end: float) -> Table:
 
 def run(name: str, world: World, seed: int) -> tuple[Array, dict[str, Array], dict[str, Array]]:
     """Return times (times,) [s], what the log of a test says, and the hidden true temperatures [degC] of the nodes under its sensors."""
-    test, rng = TESTS[name], np.random.default_rng(seed)
+    test, rng = (TESTS | CHAMBER)[name], np.random.default_rng(seed)
     times = np.arange(0.0, SECONDS + 1.0)
     air = room(times, rng)
     off = {load: _pause(*hours) for load, hours in test.off.items()}
     bench = td.Scenario(name, boundaries={"cv": (times, air)}, commands=off, start="cv", duration=SECONDS)
-    solution = td.simulate(world.tested(test.model), bench, times=times)
+    solution = td.simulate(world.tested(test.model), bench.vacuum() if test.vacuum else bench, times=times)
     columns = {"T_ROOM": thermometer("T_ROOM").read(times, air, rng)}
     truth = {}
     for channel, node in test.sensors.items():
@@ -269,8 +280,8 @@ def main(folder: Path, swaps: dict[str, str] | None = None) -> None:
     world = World.make(swaps=swaps)
     for k, name in enumerate(TESTS):
         times, columns, truth = run(name, world, SEED + k)
-        _write(logs / f"{name}.csv", "SYNTHETIC: made by laboratory.py from a hidden unit, not measured", times, columns)
-        _write(
+        write(logs / f"{name}.csv", REMARK, times, columns)
+        write(
             hidden / f"{name}.csv",
             "SYNTHETIC: true temperatures of the hidden unit, not for fitting",
             times[::60],
@@ -279,7 +290,8 @@ def main(folder: Path, swaps: dict[str, str] | None = None) -> None:
     (hidden / "truth.json").write_text(json.dumps(world.truth, indent=1), encoding="utf-8")
 
 
-def _write(path: Path, remark: str, times: Array, columns: dict[str, Array]) -> None:
+def write(path: Path, remark: str, times: Array, columns: dict[str, Array]) -> None:
+    """Write a log whose first line says what it is."""
     header = f"# {remark}\n" + ",".join(["time_s", *columns])
     np.savetxt(
         path, np.column_stack([times, *columns.values()]), delimiter=",", header=header, comments="", fmt=["%.0f"] + ["%.4f"] * len(columns)
