@@ -232,7 +232,7 @@ bool Group::attempt(double& next) {
     double tolerance[LANES], least = std::numeric_limits<double>::infinity();
     for (int l = 0; l < LANES; ++l) {
         const double tol = s_.options.atol + s_.options.rtol * (high_[l] - low_[l]);
-        tolerance[l] = leftover_ ? std::max(tol, 0.1 * s_.options.input_atol) : tol;
+        tolerance[l] = leftover_ ? std::max(tol, 0.15 * s_.options.input_atol) : tol;
         least = std::min(least, tolerance[l]);
     }
     g_.close = std::min(5e-7, std::max(2e-10, 5e-2 * least));
@@ -251,6 +251,7 @@ bool Group::attempt(double& next) {
         err = e <= err ? err : e;
     }
     if (guilty) return failed(guilty, next, std::isfinite(err) ? std::max(0.2, 0.9 * std::pow(err, -0.25)) : 0.2);
+    if (leftover_) code.improve(g_);
     if (const unsigned bad = check_state()) {
         drop(bad);
         return false;

@@ -10,8 +10,6 @@ namespace thermid {
 namespace {
 // Extrapolates to each stage what a smooth law leaves beyond its tangent, tau^2 (a + b tau), from the two latest instants before it.
 constexpr double BEYOND[STAGES][STAGES] = {{0.0}, {0.0}, {0.0, 0.440896}, {0.0, 2.636, -2.4911}, {0.0, 0.0, -5.2349, 3.3805}, {0.0, 0.0, 0.0, -1.6966, 2.2859}};
-// a and b of improve(), fitted to steps of up to 4 time constants.
-constexpr double SHED[2] = {27.0803, -12.2017};
 }
 
 void Integrator::project() {
@@ -285,9 +283,8 @@ void Integrator::filter_sensitivity(const double* e, double* G) {
     lu_.solve_many(G, np_);
 }
 
-// Where a network is linear, a step errs by (R - exp)(h C^-1 J) times what its estimate D holds as (R - R^)(h C^-1 J), and powers of
-// M = (C - h gamma J)^-1 C turn the one into the other: a (M - M^2) D + b (M^2 - M^3) D is off by a fiftieth of it up to h = 4 time constants.
-// It is what the jumps of projected inputs leave in fast nodes. Of fifth order whatever the laws; heats follow, so that the balance holds.
+// Takes out of the end of the step what it errs by in fast nodes after a jump of a projected input (see SHED); heats follow, so that the
+// balance holds.
 void Integrator::improve() {
     const size_t np = np_;
     const double* last = err_.data();
