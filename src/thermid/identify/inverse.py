@@ -82,6 +82,11 @@ def power_history(
             "without a stretch of known power only ratios to the power can be found, so no parameter can be free. Give 'known' or a prior.",
             where,
         )
+    if any(len(stretch) != 3 or isinstance(stretch, str) for stretch in known):
+        raise IdentificationError("'known' is a list of stretches (from, to, power), such as [('0 [h]', '1 [h]', '5 [W]')].", where)
+    logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in (load, path)), "")
+    if logged:
+        raise IdentificationError(f"channel '{logged}' of '{record.name}' already gives this power. Leave it out.", where)
     knots, pins = _knots(record, every, known, accuracy, where)
     base = WIDE * max(_nominal(model, path), 1.0)
     asked, basis = _asked(model, record, path, scenario, free, priors, knots)

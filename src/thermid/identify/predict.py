@@ -67,6 +67,8 @@ def predict(
     """
     base = fit.fitted_model if model is None else model.with_values(fit.values.assignments, f"stage '{fit.stage}'")
     given = [spread] if isinstance(spread, Mapping | Spread) else list(spread)
+    if draws < 0:
+        raise IdentificationError(f"{draws} members cannot be drawn; give 0 for derivatives alone, or some hundred.", base.title)
     own, thin = _known(fit), [] if model is not None else split_needed(fit, scenario, [n for s in given for n in _names(s)])
     if thin:
         apart = split(fit, thin)
@@ -75,6 +77,14 @@ def predict(
     ready = prepare(base, scenario, names, every=every, times=times, options=options)
     spreads = [*own, *(s if isinstance(s, Spread) else Spread.stated(s, ready) for s in given)]
     _check_once(spreads, ready)
+    driven = {f"{path}.power": load for load in scenario.loads for path in (load, base.canonical(load))}
+    still = next((n for s in given for n in _names(s) if n in driven), "")
+    if still:
+        raise IdentificationError(
+            f"the scenario gives the power of '{driven[still]}', so that of the deck, '{still}', moves nothing. "
+            f"Spread 'scale.{driven[still]}' in per cent.",
+            base.title,
+        )
     misfit = Further.of(fit, base, ready) if discrepancy and fit.problem is not None else Further(ready)
     run = misfit.ready.run(misfit.still, sensitivities=True)
     found = {n: run[n].path for n in (nodes if nodes is not None else run.nodes)}

@@ -171,6 +171,8 @@ def profile(fit: Calibration, path: str, level: float = 0.95) -> Profile:
     """
     from scipy.special import gammaincinv
 
+    if not 0.0 < level < 1.0:
+        raise IdentificationError(f"a level of {level:g} is no probability; give one between 0 and 1, such as 0.95.", "profile")
     problem, k = asked(fit, path)
     threshold = float(2.0 * gammaincinv(0.5, level))
     at = np.array([fit.fitted[u.name] for u in problem.unknowns])

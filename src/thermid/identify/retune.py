@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thermid.errors import ThermidError
+from thermid.errors import MissingDataError, ThermidError
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, placed, read_campaign
@@ -77,7 +78,21 @@ def _source(source: CampaignSource, plan: RetunePlan, everything: bool) -> Campa
     assert old is not None
     tables = [table for name, (_, table) in old.names().items() if everything or name in plan.tests]
     records = {name: source.content.records[name] for name, table in old.content.records.items() if any(table is t for t in tables)}
-    return replace(source, content=source.content.model_copy(update={"records": records, "verdicts": [], "checksums": {}}))
+    found = replace(source, content=source.content.model_copy(update={"records": records, "verdicts": [], "checksums": {}}))
+    if found.data is not None and found.data != old.data:
+        _check_repeated(found, found.data, plan.tests)
+    return found
+
+
+def _check_repeated(source: CampaignSource, data: Path, tests: Sequence[str]) -> None:
+    """Refuse logs from before the swap, which stand beside the campaign under the same names."""
+    before = [name for name, (file, _) in source.names().items() if name in tests and not file.resolve().is_relative_to(data)]
+    if before:
+        raise MissingDataError(
+            f"the folder '{data.name}' of the repeated tests has no log of {', '.join(before)}; those beside the campaign are from before "
+            "the swap. Put the new logs there, under the names that the campaign gives.",
+            source.path.name,
+        )
 
 
 def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, plan: RetunePlan) -> Model:

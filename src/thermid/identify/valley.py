@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import NameNotFoundError, SolverError, nearest
+from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
 from thermid.identify.calibration import Calibration
 from thermid.identify.identifiability import Identifiability
 from thermid.identify.profile import Held, asked, spread_of
@@ -61,6 +61,8 @@ def valley(source: Calibration | Identifiability, first: str, second: str, point
     -----
     Everything else follows by one step of Gauss and Newton at each point, from where the derivatives at the best place it.
     """
+    if first == second:
+        raise IdentificationError(f"a valley lies between two parameters; '{first}' was given twice.", "valley")
     if isinstance(source, Calibration):
         (problem, i), (_, j) = asked(source, first), asked(source, second)
         at = np.array([source.fitted[u.name] for u in problem.unknowns])

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["deck_error"]
 
-BRANCHES = ("str", "float", "ValueTable", "PowerLaw")
+BRANCHES = ("str", "float", "ValueTable", "PowerLaw", "Correlated")
 """What a value may be; pydantic reports a fault once for each."""
 
 
@@ -35,7 +35,7 @@ def deck_error(error: ValidationError, data: Mapping[str, Any], place: Callable[
                 ".".join(path),
                 "a value is a text with its unit, '2.5 [W]', a number, or a table with value, min, max, source, note and basis.",
             )
-        elif not branch or branch == ("ValueTable" if "value" in given or not _has_law(error, fault["loc"]) else "PowerLaw"):
+        elif not branch or branch == _meant(error, fault["loc"], given):
             faults.setdefault(".".join(path), _text(fault, path, branch, grammar))
     (first, message), *rest = ((place(key), text) for key, text in faults.items())
     return DeckError("\n  ".join([message, *(f"{where}: {text}" for where, text in rest)]), first)
@@ -56,9 +56,12 @@ def _located(location: tuple[int | str, ...], data: Any) -> tuple[list[str], str
     return path, branch, given
 
 
-def _has_law(error: ValidationError, location: tuple[int | str, ...]) -> bool:
-    """Whether the value of a fault may be a power law too."""
-    return any("PowerLaw" in other["loc"] and other["loc"][:3] == location[:3] for other in error.errors())
+def _meant(error: ValidationError, location: tuple[int | str, ...], given: Any) -> str:
+    """Return which form of a value its author meant, by its fields; a power law or a correlation only where they may stand."""
+    may = {step for other in error.errors() if other["loc"][:3] == location[:3] for step in other["loc"]}
+    if "value" in given or not may & {"PowerLaw", "Correlated"}:
+        return "ValueTable"
+    return "Correlated" if {"length", "orientation", "correlation"} & {*given} else "PowerLaw"
 
 
 def _text(fault: Any, path: list[str], branch: str, grammar: type[BaseModel]) -> str:

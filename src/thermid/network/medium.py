@@ -16,7 +16,7 @@ from thermid.dual import Number
 from thermid.errors import ScenarioError
 from thermid.model.flat import FlatConductor
 from thermid.model.kinds import Law
-from thermid.model.signal import Constant, Signal, Sine, Table, signal
+from thermid.model.signal import Constant, Signal, Sine, Table, literal, signal
 from thermid.network.pressure import sampled, vented
 from thermid.network.rarefied import GasState, correlated, gap, thinned
 from thermid.network.rows import ConductorRow
@@ -44,8 +44,8 @@ class Environment:
     Parameters
     ----------
     pressure : Signal       A text with unit, a table or a signal. [Pa]
-    humidity : float        Relative, 0 to 1; it does not enter the classical equations and is kept for the record. [-]
-    gravity : float         [m/s^2]
+    humidity : float        Relative, 0 to 1; no law uses it and it is kept for the record; `moisture` is given its own. [-]
+    gravity : float, str    A number or a text with unit, as the wind and the time constant. [m/s^2]
     gas : str               air, N2, He, Ar, CO2 or H2.
     wind : float            Speed along surfaces with a correlation, constant. [m/s]
     sealed : bool           Whether the volume keeps its gas when the surroundings lose theirs.
@@ -65,6 +65,10 @@ class Environment:
     def __post_init__(self) -> None:
         """Turn a text into a signal, and refuse states that do not exist."""
         object.__setattr__(self, "pressure", signal(self.pressure, "Pa", "environment, pressure"))
+        for name, slot in (("humidity", "1"), ("gravity", "m/s^2"), ("wind", "m/s"), ("time_constant", "s")):
+            given: Any = getattr(self, name)
+            if isinstance(given, str):
+                object.__setattr__(self, name, literal(given, slot, f"environment, {name}"))
         if not 0.0 <= self.humidity <= 1.0:
             raise ScenarioError(f"a relative humidity of {self.humidity:g} does not exist; give 0 to 1.")
         if self.lowest() < 0.0:

@@ -136,6 +136,13 @@ class Network:
         if c.factor != 1.0:
             laws = tuple(replace(law, coefficients=(c.factor * law.coefficients[0], *law.coefficients[1:])) for law in laws)
         emissivity = values[c.emissivity] if c.emissivity else None
+        # a fit at its bound of 1 may lie a rounding above
+        for given in (emissivity, fields.get("emissivity")):
+            if given is not None and not 0.0 <= value_of(given) <= 1.0 + 1e-6:
+                raise DeckError(
+                    f"the emissivity of '{c.path}' is {value_of(given):.4g}; give 0 to 1.",
+                    c.where,
+                )
         return tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
 
 

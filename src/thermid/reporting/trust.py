@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["picture"]
 
+PICTURES = (".png", ".svg", ".pdf")
 LEVELS = {2.30: "68 %", 5.99: "95 %"}
 """Growth of the sum of squares that holds two parameters together with a probability: quantiles of chi-square, two degrees of freedom."""
 
@@ -48,6 +49,8 @@ def picture(thing: Profile | Valley | Criticism, to: str | os.PathLike[str]) -> 
             f"there is no picture of a {type(thing).__name__}; there are pictures of {', '.join(t.__name__ for t in drawers)}."
         )
     target = Path(to)
+    if target.suffix.lower() not in PICTURES:
+        raise ThermidError(f"'{target.name}': a picture ends in {', '.join(PICTURES)}.")
     with _canvas() as figure:
         drawers[type(thing)](figure, thing)
         figure.savefig(target, dpi=144, metadata={"Date": None} if target.suffix == ".svg" else None)

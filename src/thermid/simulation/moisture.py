@@ -95,6 +95,9 @@ class Moisture:
         lines = []
         for s in sorted(self.surfaces.values(), key=lambda s: float(s.margin.min())):
             k = int(s.margin.argmin())
+            if self.dew_points[s.gas][k] <= 0.0:
+                lines.append(f"  {s.surface:<{width}}  no vapour, so nothing settles")
+                continue
             lines.append(
                 f"  {s.surface:<{width}}  margin {s.margin[k]:+7.2f} K at {s.times[k] / 60:.4g} min over a dew point of "
                 f"{self.dew_points[s.gas][k] - ICE_POINT:.2f} degC; condenses for {s.condensing / 60:.1f} min, "
@@ -123,6 +126,8 @@ def moisture(
     ------
     ScenarioError   When a name is no gas of the model, a humidity does not exist, or latent heat and temperatures find no balance.
     """
+    if not isinstance(humidity, Mapping) or not (humidity or volumes):
+        raise ScenarioError("say whose humidity it is: gas -> relative humidity, such as {'air': 0.6}.", scenario.title)
     flat = compile_network(model, media=scenario.media()).flat
     gases = list(dict.fromkeys(c.gas for c in _exchanging(flat)))
     own = {flat.names.find(k): v for k, v in (volumes or {}).items()}

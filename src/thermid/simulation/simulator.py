@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from functools import cached_property
 from typing import Any
 
@@ -101,8 +102,18 @@ def _free_name(network: Network, raw: str) -> str:
     canonical = network.flat.names.model.canonical
     if head in ("initial", "scale") and rest:
         return f"{head}.{canonical(rest)}"
-    if canonical(raw) in network.boundaries:
-        return canonical(raw)
+    name = canonical(raw)
+    if name in network.boundaries:
+        return name
+    if any(load.path == name for load in network.flat.loads):
+        raise NameNotFoundError(
+            f"'{raw}' is a load: 'scale.{raw}' is a factor on its power, '{raw}.power' the power of the deck.",
+            network.flat.names.model.title,
+        )
+    if raw not in network.flat.parameters.table and network.boundaries:
+        close = get_close_matches(raw, network.boundaries, 1, 0.8)
+        if close:
+            raise NameNotFoundError(f"no parameter or boundary '{raw}'. Did you mean '{close[0]}'?", network.flat.names.model.title)
     return network.flat.parameters.freeable(raw, canonical)
 
 

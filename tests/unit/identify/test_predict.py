@@ -136,6 +136,14 @@ def test_what_is_spread_twice_or_wrongly_is_refused(found: Calibration) -> None:
         plain(found, HOT, spread={"air": {"width": "1 [K]"}})
     with pytest.raises(ScenarioError, match="not spread by per cent; give kelvin"):
         plain(found, HOT, spread={"air": "2 [%]"})
+    with pytest.raises(IdentificationError, match=r"'heat.power', moves nothing. Spread 'scale.heat'"):
+        plain(found, HOT.with_(loads={"heat": "5 [W]"}), spread={"heat.power": "0.5 [W]"})
+    with pytest.raises(NameNotFoundError, match=r"'heat' is a load: 'scale.heat' is a factor"):
+        plain(found, HOT, spread={"heat": "2 [%]"})
+    with pytest.raises(NameNotFoundError, match=r"no parameter or boundary 'aire'. Did you mean 'air'"):
+        plain(found, HOT, spread={"aire": "1 [K]"})
+    with pytest.raises(IdentificationError, match="-3 members cannot be drawn"):
+        plain(found, HOT, draws=-3)
     with pytest.raises(ScenarioError, match="low end lies above"):
         plain(found, HOT, spread={"air": {"low": "41 [degC]", "high": "39 [degC]"}})
     with pytest.raises(ScenarioError, match="a number from zero up"):

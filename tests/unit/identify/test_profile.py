@@ -105,3 +105,12 @@ class TestPictures:
     def test_of_something_else(self, tmp_path: Path) -> None:
         with pytest.raises(ThermidError, match=r"there is no picture of a str; there are pictures of Profile, Valley"):
             td.picture("x", tmp_path / "x.png")  # type: ignore[arg-type]
+
+
+def test_what_is_no_probability_and_no_pair_is_refused(known: td.Calibration, tmp_path: Path) -> None:
+    with pytest.raises(ThermidError, match="a level of 95 is no probability; give one between 0 and 1"):
+        td.profile(known, HTC, level=95)
+    with pytest.raises(ThermidError, match="was given twice"):
+        td.valley(known, HTC, HTC)
+    with pytest.raises(ThermidError, match=r"'x.bmp': a picture ends in .png, .svg, .pdf"):
+        td.picture(td.criticise(known), tmp_path / "x.bmp")

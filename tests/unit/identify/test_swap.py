@@ -184,3 +184,8 @@ def test_on_the_command_line(project: Path, tests_again: Path, tmp_path: Path) -
     assert said["plan"]["tests"] == ["box_bench", "pair_one"]
     assert [s["stage"] for s in said["stages"]] == ["box", "pair"]
     assert (tmp_path / "new" / "pair.values.toml").is_file()
+
+
+def test_logs_from_before_the_swap_are_not_those_of_the_repeated_tests(plan: RetunePlan, tmp_path: Path) -> None:
+    with pytest.raises(td.ThermidError, match=r"of the repeated tests has no log of .*those beside the campaign are from before the swap"):
+        plan.run(tmp_path)

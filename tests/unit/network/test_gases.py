@@ -414,3 +414,22 @@ def test_laws_and_flows_agree() -> None:
     model = box({"htc": {"length": "0.2 [m]", "orientation": "down"}}, {"gap": {"kind": "gas", "area": "1 [cm^2]", "gap": "1 [mm]"}})
     run = td.simulate(model, at(200.0).with_(duration="200 [h]"))
     assert sum(run.heat_flow(name)[-1] for name in run.heat_flows) == pytest.approx(2.0, rel=1e-6)
+
+
+def test_the_state_of_a_gas_may_be_written_as_text() -> None:
+    given = td.Environment(humidity="60 [%]", gravity="1.62 [m/s^2]", wind="2 [m/s]", vented="out", time_constant="1 [min]")
+    assert (given.humidity, given.gravity, given.wind, given.time_constant) == (0.6, 1.62, 2.0, 60.0)
+    with pytest.raises(td.ThermidError, match=r"wind: '\[K\]' is a temperature difference; a quantity in m s"):
+        td.Environment(wind="2 [K]")
+
+
+@pytest.mark.parametrize("surface", [{"emissivity": 1.5}, {"htc": "5 [W/(m^2 K)]", "emissivity": 90}])
+def test_no_surface_radiates_more_than_a_black_one(surface: dict[str, object]) -> None:
+    deck = {
+        "title": "hot plate",
+        "needs": ["air"],
+        "nodes": {"plate": {"capacitance": "100 [J/K]"}},
+        "surfaces": {"skin": {"of": "plate", "to": "air", "area": "100 [cm^2]", **surface}},
+    }
+    with pytest.raises(td.ThermidError, match=r"the emissivity of 'skin.*' is .*; give 0 to 1"):
+        td.steady(td.model_from_dict(deck), td.Scenario(boundaries={"air": "20 [degC]"}))

@@ -121,11 +121,13 @@ def test_no_vapour_in_vacuum() -> None:
     found = td.moisture(space, TRANSFER.vacuum().with_(start="20 [degC]"), {"air": 0.9})
     assert found.dew_points["air"] == pytest.approx(0.0)
     assert found["skin"].film.max() == 0.0
+    assert "no vapour, so nothing settles" in str(found)
 
 
 @pytest.mark.parametrize(
     ("humidity", "volumes", "message"),
     [
+        ({}, {}, r"say whose humidity it is"),
         ({"air": 1.2}, {}, r"'air' would have a relative humidity of 1.2; give 0 to 1"),
         ({"air": -0.1}, {}, r"a relative humidity of -0.1"),
         ({"wall": 0.5}, {}, r"no surface exchanges heat with 'wall' by convection"),
