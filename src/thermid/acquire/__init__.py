@@ -1,0 +1,1 @@
+"""The bench: line protocol, logger, sensor map, telemetry. Firmware lies in `firmware/`."""
