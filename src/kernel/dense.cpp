@@ -169,12 +169,11 @@ void Integrator::slope_sensitivity(int stage, const std::vector<double>& slope, 
     }
 }
 
-void Integrator::move_cursors(double s) {
+void Integrator::move_cursors(double s, double time) {
     if (s < at_)
         for (int k = 0; k < nk_; ++k)
             if (p_.inputs[k].sampled()) cursor_[k].begin(&p_.inputs[k], t_);
     at_ = s;
-    const double time = s == h_ ? end_ : t_ + s;
     for (int k = 0; k < nk_; ++k) {
         const Input& in = p_.inputs[k];
         if (!in.sampled()) {
@@ -204,20 +203,41 @@ double Integrator::slope(int i, double x) const {
     return c[n] + x * (2.0 * c[2 * n] + x * (3.0 * c[3 * n] + x * (4.0 * c[4 * n] + x * 5.0 * c[5 * n])));
 }
 
-// All temperatures at s into eo_.t, at the inputs' own values; those of slaved nodes only when asked for.
-void Integrator::nodes_at(double s, bool slaved) {
-    move_cursors(s);
+// Puts held inputs that jump at a time to their values before it, or back to those from it on. Whether there are any.
+bool Integrator::side(double time, bool before) {
+    bool any = false;
+    for (int k = 0; k < nk_; ++k) {
+        const Input& in = p_.inputs[k];
+        const int i = in.kind == SAMPLED_HOLD ? cursor_[k].segment() : -1;
+        if (i < 1 || in.seg[i].t != time) continue;
+        any = true;
+        eo_.u[k] = in.mean + in.seg[before ? i - 1 : i].u;
+    }
+    if (any) eo_.set_inputs();
+    return any;
+}
+
+// All temperatures at s into eo_.t, at the inputs' own values; those of slaved nodes only when asked for. Where an input jumps, what has a
+// capacity has not moved yet, however fast it is; massless nodes and boundaries have.
+void Integrator::nodes_at(double s, double time, bool slaved) {
+    move_cursors(s, time);
     const double x = s / h_;
     eo_.set_inputs();
     for (int i = 0; i < n_; ++i) eo_.t[i] = smooth(i, x);
     for (const Noise& z : noise_)
         if (z.active)
             for (int i = 0; i < n_; ++i) eo_.t[i] += (z.b[i] + s * z.db[i]) * z.w + z.c[i] * z.ww + z.aab[i] * z.www;
+    jumped_ = false;
     if (!slaved || fast_.nodes.empty()) return;
     // A fast node still takes up heat while it follows: C dT/dt with the slope of its own polynomial.
     lag_.resize(fast_.nodes.size());
     for (size_t k = 0; k < lag_.size(); ++k) lag_[k] = cap_[fast_.nodes[k]] * slope(fast_.nodes[k], x) / h_;
+    jumped_ = fast_.nodes.size() > massless_.nodes.size() && side(time, true);
     solve_slaved(fast_, eo_, lag_.data());
+    if (!jumped_) return;
+    before_ = eo_.t;
+    side(time, false);
+    if (!massless_.nodes.empty()) solve_slaved(massless_, eo_);
 }
 
 }  // namespace thermid

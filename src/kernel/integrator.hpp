@@ -144,12 +144,16 @@ class Integrator {
     std::vector<double> poly_;
     std::vector<Cursor> cursor_;
     double at_ = 0.0;
+    bool jumped_ = false;         // an input jumps at the output under way, and fast nodes with capacity are to be told apart from massless ones
+    std::vector<double> before_;  // all temperatures there, before the jump
     double input_error();
     double curvature();
     double unsettled();
     void dense(bool inside);
-    void move_cursors(double s);
-    void nodes_at(double s, bool slaved);
+    void move_cursors(double s, double time);
+    void nodes_at(double s, bool slaved) { nodes_at(s, s == h_ ? end_ : t_ + s, slaved); }
+    void nodes_at(double s, double time, bool slaved);
+    bool side(double time, bool before);
     double smooth(int i, double x) const;
     double slope(int i, double x) const;
     void dense_start();
@@ -169,7 +173,7 @@ class Integrator {
     void sensitivity_terms(const int* obs, int nobs);
     bool delayed(const int* obs, int nobs) const;
     void rows(const double* times, long m, const int* obs, int nobs, double* T, double* S);
-    void slaved_row(double s, const int* obs, int nobs, double* S);
+    void slaved_row(double s, double time, const int* obs, int nobs, double* S);
     void collect(const double* times, long last);
 
     // events.cpp

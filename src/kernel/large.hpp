@@ -163,8 +163,9 @@ class LargeRun {
     void choose();
     double first_step();
     bool advance(double end, double& next);
-    void write(const std::vector<double>& times, size_t& next, const Observed& seen);
-    void write_fields(const std::vector<double>& times, size_t& next);
+    void settle();
+    void write(const std::vector<double>& times, size_t& next, const Observed& seen, double until);
+    void write_fields(const std::vector<double>& times, size_t& next, double until);
     Hermite hermite(double s) const;
     double between(size_t i, const Hermite& w) const { return w.a * T_[i] + w.b * T1_[i] + w.c * G_[i] + w.d * G1_[i]; }
     void fail(int status);

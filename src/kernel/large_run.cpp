@@ -217,8 +217,8 @@ Hermite LargeRun::hermite(double s) const {
     return {y + bend, x - bend, x * y * y * h_, -x * x * y * h_};
 }
 
-void LargeRun::write(const std::vector<double>& times, size_t& next, const Observed& seen) {
-    for (; next < times.size() && times[next] <= t_ + h_; ++next) {
+void LargeRun::write(const std::vector<double>& times, size_t& next, const Observed& seen, double until) {
+    for (; next < times.size() && times[next] <= until; ++next) {
         const Hermite w = hermite(times[next] - t_);
         Summary whole;
         bool known = false;
@@ -242,8 +242,8 @@ void LargeRun::write(const std::vector<double>& times, size_t& next, const Obser
     }
 }
 
-void LargeRun::write_fields(const std::vector<double>& times, size_t& next) {
-    for (; next < times.size() && times[next] <= t_ + h_; ++next) {
+void LargeRun::write_fields(const std::vector<double>& times, size_t& next, double until) {
+    for (; next < times.size() && times[next] <= until; ++next) {
         const Hermite w = hermite(times[next] - t_);
         for (int i = 0; i < n_; ++i) r_->fields[next * n_ + i] = between(i, w);
     }
@@ -288,6 +288,16 @@ bool LargeRun::advance(double end, double& next) {
     return true;
 }
 
+// At the start, at a jump and at the end: massless nodes at the inputs' values from now on.
+void LargeRun::settle() {
+    for (size_t k = 0; k < u_.size(); ++k) u_[k] = p_.inputs[k].at(t_);
+    full_rate(T_, start_, G_);
+    if (r_->method == AUTO) choose();
+    if (massless_.empty()) return;
+    if (!settle_massless()) fail(SINGULAR_NODE);
+    full_rate(T_, start_, G_);
+}
+
 void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::vector<double>& times, const Observed& seen,
                    const std::vector<double>& field_times, LargeResult& r) {
     r_ = &r;
@@ -311,12 +321,10 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
         double next = 0.0;
         for (double stop : stops) {
             if (stop <= t_ && t_ < t_end) continue;
-            for (size_t k = 0; k < u_.size(); ++k) u_[k] = p_.inputs[k].at(t_);
-            full_rate(T_, start_, G_);
-            if (r.method == AUTO) choose();
-            if (!massless_.empty()) {
-                if (!settle_massless()) fail(SINGULAR_NODE);
-                full_rate(T_, start_, G_);
+            settle();
+            if (h_ > 0.0) {  // what waited for the jump
+                write(times, next_time, seen, t_);
+                write_fields(field_times, next_field, t_);
             }
             if (stop > t_) next = first_step();
             while (t_ < stop) {
@@ -331,25 +339,28 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
                     G_[i] = (T1_[i] - T_[i] + bend_[k]) / h_;
                     G1_[i] = (T1_[i] - T_[i] - bend_[k]) / h_;
                 }
-                const bool due = (next_time < times.size() && times[next_time] <= t_ + h_) ||
-                                 (next_field < field_times.size() && field_times[next_field] <= t_ + h_);
+                const double reached = h_ == until - t_ ? until : t_ + h_;
+                const double now = reached == stop ? std::nextafter(stop, t_) : reached;  // at a jump: after it
+                const bool due = (next_time < times.size() && times[next_time] <= now) ||
+                                 (next_field < field_times.size() && field_times[next_field] <= now);
                 if (due && r.method == TRBDF2) draw_parabolas();
-                write(times, next_time, seen);
-                write_fields(field_times, next_field);
+                write(times, next_time, seen, now);
+                write_fields(field_times, next_field, now);
                 if (due && r.method == TRBDF2) restore_slopes();
                 for (size_t k = 0; k < energy_.size(); ++k) energy_[k] += gain_[k];
-                t_ = h_ == until - t_ ? until : t_ + h_;
+                t_ = reached;
                 T_.swap(T1_);
                 G_.swap(G1_);
                 std::swap(start_, rows_);
             }
         }
+        if (!massless_.empty()) settle();
         h_ = 1.0;  // what is asked for at the very end, or of a run without duration
         for (int i = 0; i < n_; ++i) T1_[i] = T_[i];
         std::fill(G_.begin(), G_.end(), 0.0);
         std::fill(G1_.begin(), G1_.end(), 0.0);
-        write(times, next_time, seen);
-        write_fields(field_times, next_field);
+        write(times, next_time, seen, t_);
+        write_fields(field_times, next_field, t_);
     } catch (const Failure& f) {
         r.status = f.status;
         r.node = f.node;

@@ -14,7 +14,7 @@ void Integrator::weigh(const double* times, int m) {
     shares_.resize((POWERS + 4 * static_cast<size_t>(nk_)) * CHUNK);
     for (int r = 0; r < m; ++r) s[r] = times[r] == end_ ? h_ : times[r] - t_;
     powers(shares_.data(), s, h_, m);
-    if (s[0] < at_) move_cursors(s[0]);
+    if (s[0] < at_) move_cursors(s[0], times[0]);
     double *w = shares_.data() + POWERS * CHUNK, *more = shares_.data() + static_cast<size_t>(slope_count_) * CHUNK;
     for (int k = 0; k < nk_; ++k) {
         if (!noise_[k].active) continue;
@@ -117,20 +117,24 @@ void Integrator::rows(const double* times, long m, const int* obs, int nobs, dou
         }
         for (long r = k; r < k + some; ++r) {  // through the network: slaved nodes and boundaries are observed too
             const double s = times[r] == end_ ? h_ : times[r] - t_;
-            nodes_at(s, true);
+            nodes_at(s, times[r], true);
             for (int j = 0; j < nobs; ++j) T[r * nobs + j] = eo_.t[obs[j]];
             if (!S) continue;
             weigh(times + r, 1);
-            slaved_row(s, obs, nobs, S + r * wide);
+            slaved_row(s, times[r], obs, nobs, S + r * wide);
         }
     }
 }
 
 // Sensitivities of any nodes and boundaries at s, where the temperatures of eo_ stand.
-void Integrator::slaved_row(double s, const int* obs, int nobs, double* S) {
+void Integrator::slaved_row(double s, double time, const int* obs, int nobs, double* S) {
     const size_t np = np_;
     const double x = s / h_, y = 1.0 - x;
     weighted(SO_.data(), shares_.data(), 1, slope_terms_.data(), slope_count_, n_ * np_);
+    if (jumped_) {
+        eo_.t.swap(before_);
+        side(time, true);
+    }
     if (!fast_.nodes.empty()) {
         slaved_rows(fast_, eo_);
         // d/dp of C dT/dt, by the slopes of the cubics of T and S
@@ -146,6 +150,12 @@ void Integrator::slaved_row(double s, const int* obs, int nobs, double* S) {
                 for (int e = d_.indptr[c]; e < d_.indptr[c + 1]; ++e) to[d_.indices[e]] += d_.data[e] * slope(i, x) / h_;
         }
         slaved_sensitivity(fast_, eo_, SO_.data(), lag_s_.data());
+    }
+    if (jumped_) {
+        eo_.t.swap(before_);
+        side(time, false);
+        slaved_rows(massless_, eo_);
+        slaved_sensitivity(massless_, eo_, SO_.data());
     }
     for (int j = 0; j < nobs; ++j) {
         double* to = S + j * np;

@@ -1,0 +1,105 @@
+"""What an output that lies exactly on the jump of an input shows, the same whoever computes it: docs/decisions/035-outputs-on-a-jump.md."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from strategies import TIGHTER
+
+SPAN = 2400.0
+TIMES = np.linspace(0.0, SPAN, 9)
+JUMP = {"times": ["0.0 [s]", "1200.0 [s]", "2100.0 [s]"], "values": ["258.0 [K]", "258.0 [K]", "255.0 [K]"], "hold": True}
+TABLE = {"over": "temperature", "points": [["260.0 [K]", "0.04 [W/K]"], ["295.0 [K]", "0.05 [W/K]"], ["340.0 [K]", "0.05 [W/K]"]]}
+LINKS = {"linear": {"kind": "conduction", "conductance": "0.04 [W/K]"}, "curved": {"kind": "table", "table": TABLE}}
+STEPS = replace(TIGHTER, method="integrator", relative=0.0)
+ON = int(np.flatnonzero(TIMES == 2100.0)[0])
+
+
+def _model(link: str, capacitance: float, massless: bool = True) -> td.Model:
+    """A fast node on the air that jumps, a slow one behind it, and one without capacitance between the three."""
+    ends = {"to_air": ["air", "mid"], "to_fast": ["mid", "fast"], "to_slow": ["mid", "slow"]}
+    conductors = {name: {**LINKS[link if name == "to_air" else "linear"], "between": between} for name, between in ends.items()}
+    return td.model_from_dict(
+        {
+            "title": "jump",
+            "needs": ["air"],
+            "nodes": {
+                "fast": {"capacitance": f"{capacitance!r} [J/K]"},
+                "mid": {} if massless else {"capacitance": "1e-6 [J/K]"},
+                "slow": {"capacitance": "300.0 [J/K]"},
+            },
+            "surfaces": {"skin": {"of": "fast", "to": "air", "area": "0.09 [m^2]", "htc": "14.7 [W/(m^2 K)]"}},
+            "conductors": conductors,
+        }
+    )
+
+
+def _scenario(duration: float = SPAN) -> td.Scenario:
+    return td.Scenario("jump", boundaries={"air": JUMP}, start="258.0 [K]", initial={"slow": "270.0 [K]"}, duration=duration)
+
+
+def _sides(model: td.Model, options: td.Options = STEPS) -> tuple[np.ndarray, np.ndarray]:
+    """Temperatures (fast, mid, slow) just before the jump and just after, by runs whose outputs lie a millisecond off it."""
+    found = td.simulate(model, _scenario(), times=[2100.0 - 1e-3, 2100.0 + 1e-3], options=options)
+    before, after = np.column_stack([found[n].kelvin for n in ("fast", "mid", "slow")])
+    return before, after
+
+
+@pytest.mark.parametrize("duration", [SPAN, 2100.0], ids=["within", "at_the_end"])
+@pytest.mark.parametrize("capacitance", [20.0, 0.5])
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("method", ["integrator", "modal", "TR-BDF2"])
+def test_what_has_a_capacitance_has_not_moved_what_has_none_has(method: str, link: str, capacitance: float, duration: float) -> None:
+    if method == "modal" and link == "curved":
+        pytest.skip("no modes")
+    model = _model(link, capacitance)
+    options = replace(STEPS, method=method, large_tolerance=1e-5)
+    found = td.simulate(model, _scenario(duration), times=TIMES[: ON + 1], options=options)
+    before, after = _sides(model)
+    fast, mid, slow = (found[n].kelvin[-1] for n in ("fast", "mid", "slow"))
+    # a millisecond moves the fast node by 3 K x 1.4 W/K x 1 ms / C; mid takes a third of that
+    within = 3.0 * 1.4e-3 / capacitance + 3e-3
+    assert before[1] - after[1] > 0.9  # the jump itself, as mid sees it
+    assert (fast, mid, slow) == pytest.approx((before[0], after[1], before[2]), abs=within)
+    assert found["air"].kelvin[-1] == 255.0
+
+
+def test_a_capacitance_however_small_has_not_moved() -> None:
+    """A node of 1e-6 J/K in place of none: far faster than any step, and still where it was. At the start it is where it was put."""
+    none, tiny = (
+        td.simulate(_model("curved", 20.0, massless), _scenario(), times=TIMES, options=STEPS)["mid"].kelvin for massless in (True, False)
+    )
+    assert none[ON - 1] == pytest.approx(tiny[ON - 1], abs=1e-6)
+    assert tiny[ON] - none[ON] > 0.9
+    np.testing.assert_allclose(np.delete(none, (0, ON)), np.delete(tiny, (0, ON)), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("capacitance", [20.0, 0.5])
+@pytest.mark.parametrize("link", LINKS)
+def test_sensitivities_stand_on_the_same_side(link: str, capacitance: float) -> None:
+    freed = ("skin.htc", "fast.capacitance", "initial.slow")
+    ready = td.prepare(_model(link, capacitance), _scenario(), freed, times=TIMES, options=STEPS)
+    values = {"skin.htc": 14.7, "fast.capacitance": capacitance, "initial.slow": 270.0}
+    found = ready.run(values, sensitivities=True)
+    for name, value in values.items():
+        step = 1e-4 * value
+        up, down = (ready.run({**values, name: value + sign * step}) for sign in (1, -1))
+        for node in ("fast", "mid", "slow"):
+            expected = (up[node].kelvin - down[node].kelvin) / (2.0 * step)
+            np.testing.assert_allclose(found.sensitivity(node, name), expected, rtol=0, atol=1e-6 * (1.0 + np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_members_of_ensembles_show_what_single_runs_show(link: str) -> None:
+    draws = {"fast.capacitance": np.array([20.0, 15.0, 25.0, 0.01]), "initial.fast": np.full(4, 258.0)}
+    ready = td.prepare(_model(link, 20.0), _scenario(), tuple(draws), times=TIMES, options=TIGHTER)
+    found = ready.ensemble(draws)
+    for k in range(4):
+        single: Any = ready.run({name: float(v[k]) for name, v in draws.items()})
+        for node in found.nodes:
+            np.testing.assert_allclose(found.trace(k, node).kelvin, single[node].kelvin, rtol=0, atol=2e-7)
