@@ -83,6 +83,8 @@ if TYPE_CHECKING:
     from thermid.network.network import compile_network as compile_network
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
+    from thermid.qualify.macro import assumed as assumed
+    from thermid.qualify.macro import macro_model as macro_model
     from thermid.reporting.page import report as report
     from thermid.reporting.study_page import study_report as study_report
     from thermid.reporting.trust import picture as picture
@@ -183,6 +185,8 @@ _PUBLIC = {
     "Verdict": "identify.validate",
     "load_study": "identify.study",
     "Study": "identify.study",
+    "macro_model": "qualify.macro",
+    "assumed": "qualify.macro",
     "report": "reporting.page",
     "study_report": "reporting.study_page",
     "picture": "reporting.trust",

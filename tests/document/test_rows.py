@@ -12,6 +12,7 @@ pytestmark = pytest.mark.document
 TESTS = Path(__file__).parents[1]
 ROWS = [f"K{k}" for k in range(1, 5)] + [f"A{k}" for k in range(1, 8)] + [f"B{k}" for k in range(1, 18)] + [f"N{k}" for k in range(1, 5)]
 ROWS += ["V1", "V2", "H1", "M1"]
+ROWS += ["A9", "A10", "A11", "W1"]
 
 
 def named_after(names: list[str]) -> set[str]:
@@ -20,7 +21,7 @@ def named_after(names: list[str]) -> set[str]:
     >>> sorted(named_after(["test_b10_areas", "test_n1_n2_names", "test_b1"]))
     ['B1', 'B10', 'N1', 'N2']
     """
-    return {row.upper() for name in names for row in re.findall(r"_([abhkmnv]\d{1,2})(?=_|$)", name.lower())}
+    return {row.upper() for name in names for row in re.findall(r"_([abhkmnvw]\d{1,2})(?=_|$)", name.lower())}
 
 
 def every_test() -> list[str]:
