@@ -63,7 +63,7 @@ def flat_margin(kelvin: float, tested: bool) -> Figure:
 
     SMC-S-016, 4.4.2.1 and Table 4.4-2: 11 C where a balance test correlated the model, 17 C where none did; less for colder hardware.
 
-    >>> flat_margin(300.0, True).value, flat_margin(300.0, False).value, flat_margin(150.0, True).value
+    >>> flat_margin(300.0, True).value, flat_margin(300.0, False).value, flat_margin(153.0, True).value
     (11.0, 17.0, 8.0)
     """
     if not tested:
