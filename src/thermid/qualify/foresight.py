@@ -1,0 +1,172 @@
+"""What a model says of a test before it is made: temperatures, their errors, and how large these were before anything was fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.identify.calibration import Calibration
+from thermid.identify.predict import predict
+from thermid.identify.prediction import Band, Prediction
+from thermid.identify.split import split, split_needed
+from thermid.identify.spread import Spread
+from thermid.identify.values import FittedValues
+from thermid.model.model import Model
+from thermid.simulation.engine import Options
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.simulator import Simulator, prepare
+from thermid.simulation.solution import Solution
+from thermid.simulation.transient import simulate
+
+__all__ = ["Foresight", "Known", "foresee", "prior_spread"]
+
+Array = NDArray[np.float64]
+Given = Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A model with what is known of its values.
+
+    Parameters
+    ----------
+    model : Model                       With its best values.
+    values : tuple of FittedValues      What was fitted, each with its covariance.
+    fit : Calibration or None           The fit itself, where its records are at hand; then the discrepancy is counted too.
+    synthetic : bool                    Whether any record behind the values was made and not measured.
+    """
+
+    model: Model
+    values: tuple[FittedValues, ...] = ()
+    fit: Calibration | None = None
+    synthetic: bool = False
+
+    @classmethod
+    def of(cls, source: Model | Calibration) -> Known:
+        """Return what a fit knows; of a model that nobody fitted, nothing but its values."""
+        if isinstance(source, Model):
+            return cls(source)
+        return cls(source.fitted_model, (*source.held, source.values), source, source.synthetic)
+
+
+@dataclass(frozen=True, eq=False)
+class Foresight:
+    """What is expected of one run.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    solution : Solution     The run with the best values.
+    prediction : Prediction Expected temperatures with their errors and what these come from, at the same times.
+    before : dict           Node -> standard error (times,) if nothing had been fitted, the values anywhere in their ranges. [K]
+    """
+
+    scenario: Scenario
+    solution: Solution
+    prediction: Prediction
+    before: Mapping[str, Array] = field(default_factory=dict)
+
+
+def foresee(
+    known: Known,
+    scenario: Scenario,
+    *,
+    nodes: Sequence[str] = (),
+    spread: Given | Sequence[Given] = (),
+    times: Any = None,
+    options: Options | None = None,
+) -> Foresight:
+    """Return what a model says of a scenario.
+
+    Parameters
+    ----------
+    known : Known           The model and what is known of its values.
+    scenario : Scenario     The test.
+    nodes : sequence        Nodes to predict; all by default.
+    spread : dict           What else is not known exactly: name -> standard deviation as text, as in `predict`.
+    times : array           Times to store; 301 by default. [s]
+    options : Options       The integrator's.
+    """
+    model = known.model
+    if known.fit is not None:
+        thin = split_needed(known.fit, scenario, [*spread] if isinstance(spread, Mapping) else [n for s in spread for n in s])
+        model = split(known.fit, thin).model if thin else model
+    solution = simulate(model, scenario, times=times, options=options)
+    wanted = list(nodes) or list(solution.nodes)
+    if known.fit is not None:
+        told = predict(known.fit, scenario, spread=spread, times=solution.times, nodes=wanted, options=options)
+    else:
+        told = _told(known, scenario, wanted, spread, solution.times, options)
+    before: dict[str, Array] = {}
+    prior = prior_spread(known.values)
+    if prior.names:
+        ready = prepare(model, scenario, prior.names, times=solution.times, options=options)
+        moved = _columns(ready, [prior], wanted, ready.run(sensitivities=True))
+        before = {n: np.sqrt(sum(v for v in parts.values())) for n, parts in moved.items()}
+    return Foresight(scenario, solution, told, before)
+
+
+def prior_spread(values: Sequence[FittedValues]) -> Spread:
+    """Return how far fitted values could lie before they were fitted: their priors, or anywhere within their bounds.
+
+    A value that had neither is left out; its error before the fit has no size.
+    """
+    found: dict[str, tuple[float, bool, tuple[str, ...]]] = {}
+    for several in values:
+        for path, v in several.parameters.items():
+            low, high = v.bounds
+            if v.prior is not None and np.isfinite(v.prior[1]):
+                size = v.prior[1]
+            elif v.log and low > 0 and np.isfinite(high):
+                size = float(np.log(high / low)) / 12**0.5
+            elif not v.log and np.isfinite(low) and np.isfinite(high):
+                size = (high - low) / 12**0.5
+            elif v.log and low >= 0 and np.isfinite(high) and v.start > 0:
+                size = min(1.0, (high - low) / 12**0.5 / v.start)
+            else:
+                continue
+            found[path] = (size, v.log, v.also)
+    names = tuple(found)
+    sizes = np.array([found[n][0] for n in names])
+    also = {n: found[n][2] for n in names if found[n][2]}
+    return Spread("before the fit", names, np.diag(sizes**2), tuple(found[n][1] for n in names), also)
+
+
+def _told(
+    known: Known, scenario: Scenario, nodes: Sequence[str], spread: Given | Sequence[Given], times: Array, options: Options | None
+) -> Prediction:
+    """Return a prediction from values whose records are not at hand: their covariance and what is stated, no discrepancy."""
+    spreads = [Spread.of(v, cause=f"fit of {v.stage}") for v in known.values if v.parameters]
+    given = [spread] if isinstance(spread, Mapping) else list(spread)
+    names = [n for s in spreads for own in s.names for n in (own, *s.also.get(own, ()))] + [n for s in given for n in s]
+    ready = prepare(known.model, scenario, tuple(dict.fromkeys(names)), times=times, options=options)
+    spreads += [Spread.stated(s, ready) for s in given if s]
+    run = ready.run(sensitivities=bool(names))
+    parts = _columns(ready, spreads, nodes, run)
+    bands = {run[n].path: Band(run[n].path, ready.times, run[n].kelvin, np.zeros(ready.times.size), parts[n]) for n in nodes}
+    causes = {s.cause: f"what is left open of {', '.join(s.names[:4])}{' and more' if len(s.names) > 4 else ''}" for s in spreads}
+    return Prediction(
+        known.model.title, scenario.title, ready.times, bands, {}, causes, tuple(run.warnings), {n: run[n].path for n in nodes}
+    )
+
+
+def _columns(ready: Simulator, spreads: Sequence[Spread], nodes: Sequence[str], run: Solution) -> dict[str, dict[str, Array]]:
+    """Return node -> cause -> variance (times,) that the spreads give it. [K^2]"""
+    place = {name: k for k, name in enumerate(ready.free)}
+    slopes = {n: np.column_stack([run.sensitivity(n, name) for name in ready.free]) if ready.free else None for n in nodes}
+    out: dict[str, dict[str, Array]] = {n: {} for n in nodes}
+    for s in spreads:
+        chain = np.zeros((len(place), len(s.names)))
+        for k, (name, log) in enumerate(zip(s.names, s.log, strict=True)):
+            for path in map(ready.canonical, (name, *s.also.get(name, ()))):
+                chain[place[path], k] = ready.nominal[path] if log else 1.0
+        chain = chain @ s.root()
+        for n in nodes:
+            known = slopes[n]
+            if known is not None:
+                out[n][s.cause] = out[n].get(s.cause, 0.0) + np.sum((known @ chain) ** 2, axis=1)
+    return out

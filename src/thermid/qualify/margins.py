@@ -1,0 +1,297 @@
+"""From a predicted temperature to a limit: model uncertainty, acceptance and qualification margin in one table, beside the flat rule."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.physics.constants import ICE_POINT
+from thermid.qualify.foresight import Foresight
+from thermid.qualify.limits import Limits, times_in_state
+from thermid.qualify.marks import Figure, weakest
+
+__all__ = ["POLICIES", "HeaterDuty", "Margin", "Policy", "flat_margin", "heater_duty", "margins"]
+
+SMC = "SMC-S-016"
+COLDER = ((-70, 11), (-87, 10), (-105, 9), (-123, 8), (-141, 7), (-159, 6), (-177, 5), (-195, 4), (-213, 3), (-232, 2))
+"""Lowest temperature [degC] down to which a flat margin [K] holds: SMC-S-016, Table 4.4-2."""
+
+
+HEATER = Figure(0.25, "read", f"{SMC}, 4.4.2.2")
+
+
+@dataclass(frozen=True)
+class Policy:
+    """What is added to a predicted temperature.
+
+    Parameters
+    ----------
+    name : str
+    acceptance, qualification : Figure      Margins beyond predicted and uncertainty. [K]
+    level : float                           Probability that the model's uncertainty stands for, both sides. [-]
+    heater : Figure                         Power margin of an actively controlled heater. [-]
+    """
+
+    name: str
+    acceptance: Figure
+    qualification: Figure
+    level: float = 0.95
+    heater: Figure = HEATER
+
+
+POLICIES = {
+    p.name: p
+    for p in (
+        Policy(SMC, Figure(0.0, "read", f"{SMC}, 6.3.8.3"), Figure(10.0, "read", f"{SMC}, 6.3.8.3: qualification 10 C beyond acceptance")),
+        Policy(
+            f"{SMC}, protoqualification",
+            Figure(0.0, "read", f"{SMC}, 6.3.8.3"),
+            Figure(5.0, "read", f"{SMC}, 6.3.8.3: protoqualification 5 C"),
+        ),
+        Policy("ECSS", Figure(5.0, "memory", "ECSS-E-ST-31C"), Figure(5.0, "memory", "ECSS-E-ST-31C")),
+    )
+}
+"""Named rules; a project may give its own."""
+
+
+def flat_margin(kelvin: float, tested: bool) -> Figure:
+    """Return the flat thermal uncertainty margin of passive hardware. [K]
+
+    SMC-S-016, 4.4.2.1 and Table 4.4-2: 11 C where a balance test correlated the model, 17 C where none did; less for colder hardware.
+
+    >>> flat_margin(300.0, True).value, flat_margin(300.0, False).value, flat_margin(153.0, True).value
+    (11.0, 17.0, 8.0)
+    """
+    if not tested:
+        return Figure(17.0, "read", f"{SMC}, 4.4.2.1")
+    celsius = kelvin - ICE_POINT
+    found = next((m for low, m in COLDER if celsius >= low), 1)
+    return Figure(float(found), "read", f"{SMC}, 4.4.2.1, Table 4.4-2")
+
+
+@dataclass(frozen=True)
+class Margin:
+    """One reference point on one side: the run and instant that come nearest to its limit, and what is added up there.
+
+    Parameters
+    ----------
+    point, side, state, run : str   Side is 'hot' or 'cold'.
+    time : float                [s]
+    predicted : float           [K]
+    error : float               Standard error of the prediction. [K]
+    before : float              The same if nothing had been fitted; nan where that has no size. [K]
+    shares : dict               Cause -> share of the variance. [-]
+    limit : float               [K]
+    limit_mark : str            Mark of the limit.
+    policy : Policy
+    tested : bool               Whether a balance test correlated the model.
+    """
+
+    point: str
+    side: str
+    state: str
+    run: str
+    time: float
+    predicted: float
+    error: float
+    before: float
+    shares: Mapping[str, float]
+    limit: float
+    limit_mark: str
+    policy: Policy
+    tested: bool
+
+    @property
+    def sign(self) -> float:
+        """One on the hot side, minus one on the cold side."""
+        return 1.0 if self.side == "hot" else -1.0
+
+    @property
+    def uncertainty(self) -> float:
+        """Half the interval of the prediction at the policy's level. [K]"""
+        return NormalDist().inv_cdf(0.5 + 0.5 * self.policy.level) * self.error
+
+    @property
+    def margin(self) -> float:
+        """What is left to the limit once uncertainty, acceptance and qualification margin are added. [K]"""
+        return self.room - self.uncertainty - self.policy.acceptance.value - self.policy.qualification.value
+
+    @property
+    def room(self) -> float:
+        """From the predicted temperature to the limit. [K]"""
+        return self.sign * (self.limit - self.predicted)
+
+    @property
+    def flat(self) -> Figure:
+        """The flat margin in place of the model's uncertainty. [K]"""
+        return flat_margin(self.predicted, self.tested)
+
+    @property
+    def flat_left(self) -> float:
+        """What is left to the limit by the flat rule. [K]"""
+        return self.room - self.flat.value - self.policy.acceptance.value - self.policy.qualification.value
+
+    @property
+    def bought(self) -> float:
+        """By how much the calibration narrowed the uncertainty; nan where that before it has no size. [K]"""
+        return NormalDist().inv_cdf(0.5 + 0.5 * self.policy.level) * (self.before - self.error)
+
+    @property
+    def exceedance(self) -> float:
+        """Probability that the limit itself is passed at that instant, errors being normal. [-]"""
+        if self.error <= 0:
+            return float(self.room < 0)
+        return NormalDist().cdf(-self.room / self.error)
+
+    @property
+    def mark(self) -> str:
+        """The least sure of the marks that the margin rests on."""
+        return weakest(self.limit_mark, self.policy.acceptance.mark, self.policy.qualification.mark)
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether anything is left; None where a number from memory would decide."""
+        return None if self.mark == "memory" else self.margin >= 0
+
+    def __str__(self) -> str:
+        """Return the sum as a line."""
+        p = self.policy
+        word = {None: "not decided: a number from memory", True: "met", False: "NOT met"}[self.passed]
+        return (
+            f"{self.point}, {self.side} ({self.run}, {self.time / 3600:.2f} h, {self.state}): {self.predicted - ICE_POINT:.1f} degC, "
+            f"uncertainty {self.uncertainty:.1f} + acceptance {p.acceptance.value:g} [{p.acceptance.mark}] + qualification "
+            f"{p.qualification.value:g} [{p.qualification.mark}], limit {self.limit - ICE_POINT:.1f} degC: {self.margin:+.1f} K, {word}; "
+            f"by the flat {self.flat.value:g} K: {self.flat_left:+.1f} K"
+        )
+
+
+def margins(
+    runs: Mapping[str, Foresight],
+    limits: Sequence[Limits],
+    policy: Policy | str = SMC,
+    *,
+    tested: bool = False,
+    states: Mapping[str, str] | None = None,
+) -> tuple[Margin, ...]:
+    """Return the margin of every reference point on both sides, each at the run, state and instant that come nearest to a limit.
+
+    Parameters
+    ----------
+    runs : dict             Name -> what is expected of it.
+    limits : sequence       Of the reference points.
+    policy : Policy, str    What is added up, or the name of one of `POLICIES`.
+    tested : bool           Whether a balance test correlated the model: 11 K against 17 K in the flat rule.
+    states : dict           Run -> its state, for points whose limits name no loads; operating by default.
+
+    Raises
+    ------
+    NameNotFoundError   When there is no such policy.
+    ScenarioError       Without a run.
+    """
+    if isinstance(policy, str):
+        if policy not in POLICIES:
+            raise NameNotFoundError(f"no margin policy '{policy}'; there are {'; '.join(POLICIES)}.{nearest(policy, POLICIES)}", "margins")
+        policy = POLICIES[policy]
+    if not runs:
+        raise ScenarioError("margins need at least one run.", "margins")
+    out = []
+    for one in limits:
+        for k, side in enumerate(("cold", "hot")):
+            found = [m for name, run in runs.items() for m in _sides(name, run, one, k, side, policy, tested, (states or {}).get(name, ""))]
+            if found:
+                out.append(min(found, key=lambda m: m.margin))
+    return tuple(out)
+
+
+def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Policy, tested: bool, state: str) -> list[Margin]:
+    """Return the tightest instant of a run in each state."""
+    band = run.prediction[one.node]
+    error, sign = band.error, 1.0 if k else -1.0
+    out = []
+    for own in ("operating", "non-operating", "start-up"):
+        ends, inside = one.ends(own), times_in_state(run.solution, one, own, state or "operating")
+        if ends is None or not np.isfinite(ends[k]) or not inside.any():
+            continue
+        towards = np.where(inside, sign * band.kelvin + 1.96 * error, -np.inf)
+        at = int(towards.argmax())
+        before = run.before.get(one.node, run.before.get(band.path))
+        shares = {c: float(v[at] / error[at] ** 2) if error[at] > 0 else 0.0 for c, v in band.parts.items()}
+        figures = (float(band.times[at]), float(band.kelvin[at]), float(error[at]), float(before[at]) if before is not None else np.nan)
+        out.append(Margin(one.point, side, own, name, *figures, shares, ends[k], one.mark, policy, tested))
+    return out
+
+
+@dataclass(frozen=True)
+class HeaterDuty:
+    """How busy a controlled heater is, and whether its power margin is left.
+
+    Parameters
+    ----------
+    load, run : str
+    duty : float        Mean power over full power in the window. [-]
+    full : float        Full power. [W]
+    window : (begin, end)   [s]
+    rule : Figure       The power margin. [-]
+    """
+
+    load: str
+    run: str
+    duty: float
+    full: float
+    window: tuple[float, float]
+    rule: Figure
+
+    @property
+    def most(self) -> float:
+        """The largest duty that leaves the margin: 80 % for a margin of 25 %. [-]"""
+        return 1.0 / (1.0 + self.rule.value)
+
+    @property
+    def margin(self) -> float:
+        """Power at full duty over the power needed, less one. [-]"""
+        return np.inf if self.duty <= 0 else 1.0 / self.duty - 1.0
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether the margin is left; None where the rule is from memory."""
+        return self.duty <= self.most + 1e-12 if self.rule.decides else None
+
+
+def heater_duty(
+    run: Foresight, load: str, full: float, *, window: tuple[float, float] | None = None, name: str = "", policy: Policy | str = SMC
+) -> HeaterDuty:
+    """Return the duty of a heater: its mean power over its full power, at the lowest bus voltage of the coldest case.
+
+    Parameters
+    ----------
+    run : Foresight     The coldest run.
+    load : str          The heater.
+    full : float        Its power when it is on, at that voltage. [W]
+    window : (begin, end)   Over which it is averaged, several of its cycles; the second half of the run by default. [s]
+    name : str          Of the run.
+    policy : Policy, str    Holds the power margin.
+
+    Raises
+    ------
+    NameNotFoundError   When there is no such load.
+    ScenarioError       When the full power is not above zero, or the window lies outside the run.
+    """
+    rule = (POLICIES[policy] if isinstance(policy, str) else policy).heater
+    powers, times = run.solution.load_powers, run.solution.times
+    if load not in powers:
+        raise NameNotFoundError(f"no load '{load}'.{nearest(load, powers)}", run.solution.title)
+    if full <= 0:
+        raise ScenarioError(f"the full power of heater '{load}' must be above zero.", run.solution.title)
+    begin, end = window or (0.5 * float(times[-1]), float(times[-1]))
+    inside = (times >= begin) & (times <= end)
+    if np.count_nonzero(inside) < 2:
+        raise ScenarioError(
+            f"the window of heater '{load}', {begin:g} s to {end:g} s, holds fewer than two stored times.", run.solution.title
+        )
+    watts = np.broadcast_to(powers[load], times.shape)[inside]
+    mean = float(np.trapezoid(watts, times[inside]) / (times[inside][-1] - times[inside][0]))
+    return HeaterDuty(load, name or run.scenario.title, mean / full, full, (begin, end), rule)

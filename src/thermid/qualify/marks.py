@@ -1,0 +1,64 @@
+"""`Figure`: a number of a rule with where it comes from, and whether it may decide anything."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from thermid.errors import ScenarioError, nearest
+
+__all__ = ["MARKS", "Figure", "check_mark", "weakest"]
+
+MARKS = {
+    "read": "read in the text of its source",
+    "project": "the project's own",
+    "secondary": "quoted from a secondary document",
+    "memory": "from memory; shown, decides nothing",
+}
+"""Mark -> what it says, the surest first."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number of a rule.
+
+    Parameters
+    ----------
+    value : float   The number. [SI; a margin in K]
+    mark : str      A key of `MARKS`.
+    source : str    Document and clause.
+    """
+
+    value: float
+    mark: str
+    source: str
+
+    def __post_init__(self) -> None:
+        """Refuse a mark that is none."""
+        check_mark(self.mark, self.source or "figure")
+
+    @property
+    def decides(self) -> bool:
+        """Whether a verdict may rest on it."""
+        return self.mark != "memory"
+
+
+def check_mark(mark: str, where: str) -> str:
+    """Return a mark that is known.
+
+    Raises
+    ------
+    ScenarioError   With the nearest mark.
+    """
+    if mark not in MARKS:
+        raise ScenarioError(f"'{mark}' is no mark; there are {', '.join(MARKS)}.{nearest(mark, MARKS)}", where)
+    return mark
+
+
+def weakest(*marks: str) -> str:
+    """Return the least sure of some marks.
+
+    >>> weakest("read", "memory", "project")
+    'memory'
+    """
+    order = list(MARKS)
+    return max(marks, key=order.index)
