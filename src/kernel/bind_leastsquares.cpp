@@ -13,13 +13,15 @@ struct PySquares {
     nb::object triangle, rotated, sums, mesh;
 };
 
-void make_readings(Readings* self, const Problem& p, Reals times, Ints nodes, Ints node_begin, Ints index, Ints index_begin, Reals values) {
+void make_readings(Readings* self, const Problem& p, Reals times, Ints nodes, Ints node_begin, Ints index, Ints index_begin, Reals values,
+                   std::optional<Ints> scaled) {
     Readings made;
     need(node_begin.size() > 0 && node_begin.size() == index_begin.size(), "readings: one range of nodes and of samples for each channel");
     const int channels = made.channels = static_cast<int>(node_begin.size()) - 1;
     need(node_begin(0) == 0 && node_begin(channels) == static_cast<int>(nodes.size()), "readings: ranges of nodes do not fit");
     need(index_begin(0) == 0 && index_begin(channels) == static_cast<int>(index.size()) && index.size() == values.size(),
          "readings: ranges of samples do not fit");
+    need(!scaled || scaled->size() == static_cast<size_t>(channels), "readings: scaled must say one thing for each channel");
     made.times = copy<double>(times);
     made.terms = static_cast<int>(nodes.size());
     for (size_t k = 1; k < times.size(); ++k) need(times(k) >= times(k - 1), "readings: times must increase");
@@ -30,7 +32,8 @@ void make_readings(Readings* self, const Problem& p, Reals times, Ints nodes, In
         for (const int* k = from; k < to; ++k)
             need(*k >= 0 && *k < static_cast<int>(times.size()) && (k == from || *k > k[-1]), "readings: samples must increase and be of the times");
         const int node = nodes(node_begin(c));
-        const bool alone = node_begin(c + 1) == node_begin(c) + 1 && node < p.n && p.capacity[node] >= 0;
+        // a channel whose scale is looked for counts its node by a weight of its own
+        const bool alone = !(scaled && (*scaled)(c) != 0) && node_begin(c + 1) == node_begin(c) + 1 && node < p.n && p.capacity[node] >= 0;
         auto same = [&](const ReadingGroup& g) { return g.alone == alone && g.index.size() == static_cast<size_t>(to - from) && std::equal(from, to, g.index.begin()); };
         auto g = std::find_if(made.groups.begin(), made.groups.end(), same);
         if (g == made.groups.end()) {
@@ -105,7 +108,8 @@ PySquares least_squares(const Problem& p, const Readings& readings, Reals coef, 
 
 void thermid::bind_leastsquares(nb::module_& m) {
     nb::class_<Readings>(m, "Readings")
-        .def("__init__", &make_readings, "problem"_a, "times"_a, "nodes"_a, "node_begin"_a, "index"_a, "index_begin"_a, "values"_a);
+        .def("__init__", &make_readings, "problem"_a, "times"_a, "nodes"_a, "node_begin"_a, "index"_a, "index_begin"_a, "values"_a,
+             "scaled"_a = nb::none());
     nb::class_<PySquares>(m, "Squares")
         .def_ro("status", &PySquares::status).def_ro("node", &PySquares::node).def_ro("time", &PySquares::time)
         .def_ro("steps", &PySquares::steps).def_ro("rejected", &PySquares::rejected)

@@ -69,6 +69,8 @@ if TYPE_CHECKING:
     from thermid.interop.spice import to_spice as to_spice
     from thermid.measure import Channel as Channel
     from thermid.measure import Record as Record
+    from thermid.measure import SensorCertificate as SensorCertificate
+    from thermid.measure import SensorPart as SensorPart
     from thermid.measure import read_record as read_record
     from thermid.model.areas import ledger as ledger
     from thermid.model.block import Block as Block
@@ -133,6 +135,8 @@ _PUBLIC = {
     "Volume": "simulation.vapour",
     "Moisture": "simulation.moisture",
     "Channel": "measure",
+    "SensorPart": "measure",
+    "SensorCertificate": "measure",
     "Record": "measure",
     "read_record": "measure",
     "compare": "identify.compare",

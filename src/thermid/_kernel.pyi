@@ -258,7 +258,15 @@ class LargeProblem:
 
 class Readings:
     def __init__(
-        self, problem: Problem, times: _Reals, nodes: _Ints, node_begin: _Ints, index: _Ints, index_begin: _Ints, values: _Reals
+        self,
+        problem: Problem,
+        times: _Reals,
+        nodes: _Ints,
+        node_begin: _Ints,
+        index: _Ints,
+        index_begin: _Ints,
+        values: _Reals,
+        scaled: _Ints | None = None,
     ) -> None: ...
 
 class Squares:

@@ -19,6 +19,7 @@ from thermid.identify import campaign_schema, study_schema
 from thermid.identify.validate import Criteria
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.measure.bindings import _KEYS as CHANNEL_KEYS
+from thermid.measure.part import _NUMBERS as PART_NUMBERS
 from thermid.measure.steps import STEPS
 from thermid.model import schema
 from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS
@@ -46,6 +47,7 @@ STUDY_UNITS |= {"range": TEMPERATURE, "conversion": "s"}
 STUDY = ("Knowledge", "Component", "Box", "Theory", "Experiment", "Sensor", "Procedure", "Action")
 LOCAL_UNITS = {"start": TEMPERATURE, "sd": "K"}
 ERROR_UNITS = {"noise": ANY, "accuracy": ANY, "resolution": ANY}
+SENSOR_UNITS = {k: "K" if v == "temperature" else v for k, v in PART_NUMBERS.items()} | {"mass": "kg", "specific_heat": "J/(kg K)"}
 
 
 def _of(names: Iterable[str], units: Mapping[str, str] | None = None) -> dict[str, str | None]:
@@ -111,7 +113,7 @@ def by_heading() -> dict[str, Names]:
         ),
         "Campaign": _model(campaign_schema.CampaignFile),
         "Log": _model(campaign_schema.RecordTable),
-        "Channel of a log": _of(CHANNEL_KEYS, ERROR_UNITS),
+        "Channel of a log": _of(CHANNEL_KEYS, ERROR_UNITS | SENSOR_UNITS),
         "Preparation": _of(STEPS),
         "Stage": _model(campaign_schema.StageTable, CAMPAIGN_UNITS),
         "Inheritance": _model(campaign_schema.InheritTable),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.identify.moved import Moves
 from thermid.identify.residuals import Block, Predictions, Problem
-from thermid.identify.sensors import sensor_shares
+from thermid.identify.sensors import instrument_shares, sensor_shares
 from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.model import Model
@@ -177,7 +177,7 @@ class Calibration:
             lines.append(
                 f"  {name}: RMSE {s.rmse:.3g} K   largest {abs(s.largest):.3g} K   residuals white: {white}{worth}" + _bias_text(name, self)
             )
-        lines += [f"  {share}" for share in sensor_shares(self)]
+        lines += [f"  {share}" for share in (*sensor_shares(self), *instrument_shares(self))]
         if self.local:
             lines.append("  per record:")
             lines += [f"    {i.record}: {i.name} {_local_text(i)}" for i in self.local]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema
+
+from thermid.measure.bindings import channel_schema
 
 __all__ = ["CampaignFile", "json_schema"]
 
@@ -26,7 +28,7 @@ class RecordTable(_Strict):
     file: str | None = None
     files: str | list[str] | None = None
     time: str | None = None
-    channels: dict[str, str | dict[str, Any]]
+    channels: dict[str, str | Annotated[dict[str, Any], WithJsonSchema(channel_schema())]]
     prepare: list[dict[str, Any]] = []
     local: dict[str, LocalTable] = {}
     separator: str | None = None

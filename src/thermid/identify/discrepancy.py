@@ -181,5 +181,5 @@ def _misfit(fit: Calibration) -> dict[str, float]:
     parts: dict[str, list[float]] = {}
     for e in fit.problem.experiments:
         for o in e.observations:
-            parts.setdefault(o.node, []).append(slow.get((e.record.name, o.sensor), 0.0) * o.sigma(fit.problem.noise) ** 2)
+            parts.setdefault(o.seat, []).append(slow.get((e.record.name, o.sensor), 0.0) * o.sigma(fit.problem.noise) ** 2)
     return {n: float(np.sqrt(np.mean(several))) for n, several in parts.items()}

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import RecordError, nearest
+from thermid.identify.sensor_parts import Seat, attached
 from thermid.measure import Channel, Record
+from thermid.measure.part import SensorPart
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Table
 from thermid.network.network import Network, compile_network
@@ -31,11 +33,15 @@ class Observation:
     ----------
     sensor : str                Name of the channel.
     node : str                  Canonical path of the node that it observes.
+    seat : str                  That of the node on which its sensor sits: the same, unless the sensor lags or has a heat capacity.
     index : array (samples,)    Which output times have a valid sample.
     measured : array (samples,) [K]
     noise : float or None       Standard deviation of one sample. [K]
     accuracy : float or None    Standard deviation of its constant error. [K]
     weight : float              Below 1 where a model error, not the noise, sets how far a reading can be trusted. [-]
+    share : float               Independent samples that one sample is worth: below 1 where the noise is said to be correlated. [-]
+    part : SensorPart or None   What else its sensor does.
+    lag : str                   Path of the sensor's lag in the wiring; empty for none.
     """
 
     sensor: str
@@ -45,10 +51,22 @@ class Observation:
     noise: float | None
     accuracy: float | None
     weight: float = 1.0
+    share: float = 1.0
+    part: SensorPart | None = None
+    seat: str = ""
+    lag: str = ""
 
     def sigma(self, assumed: Mapping[str, float]) -> float:
-        """Return the standard deviation that weighs the residuals: the noise, or what is assumed of the sensor, over the weight. [K]"""
-        return (self.noise or assumed[self.sensor]) / self.weight
+        """Return the standard deviation that weighs the residuals: the noise, or what is assumed of the sensor, over the weight. [K]
+
+        Noise that is said to be correlated counts as so much larger that the samples say of anything slow what they can say.
+        """
+        return (self.noise or assumed[self.sensor]) / self.weight / float(np.sqrt(self.share))
+
+    @property
+    def worth(self) -> float:
+        """Independent samples that its samples are worth by what is said of its noise."""
+        return self.index.size * self.share
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +84,7 @@ class Experiment:
     readings : dict             Node or boundary -> channel whose first reading, less its constant error, stands for its temperature at the
                                 start (of a boundary: throughout).
     loose : tuple of str        Observed nodes whose start nothing gives but their own readings.
+    tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
     """
 
     record: Record
@@ -76,6 +95,7 @@ class Experiment:
     shared: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     readings: Mapping[str, str] = field(default_factory=dict)
     loose: tuple[str, ...] = ()
+    tips: Mapping[str, str] = field(default_factory=dict)
 
 
 def first_reading(record: Record, name: str, window: float = 0.0) -> float:
@@ -176,7 +196,8 @@ def meet(
     """
     base = scenario or Scenario(record.name)
     driven = [c.target or c.name for c in record.channels.values() if c.role == "prescribed"]
-    network = compile_network(model, media=base.media(), prescribed=(*base.prescribed, *driven))
+    whole, seats = attached(model, record)
+    network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *driven))
     zero = float(record.times[0])
     given = {network.find(k): v for k, v in base.boundaries.items()}
     inputs = _Inputs(given, dict(base.loads), dict(base.commands), dict(base.gains))
@@ -186,14 +207,19 @@ def meet(
         if role == "node":
             observed.append((channel, path))
         else:
+            _bare(channel, role, record)
             inputs.take(channel, role, path, _signal(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
         raise RecordError(f"no channel observes a node of {network.title}; there is nothing to compare.", record.name)
     grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
     times = record.times[grid] - zero
-    observations = tuple(_observation(c, path, grid, (weights or {}).get(c.name, 1.0)) for c, path in observed)
-    first = {o.node: first_reading(record, o.sensor, window) for o in observations}
+    observations = tuple(
+        _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
+    )
+    first = {o.seat: first_reading(record, o.sensor, window) for o in observations}
     start, initial, readings, loose = _starts(record, base, network, first, window)
+    tips = {o.node: o.seat for o in observations if o.node != o.seat}
+    initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     duration = float(record.times[-1]) - zero
     made = replace(
         base,
@@ -206,7 +232,7 @@ def meet(
         initial=initial,
         duration=duration,
     )
-    return Experiment(record, network, made, times, observations, inputs.shared, readings, loose)
+    return Experiment(record, network, made, times, observations, inputs.shared, readings, loose, tips)
 
 
 def _power_while_on(signal: Signal) -> float:
@@ -229,9 +255,37 @@ def _signal(record: Record, name: str, zero: float, held: bool) -> Signal:
     return Table(times, np.asarray(table.values), held) if times.size > 1 else Constant(float(table.values[0]))
 
 
-def _observation(channel: Channel, path: str, grid: NDArray[np.int64], weight: float) -> Observation:
+def _bare(channel: Channel, role: str, record: Record) -> None:
+    """Refuse what only a sensor on a node can be said to do."""
+    part = channel.part
+    if part is not None and (part.touches or part.gain_accuracy or part.correlation_time):
+        what = "a lag, a heat capacity, leads, an error of its scale or a correlation of its noise"
+        raise RecordError(
+            f"its sensor is said to have {what}, but its readings drive a {role}, where these cannot be taken into account. "
+            "Give it an accuracy that covers them.",
+            f"{record.name}, {channel.name}",
+        )
+
+
+def _observation(channel: Channel, seat: Seat, grid: NDArray[np.int64], times: Array, weight: float) -> Observation:
     index = np.flatnonzero(channel.valid[grid])
-    return Observation(channel.name, path, index, channel.values[grid[index]], _noise(channel), channel.accuracy, weight)
+    part, share = channel.part, 1.0
+    if part is not None and part.correlation_time and index.size > 1:
+        # of noise with correlations exp(-|t| / time), n samples say of a mean what n tanh(step / 2 time) independent ones do
+        share = float(np.tanh(0.5 * np.median(np.diff(times[index])) / part.correlation_time))
+    return Observation(
+        channel.name,
+        seat.tip,
+        index,
+        channel.values[grid[index]],
+        _noise(channel),
+        channel.accuracy,
+        weight,
+        share,
+        part,
+        seat.node,
+        seat.lag,
+    )
 
 
 def _noise(channel: Channel) -> float | None:

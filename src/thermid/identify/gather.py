@@ -11,6 +11,7 @@ from thermid.identify.experiment import Experiment, first_reading, meet
 from thermid.identify.inherit import handed_on
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
+from thermid.identify.sensor_parts import gain_of, instruments
 from thermid.identify.ties import tied
 from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
 from thermid.model.signal import Constant, Table, literal
@@ -116,12 +117,19 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
             named.add(name)
             start = request.local_start(experiment.record, raw)
             prior = Prior(start, spec.sd) if math.isfinite(spec.sd) else None
-            out.append(Unknown(f"{experiment.record.name}: {name}", "local", (Target(i, name),), start, prior=prior, unit="degC"))
+            targets = (Target(i, name), *(Target(i, tip) for tip in _tips(experiment, name)))
+            out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, prior=prior, unit="degC"))
         for node in experiment.loose if request.fit_start else ():
             name, start = f"initial.{node}", float(experiment.scenario.initial[node])
             if name not in named:
-                out.append(Unknown(f"{experiment.record.name}: {name}", "local", (Target(i, name),), start, unit="degC"))
+                targets = (Target(i, name), *(Target(i, tip) for tip in _tips(experiment, name)))
+                out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, unit="degC"))
     return out
+
+
+def _tips(experiment: Experiment, name: str) -> list[str]:
+    """Return the starts of the sensors that sit on the node of a start."""
+    return [f"initial.{tip}" for tip, seat in experiment.tips.items() if name == f"initial.{seat}"]
 
 
 def _wired(experiment: Experiment, raw: str) -> str:
@@ -151,28 +159,31 @@ def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unkn
     for sensor, (sd, targets) in shared.items():
         start = 1.0 if targets[0].name.startswith("scale.") else 0.0
         out.append(Unknown(f"{sensor} error", "shared", tuple(targets), start, prior=Prior(start, sd), unit="1" if start else "K"))
-    return out
+    return out + instruments(experiments, request.bias_priors)
 
 
 @dataclass(frozen=True)
 class _Start:
-    """A temperature that stands on a first reading: its value before corrections, its sensor, and a parameter that is added."""
+    """A temperature that stands on a first reading: its value before corrections, its sensor, what is added, where its scale turns."""
 
     reading: float
     sensor: str
     offset: str
     shift: float
+    about: float = 0.0
 
 
 def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
     """Return name in the wiring -> the first reading that stands there."""
     found: dict[str, tuple[str, str]] = {f"initial.{node}": (sensor, "") for node, sensor in experiment.readings.items()}
     if not request.fit_start:
-        own = {o.node: o.sensor for o in experiment.observations}
+        own = {o.seat: o.sensor for o in experiment.observations}
         found |= {f"initial.{node}": (own[node], "") for node in experiment.loose}
     found |= {_wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
+    found |= {tip: found[name] for name in tuple(found) for tip in _tips(experiment, name)}
     for raw in request.locals_of(experiment.record):
-        found.pop(_wired(experiment, raw), None)
+        for name in (_wired(experiment, raw), *_tips(experiment, _wired(experiment, raw))):
+            found.pop(name, None)
     out = {}
     parameters = experiment.network.flat.parameters
     for name, (sensor, offset) in found.items():
@@ -181,7 +192,9 @@ def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
             path = parameters.freeable(offset, request.model.canonical)
             require(parameters.dimension(path), "K", parameters.table[path].parameter.unit)
             shift = float(parameters.evaluate({})[path])
-        out[name] = _Start(first_reading(experiment.record, sensor, request.window), sensor, path, shift)
+        part = experiment.record.channels[sensor].part
+        about = part.gain_about if part is not None else 0.0
+        out[name] = _Start(first_reading(experiment.record, sensor, request.window), sensor, path, shift, about)
     return out
 
 
@@ -192,10 +205,13 @@ def _reaching(unknowns: Sequence[Unknown], starts: Sequence[Mapping[str, _Start]
     """
     sensors = {u.name.removeprefix("sensor "): k for k, u in enumerate(unknowns) if u.kind == "sensor"}
     parameters = {u.name: k for k, u in enumerate(unknowns) if u.kind == "parameter"}
+    scales = {u.name: k for k, u in enumerate(unknowns) if u.kind == "instrument" and not u.log}
     more: dict[int, list[Target]] = {}
     for i, named in enumerate(starts):
         for name, s in named.items():
-            acting = [(k, factor) for k, factor in ((sensors.get(s.sensor), -1.0), (parameters.get(s.offset), 1.0)) if k is not None]
+            scale = scales.get(gain_of(s.sensor))
+            acts = ((sensors.get(s.sensor), -1.0), (parameters.get(s.offset), 1.0), (scale, s.about - s.reading))
+            acting = [(k, factor) for k, factor in acts if k is not None]
             constant = s.reading - (0.0 if s.sensor in sensors else held.get(s.sensor, 0.0)) + (0.0 if s.offset in parameters else s.shift)
             for k, factor in acting:
                 more.setdefault(k, []).append(Target(i, name, constant, factor))

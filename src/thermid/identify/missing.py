@@ -79,9 +79,9 @@ def _places(fit: Calibration, experiment: Experiment) -> list[_Place]:
     channels: dict[str, list[str]] = {}
     for e in fit.experiments:
         for o in e.observations:
-            channels.setdefault(o.node, [])
-            if o.sensor not in channels[o.node]:
-                channels[o.node].append(o.sensor)
+            channels.setdefault(o.seat, [])
+            if o.sensor not in channels[o.seat]:
+                channels[o.seat].append(o.sensor)
     out = []
     for node, names in channels.items():
         capacity = value_of(numbers.capacitances.get(node) or 0.0)

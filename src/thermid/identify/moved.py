@@ -208,7 +208,7 @@ def _shift(problem: Problem, found: Fit, total: Array) -> tuple[Array, Array, ND
 
 def _widened(found: Fit, problem: Problem) -> float:
     """Return the factor by which the residuals exceed the noise, in squares."""
-    return max(1.0, found.chi_square / max(problem.samples - len(problem.unknowns), 1))
+    return max(1.0, found.chi_square / max(problem.worth - len(problem.unknowns), 1))
 
 
 def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], found: FittedValues, place: Callable[[str], str]) -> Moves:

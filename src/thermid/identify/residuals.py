@@ -9,7 +9,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.dual import Number, gradient_of, value_of
+from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import SolverError
 from thermid.identify.experiment import Experiment, Observation
 from thermid.identify.statistics import Sums
@@ -57,7 +57,18 @@ class Bench:
         traces = Traces(self.wiring, assembled, wanted, kept, answer.temperatures, answer.sensitivities)
         columns = np.column_stack([traces.temperature(n) for n in nodes])
         derivatives = np.stack([traces.slope(n) for n in nodes], axis=1) if gradients else np.zeros((0, 0, 0))
+        for k, place, about in self.scales():
+            if gradients:
+                derivatives[:, k, :] *= 1.0 + x[place]
+                derivatives[:, k, place] += columns[:, k] - about
+            columns[:, k] += x[place] * (columns[:, k] - about)
         return columns, derivatives
+
+    def scales(self) -> list[tuple[int, int, float]]:
+        """Return, of every sensor whose scale is looked for, its column, the place of its error in the free names, where it turns [K]."""
+        place = {name: n for n, name in enumerate(self.free)}
+        seen = enumerate(self.experiment.observations)
+        return [(k, place[f"reading.{o.sensor}"], o.part.gain_about) for k, o in seen if o.part and f"reading.{o.sensor}" in place]
 
     def squares(self, x: Array, gradients: bool, options: Options, weighing: Weighing, mesh: Array | None) -> Squares:
         """Return the least squares of all observations."""
@@ -65,10 +76,14 @@ class Bench:
         seen, times = self.experiment.observations, self.experiment.times
         recover = dict(assembled.reduced.recover)
         parts = [_parts(o.node, recover) for o in seen]
-        if not self._readings:
-            given = self.engine.readings(times, [tuple(p) for p in parts], [o.index for o in seen], [o.measured for o in seen])
-            self._readings.append(given)
         size = len(self.free) if gradients else 0
+        scaled = [False] * len(seen)
+        for k, place, _ in self.scales():
+            one = Dual(1.0 + x[place], np.eye(size)[place]) if gradients else 1.0 + x[place]
+            parts[k], scaled[k] = {node: one * weight for node, weight in parts[k].items()}, True
+        if not self._readings:
+            given = self.engine.readings(times, [tuple(p) for p in parts], [o.index for o in seen], [o.measured for o in seen], scaled)
+            self._readings.append(given)
         numbers = [number for p in parts for number in p.values()]
         weights = np.array([value_of(n) for n in numbers]), np.array([gradient_of(n, size) for n in numbers]).reshape(len(numbers), size)
         duration = max(self.experiment.scenario.seconds, float(times[-1]))
@@ -228,7 +243,7 @@ class Problem:
                 bias, _ = self._bias(o.sensor, fitted)
                 predicted = columns[o.index, k] + bias
                 times = bench.experiment.times[o.index]
-                out.append(Block(bench.experiment.record.name, o.sensor, o.node, times, o.measured, predicted, o.sigma(self.noise)))
+                out.append(Block(bench.experiment.record.name, o.sensor, o.seat, times, o.measured, predicted, o.sigma(self.noise)))
         return out
 
     def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
@@ -249,15 +264,12 @@ class Problem:
         for i, bench in enumerate(self.benches()):
             x, chain = self.inputs(i, fitted)
             seen = bench.experiment.observations
-            biases = [self._bias(o.sensor, fitted) for o in seen]
-            looked = [position for _, position in biases if position is not None]
-            columns = np.array([looked.index(k) if k is not None else -1 for _, k in biases], dtype=np.int32)
-            sigma, bias = np.array([o.sigma(self.noise) for o in seen]), np.array([b for b, _ in biases])
+            bias, columns, shifts = self._shifts(bench, x, chain, fitted)
+            sigma = np.array([o.sigma(self.noise) for o in seen])
             weighing = Weighing(sigma, bias, columns, loss, knee)
             found = bench.squares(x, bool(self.unknowns), self.options, weighing, meshes[i] if meshes else None)
             at = x.size
-            part = found.triangle[:, :at] @ chain
-            part[:, looked] += found.triangle[:, at:]
+            part = found.triangle[:, :at] @ chain + found.triangle[:, at:] @ shifts
             rest = found.cost - float(found.rotated @ found.rotated)
             rows += [found.rotated, np.sqrt(np.maximum([rest], 0.0))]
             slopes += [part, np.zeros((1, part.shape[1]))]
@@ -265,6 +277,22 @@ class Problem:
             taken.append(found.mesh)
             sums += [(bench.experiment.record.name, o.sensor, Sums(*line)) for o, line in zip(seen, found.sums.tolist(), strict=True)]
         return Compressed(np.concatenate(rows), np.concatenate(slopes), chi, tuple(sums), tuple(taken))
+
+    def _shifts(self, bench: Bench, x: Array, chain: Array, fitted: Array) -> tuple[Array, NDArray[np.int32], Array]:
+        """Return what is added to each sensor's temperatures [K], its column or -1, and the slopes (columns, unknowns) of the columns."""
+        biases = [self._bias(o.sensor, fitted) for o in bench.experiment.observations]
+        shift = np.array([b for b, _ in biases])
+        slopes = np.zeros((len(biases), len(self.unknowns)))
+        for k, (_, position) in enumerate(biases):
+            if position is not None:
+                slopes[k, position] = 1.0
+        for k, place, about in bench.scales():
+            shift[k] -= about * x[place]
+            slopes[k] -= about * chain[place]
+        used = np.flatnonzero(slopes.any(axis=1))
+        columns = np.full(len(biases), -1, dtype=np.int32)
+        columns[used] = np.arange(used.size)
+        return shift, columns, slopes[used]
 
     def residuals(self, fitted: Array) -> Array:
         """Return the weighted residuals of all data in full. [-]"""
@@ -277,6 +305,11 @@ class Problem:
     def samples(self) -> int:
         """How many readings there are."""
         return sum(o.index.size for e in self.experiments for o in e.observations)
+
+    @property
+    def worth(self) -> float:
+        """Independent samples that they are worth by what is said of their noise."""
+        return sum(o.worth for e in self.experiments for o in e.observations)
 
     def square(self, found: Compressed) -> float:
         """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""

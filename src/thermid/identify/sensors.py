@@ -1,4 +1,4 @@
-"""What a sensor's constant error means for a fit: how large it is beside the rise that the sensor saw, and what it makes uncertain."""
+"""What the errors of its sensors mean for a fit: how large they are beside the rise that a sensor saw, and what they make uncertain."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from thermid.identify.calibration import Calibration
 
-__all__ = ["SensorShare", "sensor_shares"]
+__all__ = ["InstrumentShare", "SensorShare", "instrument_shares", "sensor_shares"]
 
 WORTH = 0.05
 """Share of a variance from which it is worth a word."""
@@ -56,12 +56,58 @@ def sensor_shares(fit: Calibration) -> tuple[SensorShare, ...]:
     order = list(fit.values)
     out = []
     for sensor in fit.values.sensors:
-        j, best, share = order.index(f"sensor {sensor}"), "", WORTH
-        for path in fit.values.parameters:
-            k = order.index(path)
-            size = fit.values.covariance[k, k] * fit.values.covariance[j, j]
-            found = float(fit.values.covariance[k, j] ** 2 / size) if size > 0 and np.isfinite(size) else 0.0
-            best, share = (path, found) if found > share else (best, share)
+        best, share = _most(fit, order.index(f"sensor {sensor}"))
         if accuracy.get(sensor):
-            out.append(SensorShare(sensor, accuracy[sensor], seen[sensor], best, share if best else 0.0))
+            out.append(SensorShare(sensor, accuracy[sensor], seen[sensor], best, share))
+    return tuple(out)
+
+
+def _most(fit: Calibration, j: int) -> tuple[str, float]:
+    """Return the parameter whose error an unknown at position `j` sets most, and its share of the variance; nothing below `WORTH`."""
+    order, best, share = list(fit.values), "", WORTH
+    for path in fit.values.parameters:
+        k = order.index(path)
+        size = fit.values.covariance[k, k] * fit.values.covariance[j, j]
+        found = float(fit.values.covariance[k, j] ** 2 / size) if size > 0 and np.isfinite(size) else 0.0
+        best, share = (path, found) if found > share else (best, share)
+    return best, share if best else 0.0
+
+
+@dataclass(frozen=True)
+class InstrumentShare:
+    """The error of a sensor's scale, or its lag, as it was stated and as the fit found it.
+
+    Parameters
+    ----------
+    name : str              ``scale of T1``, ``lag of T1``.
+    unit : str              Of the numbers: 1 for a scale, s for a lag.
+    stated : (float, float) Mean and standard deviation before the fit.
+    found : (float, float)  After it.
+    parameter : str         The parameter whose error it sets most; empty for none worth a word.
+    share : float           Of the variance of that parameter, what would be gone if it were known. [-]
+    """
+
+    name: str
+    unit: str
+    stated: tuple[float, float]
+    found: tuple[float, float]
+    parameter: str
+    share: float
+
+    def __str__(self) -> str:
+        """Return it as a sentence."""
+        factor, unit = (100.0, "%") if self.unit == "1" else (1.0, self.unit)
+        before, after = (f"{factor * mean:.3g} +- {factor * sd:.2g} {unit}" for mean, sd in (self.stated, self.found))
+        sets = f", and sets {100 * self.share:.0f} % of the variance of {self.parameter}" if self.parameter else ""
+        return f"{self.name}: {before} as stated, {after} found{sets}"
+
+
+def instrument_shares(fit: Calibration) -> tuple[InstrumentShare, ...]:
+    """Return what the scales and lags that were looked for mean for a fit; shares as in `sensor_shares`."""
+    out = []
+    for j, (name, v) in enumerate(fit.values.items()):
+        if v.kind == "instrument" and v.prior is not None:
+            mean, sd = v.prior
+            stated = (float(np.exp(mean)), float(np.exp(mean)) * sd) if v.log else (mean, sd)
+            out.append(InstrumentShare(name, v.unit, stated, (v.value, v.error), *_most(fit, j)))
     return tuple(out)

@@ -54,6 +54,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
                 handed.append(_prefixed(values, prefix))
             else:
                 bias_priors |= {s: (v.value, v.error) for s, v in values.sensors.items()}
+                bias_priors |= {p: (v.value, v.error) for p, v in values.items() if v.kind == "instrument"}
                 remarks += _held(part, name, values)
                 held.append(_prefixed(values.only([p for p in values.parameters if p not in hidden]).bare(), prefix))
     records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
@@ -155,7 +156,11 @@ def key_of(request: Request, below: list[str]) -> str:
         "version": version("thermid"),
         "model": request.model.identity(),
         "records": {
-            r.name: [r.origin.sha256, list(r.steps), {n: [c.role, c.target, c.gain, c.noise, c.accuracy] for n, c in r.channels.items()}]
+            r.name: [
+                r.origin.sha256,
+                list(r.steps),
+                {n: [c.role, c.target, c.gain, c.noise, c.accuracy, *([repr(c.part)] if c.part else [])] for n, c in r.channels.items()},
+            ]
             for r in request.records
         },
         "free": request.free,

@@ -51,7 +51,7 @@ def summarise(
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
     blocks = Predictions(found.sums, lambda: problem.blocks(found.fitted))
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
-    freedom = problem.samples - len(problem.unknowns)
+    freedom = round(problem.worth) - len(problem.unknowns)
     moved = moves_above(request.inherited, request.model, problem, found, total)
     return Calibration(
         name,
@@ -105,7 +105,7 @@ def _local(u: Unknown, fitted: float, variance: float) -> Local:
 
 
 def _correlations(problem: Problem, total: Array) -> dict[tuple[str, str], float]:
-    names = [(k, u.name) for k, u in enumerate(problem.unknowns) if u.kind in ("parameter", "sensor")]
+    names = [(k, u.name) for k, u in enumerate(problem.unknowns) if u.kind in ("parameter", "sensor", "instrument")]
     out = {}
     for i, (k, first) in enumerate(names):
         for m, second in names[i + 1 :]:
@@ -132,7 +132,7 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Wander | None)
             far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd
             out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
     out += _strained(problem, found)
-    freedom = problem.samples - len(problem.unknowns)
+    freedom = round(problem.worth) - len(problem.unknowns)
     reduced = found.chi_square / max(freedom, 1)
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:

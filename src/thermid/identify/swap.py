@@ -288,7 +288,7 @@ def _steady(model: Model, scenario: Scenario) -> Mapping[str, float]:
 
 def _observed(rest: Mapping[str, float], done: Calibration) -> dict[str, float]:
     """Return sensor -> temperature at rest, of the nodes that a model still has. [K]"""
-    return {o.sensor: rest[o.node] for o in done.experiments[-1].observations if o.node in rest}
+    return {o.sensor: rest[o.seat] for o in done.experiments[-1].observations if o.seat in rest}
 
 
 def _neighbours(

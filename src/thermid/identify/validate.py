@@ -12,6 +12,7 @@ from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.looks import Look
 from thermid.identify.request import LocalSpec, Reading, Request
+from thermid.identify.sensor_parts import as_found
 from thermid.identify.statistics import SensorStatistics
 from thermid.measure import Record
 from thermid.model.signal import literal
@@ -181,7 +182,7 @@ def validate(
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
     request = Request(
         calibration.fitted_model,
-        (record,),
+        (as_found(record, calibration.values, calibration.bias),),
         scenarios={"*": scenario} if scenario else {},
         local=specs,
         held_bias=calibration.bias,

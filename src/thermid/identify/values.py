@@ -37,8 +37,9 @@ class FittedValue:
     start : float           [SI]
     bounds : (float, float) [SI]
     origin : str            Stage and records.
-    kind : str              'parameter', 'sensor' (a sensor's constant error), 'shared' (that of a logged boundary or power), or 'level'
-                            (of a joint fit: a parameter of a level below, which the uppermost model sets otherwise).
+    kind : str              'parameter', 'sensor' (a sensor's constant error), 'instrument' (the error of its scale, its lag), 'shared'
+                            (the constant error of a logged boundary or power), or 'level' (of a joint fit: a parameter of a level below,
+                            which the uppermost model sets otherwise).
     also : tuple of str     Paths of other instances that share the value.
     prior : (float, float)  Mean and standard deviation, fitted form, of the prior that its error already holds; None without.
     """

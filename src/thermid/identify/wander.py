@@ -74,7 +74,10 @@ class Wander:
 
 @dataclass(frozen=True, eq=False)
 class Binned:
-    """A trace in stretches of time: means of the residuals, samples and derivatives in each, the variance inside them and its freedom."""
+    """A trace in stretches of time: means of the residuals, samples and derivatives in each, the variance inside them and its freedom.
+
+    `share` is what a sample is worth by what is said of its noise.
+    """
 
     mean: Array
     count: Array
@@ -83,6 +86,7 @@ class Binned:
     within: float
     inner: int
     squares: float
+    share: float = 1.0
 
 
 def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0) -> Wander:
@@ -101,10 +105,10 @@ def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0
     calm = [key for key, (own, _, _) in parts.items() if own == 0.0]
     level = 1.0
     if calm:
-        squares, samples = sum(pieces[k].squares for k in calm), sum(float(pieces[k].count.sum()) for k in calm)
+        squares, samples = sum(pieces[k].squares for k in calm), sum(float(pieces[k].count.sum()) * pieces[k].share for k in calm)
         if len(calm) == len(parts):
             squares = found.chi_square
-        level = max(1.0, squares / max(samples * (1.0 - size / max(problem.samples, 1)), 1.0))
+        level = max(1.0, squares / max(samples * (1.0 - size / max(problem.worth, 1.0)), 1.0))
     traces, excess = [], np.zeros((size, size))
     for (record, sensor), (own, slow, time) in parts.items():
         b = pieces[record, sensor]
@@ -113,7 +117,12 @@ def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0
         if own > 0.0:
             weighed = b.count[:, None] * b.slopes
             like = _correlation(b.times, time)
-            excess += max(own - level, 0.0) * b.slopes.T @ weighed + slow * weighed.T @ like @ weighed
+            wandering = slow * weighed.T @ like @ weighed
+            if b.share < 1.0:
+                # the weights stand for correlated noise already; what residuals wander beyond that is added
+                excess += _not_below_zero((own - level) * b.slopes.T @ weighed + wandering)
+            else:
+                excess += max(own - level, 0.0) * b.slopes.T @ weighed + wandering
             one = own if slow > 0.0 else b.within
             effective = total * min((one + slow) / (own + slow * float(b.count @ like @ b.count) / total), 1.0)
         traces.append(Trace(record, sensor, int(total), own, slow, time, effective))
@@ -154,8 +163,16 @@ def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 
             spare = z.size - int(full.sum())
             within = float(inside @ inside) / max(spare, 1)
             squares = float(w @ z**2)
-            out[block.record, o.sensor] = Binned(mean[full], count[full], centres[full], slopes[full, k, :], within, spare, squares)
+            out[block.record, o.sensor] = Binned(
+                mean[full], count[full], centres[full], slopes[full, k, :], within, spare, squares, o.share
+            )
     return out
+
+
+def _not_below_zero(matrix: Array) -> Array:
+    """Return a symmetric matrix without its negative directions."""
+    sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray((vectors * np.maximum(sizes, 0.0)) @ vectors.T)
 
 
 def _correlation(times: Array, time: float) -> Array:

@@ -9,12 +9,13 @@ from typing import Any, Final
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure.amounts import amount
 from thermid.measure.columns import name_and_unit
+from thermid.measure.part import KEYS, SensorCertificate, SensorPart
 from thermid.units import TEMPERATURE, describe, require, unit
 
-__all__ = ["Binding", "bindings", "find_column", "sd", "unit_and_quantity"]
+__all__ = ["Binding", "bindings", "channel_schema", "find_column", "sd", "unit_and_quantity"]
 
 _ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
-_KEYS: Final = (*_ROLE_KEYS, "gain", "noise", "accuracy", "resolution", "unit")
+_KEYS: Final = (*_ROLE_KEYS, "gain", "noise", "accuracy", "resolution", "unit", *KEYS)
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,8 @@ class Binding:
     accuracy: str | float | None = None
     resolution: str | float | None = None
     unit: str | None = None
+    part: SensorPart | None = None
+    certificate: SensorCertificate | None = None
 
 
 def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, str | float]], where: str) -> list[Binding]:
@@ -81,7 +84,8 @@ def _one(key: str, given: object, where: str) -> Binding:
     if "gain" in given and role not in ("load", "command"):
         raise RecordError("a gain turns a command into a power, so it needs load = '...' or command = '...' beside it.", where)
     rest = {word: given[word] for word in ("gain", "noise", "accuracy", "resolution", "unit") if word in given}
-    return Binding(key, key, role, given[role] if roles else None, **rest)
+    certificate = SensorCertificate.read(given["certificate"], f"{where}, certificate") if "certificate" in given else None
+    return Binding(key, key, role, given[role] if roles else None, **rest, part=SensorPart.read(given, where), certificate=certificate)
 
 
 def find_column(header: tuple[str, ...], wanted: str, where: str) -> int:
@@ -145,3 +149,20 @@ def _known(text: str) -> bool:
 def sd(given: str | float | None, of_unit: str, quantity: str, what: str) -> float | None:
     """Return a standard deviation or resolution of a channel; a difference where the channel is a temperature [SI]."""
     return None if given is None else amount(given, "K" if quantity == "temperature" else of_unit, what)
+
+
+def channel_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a channel's table, for editors; values are texts with units, or numbers in SI."""
+    text, amount_ = {"type": "string"}, {"type": ["string", "number"]}
+
+    def table(keys: tuple[str, ...], required: tuple[str, ...]) -> dict[str, Any]:
+        return {"type": "object", "properties": dict.fromkeys(keys, amount_), "required": list(required), "additionalProperties": False}
+
+    nested = {
+        "lead": table(("conductance", "to"), ("conductance", "to")),
+        "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),
+        "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},
+    }
+    plain = (*_ROLE_KEYS, "gain", "unit")
+    own = {key: nested.get(key) or (text if key in plain else amount_) for key in _KEYS}
+    return {"type": "object", "properties": own, "additionalProperties": False}

@@ -5,12 +5,15 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermid.errors import RecordError, nearest
+
+if TYPE_CHECKING:
+    from thermid.measure.part import SensorPart
 
 __all__ = ["HELD", "ROLES", "BoolArray", "Channel", "FloatArray", "Origin", "digest"]
 
@@ -88,6 +91,8 @@ class Channel:
     column : str                    Its column in the file.
     unit : str                      Its unit in the file; SI when it was not read from one.
     masks : mapping to arrays       Masked samples by reason, each (samples,).
+    correction : float              What a certificate has taken off the readings. [SI]
+    part : SensorPart or None       What else its sensor does: scale, lag, noise in time, mass, leads.
 
     Raises
     ------
@@ -107,6 +112,8 @@ class Channel:
     column: str = ""
     unit: str = ""
     masks: Mapping[str, BoolArray] = field(default_factory=dict)
+    correction: float = 0.0
+    part: SensorPart | None = None
 
     def __post_init__(self) -> None:
         """Check the parts against each other and lock the arrays."""

@@ -112,7 +112,8 @@ def flag_faults(
     made = []
     for each in _named(record, channels, "faults"):
         outside = each.valid & ((each.values < bottom) | (each.values > top))
-        code = each.valid & np.any([np.abs(each.values - value) < 1e-6 for value in known] or [np.zeros_like(each.valid)], axis=0)
+        read = each.values + each.correction  # a code is what the sensor said, not what a certificate makes of it
+        code = each.valid & np.any([np.abs(read - value) < 1e-6 for value in known] or [np.zeros_like(each.valid)], axis=0)
         good = each.valid & ~outside & ~code
         if good.any():
             code &= np.abs(each.values - np.interp(record.times, record.times[good], each.values[good])) > least

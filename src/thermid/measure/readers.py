@@ -14,6 +14,7 @@ from thermid.measure.bindings import Binding, bindings, find_column, sd, unit_an
 from thermid.measure.channel import BoolArray, Channel, FloatArray, Origin, digest
 from thermid.measure.columns import decimal_sign, name_and_unit, numbers, read_times
 from thermid.measure.export import from_unit
+from thermid.measure.part import worn
 from thermid.measure.record import Record
 from thermid.measure.textfile import Cells, read_cells
 
@@ -42,7 +43,8 @@ def read_record(
     path : str or Path       A log with a header line: commas, semicolons or tabs, plain or gzip; lines that start with '#' are comments.
     channels : mapping       Target to column, ``{"case": "ACC_X"}``, or column to table,
                              ``{"T1": {"node": "h1.sensor", "noise": "0.3 [K]"}}``. A table has one of node,
-                             boundary, load, command (a path in the model), and gain, noise, accuracy, resolution, unit.
+                             boundary, load, command (a path in the model), and gain, noise, accuracy, resolution, unit; of a
+                             temperature sensor also what `SensorPart` and `SensorCertificate` hold.
     time : str or None       The time column; by default the only one called time, time_s, t, t_s, timestamp, datetime or seconds.
     noise, accuracy : mapping   Standard deviation of one sample, and of the constant error, by channel name.
     units : mapping          Unit by channel name, or of the time column. Without it, and without a bracket in the header such as
@@ -76,9 +78,12 @@ def read_record(
         found = "one sample" if times.size == 1 else f"{times.size} samples of one stamp"
         raise RecordError(f"the log has {found}; a record needs two times.", cells.file)
     parsed = [numbers(column, sign) if place != at else times for place, column in enumerate(cells.columns)]
-    made = [_channel(cells, each, parsed) for each in asked]
+    sensors = [worn(_channel(cells, each, parsed), each.part, each.certificate, f"{cells.file}, channels.{each.name}") for each in asked]
+    made = [each for each, _ in sensors]
     origin = _origin(cells, at, parsed, start)
-    notes = list(cells.notes) + ([f"read with decimal '{sign}'"] if sign == "," and decimal is None else [])
+    notes = [*cells.notes, *(note for _, said in sensors for note in said)] + (
+        [f"read with decimal '{sign}'"] if sign == "," and decimal is None else []
+    )
     stem = Path(path).name.removesuffix(".gz")
     times, made, repeated = _one_per_stamp(times, made)
     if repeated:

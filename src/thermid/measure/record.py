@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thermid.errors import NameNotFoundError, RecordError, nearest
-from thermid.measure import export, flags, join, prepare
+from thermid.measure import export, flags, join, part, prepare
 from thermid.measure.channel import BoolArray, Channel, FloatArray, Origin, digest, frozen
 from thermid.measure.steps import run_steps
 from thermid.measure.windows import usual_step
@@ -134,6 +134,21 @@ class Record:
     def with_channels(self, *channels: Channel) -> Record:
         """Return the record with these channels added, or in place of those of the same name."""
         return replace(self, channels={**self.channels, **{each.name: each for each in channels}})
+
+    def with_sensor(self, name: str, **keys: object) -> Record:
+        """Return the record with more said of a channel's sensor, as a campaign says it: ``lag="20 [s]"``, ``certificate={...}``.
+
+        Raises
+        ------
+        RecordError   When a key is unknown or says something by half.
+        """
+        where = f"record '{self.name}', {name}"
+        for key in keys:
+            if key not in part.KEYS:
+                raise RecordError(f"no key '{key}'; there are {', '.join(part.KEYS)}.{nearest(key, part.KEYS)}", where)
+        certificate = part.SensorCertificate.read(keys["certificate"], f"{where}, certificate") if "certificate" in keys else None
+        made, notes = part.worn(self.channel(name), part.SensorPart.read(keys, where), certificate, where)
+        return replace(self, channels={**self.channels, name: made}, steps=(*self.steps, *notes))
 
     def trim(self, start: str | float = "start", end: str | float = "end") -> Record:
         """Return the samples from `start` to `end`, both included; texts such as ``"2 [s]"``, "start", "end", or seconds."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from thermid.identify.calibration import Calibration
-from thermid.identify.sensors import sensor_shares
+from thermid.identify.sensors import instrument_shares, sensor_shares
 from thermid.identify.stages import Campaign
 from thermid.identify.validate import Check, Verdict
 from thermid.identify.values import FittedValue
@@ -176,7 +176,7 @@ def sensors(calibration: Calibration) -> Table:
                 Cell("yes") if s.white else Cell(f"no ({s.lag_one:+.2f})", "", "warn"),
             ]
         )
-    said = "".join(f" {str(share)[0].upper()}{str(share)[1:]}." for share in sensor_shares(calibration))
+    said = "".join(f" {str(share)[0].upper()}{str(share)[1:]}." for share in (*sensor_shares(calibration), *instrument_shares(calibration)))
     return Table.of(columns, rows, f"Residuals are measured less simulated, the sensor's constant error taken off.{said}")
 
 

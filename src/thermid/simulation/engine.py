@@ -207,14 +207,31 @@ class Engine:
     def _index(self) -> dict[str, int]:
         return {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
 
-    def readings(self, times: Array, parts: Sequence[Sequence[str]], index: Sequence[NDArray[np.int64]], values: Sequence[Array]) -> Any:
-        """Return what channels read, in the kernel's form: `values` [K] at ``times[index]``, of a node or a sum over its `parts`."""
+    def readings(
+        self,
+        times: Array,
+        parts: Sequence[Sequence[str]],
+        index: Sequence[NDArray[np.int64]],
+        values: Sequence[Array],
+        scaled: Sequence[bool] = (),
+    ) -> Any:
+        """Return what channels read, in the kernel's form: `values` [K] at ``times[index]``, of a node or a sum over its `parts`.
+
+        The node of a channel that is `scaled` counts by the weight that every evaluation gives.
+        """
         place = self._index()
         nodes = [place[n] for several in parts for n in several]
         flat = np.concatenate([*index, np.zeros(0, dtype=np.int64)])
         ends = ints(np.cumsum([0, *(len(several) for several in parts)])), ints(np.cumsum([0, *(i.size for i in index)]))
         return _kernel.Readings(
-            self.problem, np.ascontiguousarray(times), ints(nodes), ends[0], ints(flat), ends[1], np.concatenate(values)
+            self.problem,
+            np.ascontiguousarray(times),
+            ints(nodes),
+            ends[0],
+            ints(flat),
+            ends[1],
+            np.concatenate(values),
+            ints(np.array(scaled, dtype=np.int64)) if any(scaled) else None,
         )
 
     def least_squares(

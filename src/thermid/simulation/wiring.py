@@ -77,7 +77,7 @@ class Wiring:
     network : Network
     scenario : Scenario
     free : tuple of str     Parameter paths, boundaries (a constant added to their signal), ``initial.<node>``, and ``scale.<load>``
-                            (a factor on its power).
+                            (a factor on its power); what acts on readings alone, ``reading.<channel>``, changes nothing here.
 
     Raises
     ------
@@ -112,7 +112,7 @@ class Wiring:
         head, _, node = name.partition(".")
         if name in self.parameters or name in self.network.boundaries or (head == "initial" and node in self.network.nodes):
             return
-        if head == "scale" and node in {load.path for load in self.network.flat.loads}:
+        if head == "reading" or (head == "scale" and node in {load.path for load in self.network.flat.loads}):
             return
         known = [*self.network.flat.parameters.table, *self.network.boundaries, *(f"initial.{n}" for n in self.network.nodes)]
         raise ScenarioError(f"nothing named '{name}' can be freed.{nearest(name, known)}", self.network.title)

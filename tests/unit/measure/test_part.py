@@ -1,0 +1,96 @@
+"""What a channel says of its sensor: read in units, refused by half, applied to readings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import RecordError
+from thermid.measure.part import certified
+
+ICE = 273.15
+
+
+def test_keys_are_read_in_their_units() -> None:
+    part = td.SensorPart.read(
+        {
+            "gain_accuracy": "0.5 [%]",
+            "lag": "2 [min]",
+            "lag_accuracy": "10 [s]",
+            "mass": "2 [g]",
+            "specific_heat": "700 [J/(kg K)]",
+            "lead": {"conductance": "0.5 [mW/K]", "to": "air"},
+            "range": ["-55 [degC]", "125 [degC]"],
+            "certificate": {"offset": "0.1 [K]", "uncertainty": "0.05 [K]", "at": "25 [degC]"},
+        },
+        "T1",
+    )
+    assert part is not None
+    assert (part.gain_accuracy, part.lag, part.lag_accuracy) == (0.005, 120.0, 10.0)
+    assert part.capacitance == pytest.approx(1.4)
+    assert (part.lead_conductance, part.lead_to) == (0.0005, "air")
+    assert (part.low, part.high) == pytest.approx((ICE - 55, ICE + 125))
+    assert part.gain_about == pytest.approx(ICE + 25)  # of a sensor compared at 25 C the scale turns there
+    assert td.SensorPart.read({"noise": "0.1 [K]"}, "T1") is None
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ({"mass": "2 [g]"}, "a mass needs its specific_heat beside it"),
+        ({"mass": "2 [g]", "specific_heat": "700 [J/(kg K)]", "capacitance": "1 [J/K]"}, "its heat capacity is given twice"),
+        ({"lag": "-3 [s]"}, "its lag is -3; it cannot be negative"),
+        ({"lag": "3 [K]"}, "'\\[K\\]' is a temperature"),
+        ({"lag_accuracy": "3 [s]"}, "a lag_accuracy needs the lag that it is of"),
+        ({"lead": {"conductance": "1 [W/K]"}}, "a lead has a conductance and the node to which it loses heat"),
+        ({"lead": {"conductance": "-1 [W/K]", "to": "air"}}, "its conductance is -1; it cannot be negative"),
+        ({"lead": {"conductanc": "1 [W/K]", "to": "air"}}, "no key 'conductanc'.*Did you mean 'conductance'"),
+        ({"range": "125 [degC]"}, "is no range; write the lowest and the highest reading"),
+        ({"range": ["125 [degC]", "-55 [degC]"]}, "its lowest reading .* is not below its highest"),
+        ({"certificate": "0.1 [K]"}, "is no table; it has offset, uncertainty, at, date"),
+        ({"certificate": {"offset": "0.1 [K]"}}, "a certificate needs its uncertainty"),
+        ({"certificate": {"offset": "0.1 [K]", "uncertainty": "0 [K]"}}, "a comparison without one says nothing"),
+    ],
+)
+def test_half_a_statement_is_refused(table: dict[str, object], said: str) -> None:
+    with pytest.raises(td.ThermidError, match=said):
+        td.SensorPart.read(table, "T1")
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "mean", "sd"),
+    [(None, 0.4, 0.05), (0.05, 0.2, 0.05 / np.sqrt(2)), (0.5, 0.4 * 0.25 / 0.2525, 0.05 * np.sqrt(0.25 / 0.2525))],
+)
+def test_a_certificate_and_the_accuracy_of_the_type_say_it_together(accuracy: float | None, mean: float, sd: float) -> None:
+    channel = td.Channel.of("T", np.array([300.0, 301.0]), accuracy=accuracy)
+    made, said = certified(channel, td.SensorCertificate(0.4, 0.05))
+    assert made.values == pytest.approx(channel.values - mean)
+    assert made.accuracy == pytest.approx(sd)
+    assert ("is it the right sensor" in said) == (accuracy == 0.05)
+
+
+def test_a_log_is_read_with_its_sensor_applied(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time_s,T\n0,20\n1,85\n2,21\n3,130\n4,22\n", encoding="utf-8")
+    told = {"node": "case", "range": ["-55 [degC]", "125 [degC]"], "certificate": {"offset": "0.2 [K]", "uncertainty": "0.1 [K]"}}
+    record = td.read_record(tmp_path / "log.csv", {"T": told})
+    assert record["T"].values[0] == pytest.approx(ICE + 19.8)
+    assert record["T"].flags == {"out of range": 1}
+    assert len(record.steps) == 2
+    # a fault code is what the sensor said, whatever the certificate makes of it
+    assert record.flag_faults()["T"].flags == {"out of range": 1, "fault": 1}
+
+
+def test_the_same_keys_serve_in_python() -> None:
+    record = td.Record.from_arrays("r", np.arange(3.0), {"T": np.array([300.0, 301.0, 400.0])})
+    made = record.with_sensor("T", lag="20 [s]", range=["-55 [degC]", "125 [degC]"])
+    assert made["T"].part is not None
+    assert made["T"].part.lag == 20.0
+    assert made["T"].flags == {"out of range": 1}
+    with pytest.raises(RecordError, match=r"no key 'lagg'.*Did you mean 'lag'"):
+        record.with_sensor("T", lagg="20 [s]")
+    power = td.Record.from_arrays("r", np.arange(3.0), {"P": td.Channel.of("P", np.ones(3), quantity="power")})
+    with pytest.raises(RecordError, match=r"it holds a power; .* are of temperature sensors"):
+        power.with_sensor("P", lag="20 [s]")
