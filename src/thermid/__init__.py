@@ -87,6 +87,13 @@ if TYPE_CHECKING:
     from thermid.physics.htc import compare_htc as compare_htc
     from thermid.qualify.macro import assumed as assumed
     from thermid.qualify.macro import macro_model as macro_model
+    from thermid.qualify.conduct import run_profile as run_profile
+    from thermid.qualify.cycles import equivalent_cycles as equivalent_cycles
+    from thermid.qualify.profile_run import ProfileRun as ProfileRun
+    from thermid.qualify.profiles import ThermalProfile as ThermalProfile
+    from thermid.qualify.profiles import load_profile as load_profile
+    from thermid.qualify.profiles import profile_names as profile_names
+    from thermid.qualify.profiles import profile_of as profile_of
     from thermid.reporting.page import report as report
     from thermid.reporting.study_page import study_report as study_report
     from thermid.reporting.trust import picture as picture
@@ -191,6 +198,13 @@ _PUBLIC = {
     "Study": "identify.study",
     "macro_model": "qualify.macro",
     "assumed": "qualify.macro",
+    "profile_of": "qualify.profiles",
+    "load_profile": "qualify.profiles",
+    "profile_names": "qualify.profiles",
+    "ThermalProfile": "qualify.profiles",
+    "run_profile": "qualify.conduct",
+    "ProfileRun": "qualify.profile_run",
+    "equivalent_cycles": "qualify.cycles",
     "report": "reporting.page",
     "study_report": "reporting.study_page",
     "picture": "reporting.trust",

@@ -1,0 +1,54 @@
+"""Humidity along a profile: dew points, margins and films, with the heat of settling water where that finds a balance."""
+
+from __future__ import annotations
+
+from thermid.errors import ScenarioError, SolverError
+from thermid.model.model import Model
+from thermid.model.signal import Signal
+from thermid.network.network import compile_network
+from thermid.simulation.moisture import Moisture, SurfaceMoisture, moisture
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.solution import Solution
+from thermid.simulation.vapour import follow
+
+__all__ = ["LEFT_OUT", "humid"]
+
+LEFT_OUT = (
+    "the heat of settling and drying water found no balance with the temperatures and was left out: while water settles the "
+    "margins are too small and the films too thick, and they dry sooner than they would"
+)
+
+
+def humid(
+    model: Model, scenario: Scenario, humidity: Signal, gases: tuple[str, ...], solution: Solution, every: float
+) -> tuple[Moisture, str]:
+    """Return what humidity does along a run, and a remark where its latent heat was left out.
+
+    Parameters
+    ----------
+    model, scenario : Model, Scenario   The whole run.
+    humidity : Signal                   Relative humidity of the chamber. [-]
+    gases : tuple of str                Boundaries that are the chamber.
+    solution : Solution                 The same run without moisture.
+    every : float                       Time between outputs. [s]
+
+    Raises
+    ------
+    ScenarioError   When no surface exchanges heat with the chamber as with a gas.
+    """
+    flat = compile_network(model, media=scenario.media()).flat
+    parts = [c for c in flat.conductors if c.kind in ("convection", "effective") and c.path in flat.surfaces and c.gas in gases]
+    if not parts:
+        raise ScenarioError(
+            f"no surface exchanges heat with {' or '.join(gases)} by convection, so humidity has nothing to settle on. "
+            "Give the deck surfaces, or run the profile without humidity.",
+            scenario.title,
+        )
+    air = {c.gas: humidity for c in parts}
+    try:
+        return moisture(model, scenario, air, every=every), ""
+    except (ScenarioError, SolverError):
+        found = follow(solution, parts, air, {})
+    each = zip(parts, found.margin, found.film, found.latent, strict=True)
+    surfaces = {c.path: SurfaceMoisture(c.path, c.gas, solution.times, *traces) for c, *traces in each}
+    return Moisture(solution, found.dew_points, surfaces), LEFT_OUT
