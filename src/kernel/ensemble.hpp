@@ -92,6 +92,7 @@ class Group {
     double first_step() const;
     void choose(double& next);
     bool attempt(double& next);
+    bool clear_of_knees(const double* tolerance, double& next) const;
     bool too_fast(double& next);
     bool failed(unsigned lanes, double& next, double factor);
     double input_error();

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "ensemble.hpp"
+#include "knees.hpp"
 
 namespace thermid {
 
@@ -203,6 +204,30 @@ unsigned Group::check_state() {
     return bad;
 }
 
+// As Integrator::clear_of_knees, for the lane that needs it most.
+bool Group::clear_of_knees(const double* tolerance, double& next) const {
+    const LanePlan& p = *g_.plan;
+    const double* last = g_.F + static_cast<size_t>(STAGES - 1) * p.n * LANES;
+    double most = 1.0, wanted = 0.0;
+    for (int l = 0; l < LANES; ++l) {
+        Knee knee;
+        for (int r = 0; r < p.nloads; ++r) {
+            const LaneLoad& x = p.loads[r];
+            if (x.kind != PROPORTIONAL || x.sensor >= p.n) continue;
+            const int i = x.node * LANES + l, s = x.sensor * LANES + l;
+            const Sweep sweep{g_.Tn[s], g_.T1[s], g_.h * g_.d0[s], g_.h * g_.icap[s] * last[s]};
+            auto c = [&](int k) { return g_.ceff[x.c[k] * LANES + l]; };
+            knee.heater(sweep, c(0), c(1), c(2), g_.h, g_.cap[i] + g_.h * std::fabs(g_.J0[i]));
+        }
+        if (!(knee.error > most * tolerance[l])) continue;
+        most = knee.error / tolerance[l];
+        wanted = knee.retry(g_.h, tolerance[l]);
+    }
+    if (most <= 1.0 || t_ + wanted == t_ || wanted < 1e-9 * (s_.t_end - s_.t0)) return true;
+    next = wanted;
+    return false;
+}
+
 bool Group::attempt(double& next) {
     const LaneCode& code = s_.code;
     g_.h = end_ - t_;
@@ -251,6 +276,7 @@ bool Group::attempt(double& next) {
         err = e <= err ? err : e;
     }
     if (guilty) return failed(guilty, next, std::isfinite(err) ? std::max(0.2, 0.9 * std::pow(err, -0.25)) : 0.2);
+    if (s_.p.proportional && !clear_of_knees(tolerance, next)) return false;
     if (leftover_) code.improve(g_);
     if (const unsigned bad = check_state()) {
         drop(bad);

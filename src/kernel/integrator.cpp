@@ -186,6 +186,10 @@ bool Integrator::attempt(Outputs& out, double& next) {
         if (t_ + next == t_ || next < 1e-14 * std::fabs(t_)) underflow(STEP_UNDERFLOW);
         return false;
     }
+    if (p_.proportional && !clear_of_knees(next)) {
+        pending_ = -1;
+        return false;
+    }
     if (inside_ && t_ + 0.1 * h_ > t_ && unsettled() > std::max(1e-6, 10.0 * tolerance())) {
         next = 0.1 * h_;
         pending_ = -1;

@@ -91,7 +91,7 @@ class Integrator {
     SparseLu lu_;
     double rho_ = 0.1, last_size_ = 0.0;  // of the Newton iteration: contraction, last change
     // fast_: solved at outputs, since rounding would show in their dT/dt (1e-8 of the step), or the left-over of an input
-    // reaches them undelayed (1e-4). quick_: slaved in second derivatives (1e-4).
+    // reaches them undelayed (1e-4). quick_: slaved in second derivatives (1e-2: unsettled, they would spoil those of their neighbours).
     Slaved massless_, fast_, quick_;
     std::vector<int> group_, place_;
     Lu trial_;
@@ -115,6 +115,8 @@ class Integrator {
     bool newton(int s);
     void stage_sensitivity(int s);
     double error();
+    bool clear_of_knees(double& next) const;
+    double slope_tolerance() const;
     double sensitivity_error();
     void filter_sensitivity(const double* e, double* G);
     void improve();

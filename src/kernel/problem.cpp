@@ -96,6 +96,7 @@ void Problem::prepare() {
         }
         boundary_entries(load_entry, r, load.sensor[r], 4);
         if (load.kind[r] == THERMOSTAT) thermostats.push_back(r);
+        proportional = proportional || load.kind[r] == PROPORTIONAL;
     }
     for (int j = 0; j < nc; ++j)
         if (coef_input[j] >= 0) {

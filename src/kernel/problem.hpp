@@ -35,6 +35,7 @@ struct Problem {
     // Derived: where coefficients enter, which coefficients follow an input, nodes without capacity and their rows.
     std::vector<Entry> con_entry, load_entry;
     std::vector<int> timed, massless, thermostats;
+    bool proportional = false;                   // some load is a proportional heater, whose power has two knees
     std::vector<int> moving, moved;              // inputs that are not constant, and the coefficients that follow these
     int kind_begin[CONDUCTOR_KINDS + 1] = {};  // conductors of a kind stand together
     std::vector<int> meet_begin, meet_row;       // conductors that bring heat to (sign 1) or take it from (-1) a node

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "integrator.hpp"
+#include "knees.hpp"
 
 namespace thermid {
 
@@ -44,7 +45,7 @@ void Integrator::start(bool first) {
         if (!std::isfinite(e_.f[i])) throw Failure{NON_FINITE, i};
     }
     if (!massless_.nodes.empty()) factor_slaved(massless_, J0_.data());
-    make_slaved(quick_, 1e-4);
+    make_slaved(quick_, 1e-2);
     if (!quick_.nodes.empty()) factor_slaved(quick_, J0_.data());
     std::copy(e_.u.begin(), e_.u.end(), u0_.begin());
     std::fill(g_.begin(), g_.end(), 0.0);
@@ -238,6 +239,35 @@ double Integrator::error() {
     return std::max(worst / tolerance(), np_ > 0 ? sensitivity_error() : 0.0);
 }
 
+// Whether the step passes no knee of a proportional heater, or is short enough for it; else `next` is the length to try.
+bool Integrator::clear_of_knees(double& next) const {
+    const double* last = F_.data() + static_cast<size_t>(STAGES - 1) * n_;
+    Knee knee;
+    double steepest = 0.0;
+    for (int l = 0; l < p_.load.size(); ++l) {
+        const int i = p_.load.node[l], s = p_.load.sensor[l];
+        if (p_.load.kind[l] != PROPORTIONAL || s >= n_ || cap_[i] == 0.0) continue;
+        const double move = T1_[s] - T_[s], c = inv_cap_[s] * h_, gain = e_.ceff[p_.load.c[0][l]], before = knee.error;
+        const Sweep sweep{T_[s], T1_[s], c > 0.0 ? c * F_[s] : move, c > 0.0 ? c * last[s] : move};
+        const double inertia = cap_[i] + h_ * std::fabs(J0_[p_.pattern.diag[i]]);
+        knee.heater(sweep, gain, e_.ceff[p_.load.c[1][l]], e_.ceff[p_.load.c[2][l]], h_, inertia);
+        if (knee.error > before) steepest = std::max(steepest, gain * h_ / inertia);
+    }
+    double allowed = slack_ * tolerance();
+    // A knee does not move with the end of a step, so sensitivities err in proportion to its length.
+    if (np_ > 0 && steepest > 0.0) {
+        const double ratio = 0.1 * slack_ * slope_tolerance() / (0.25 * steepest);
+        if (ratio < 1.0) allowed = std::min(allowed, knee.least * ratio * ratio);
+        if (ratio < 1.0) knee.error = std::max(knee.error, 2.0 * allowed);
+    }
+    if (knee.error <= allowed) return true;
+    next = knee.retry(h_, allowed);
+    return t_ + next == t_ || next < 1e-9 * std::fabs(t_);
+}
+
+// Largest error of a step's sensitivities, relative to the effect that a parameter has had.
+double Integrator::slope_tolerance() const { return std::min(1e-2, std::max(leftover_ ? 1e-4 : 1e-7, 100.0 * tolerance())); }
+
 // The same for the sensitivities, relative to the largest effect that each parameter has had: where temperatures rest they may still move.
 double Integrator::sensitivity_error() {
     const size_t np = np_, m = static_cast<size_t>(n_) * np;
@@ -262,7 +292,7 @@ double Integrator::sensitivity_error() {
     largest(peak_.data(), G_.data(), counts_.data(), n_, np_);
     for (size_t q = 0; q < np; ++q)
         if (reach_[q] > 0.0) worst = std::max(worst, peak_[q] / reach_[q]);
-    return worst / std::min(1e-2, std::max(leftover_ ? 1e-4 : 1e-7, 100.0 * tolerance()));
+    return worst / slope_tolerance();
 }
 
 // Solves (C - h gamma J) E = G + h gamma J_p e - C_p e: the derivatives of e, where (C - h gamma J) e = g and G are those of g.
