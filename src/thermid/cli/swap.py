@@ -76,6 +76,7 @@ def _object(plan: RetunePlan) -> dict[str, Any]:
         "tests": list(plan.tests),
         "kept_tests": list(plan.kept_tests),
         "neighbours": {n: {"exposed_before": a, "exposed_after": b, "change": dt} for n, (a, b, dt) in plan.neighbours.items()},
+        "watts": list(plan.watts),
         "before": dict(plan.before),
         "after": dict(plan.after),
     }

@@ -23,6 +23,7 @@ def identify(
     stage: Annotated[str, typer.Option("--stage", help="One stage; all of them without it.")] = "",
     after: Annotated[bool, typer.Option("--after", help="Look at the ends of the fits, not at their starts.")] = False,
     data: Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project.")] = None,
+    results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the campaign.")] = None,
     as_json: Json = False,
 ) -> None:
     """Say what the logs of each stage can tell of the parameters that it frees, what they cannot, and what would help."""
@@ -32,7 +33,7 @@ def identify(
 
     progress = _Progress()
     try:
-        found = survey(campaign, stage, after=after, data=data, notice=progress)
+        found = survey(campaign, stage, after=after, data=data, cache=results or campaign.parent / "results", notice=progress)
     finally:
         progress.end()
     if as_json:

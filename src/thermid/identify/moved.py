@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from thermid.identify.residuals import Problem
     from thermid.identify.solve import Fit
     from thermid.identify.values import FittedValues
+    from thermid.identify.wander import Wander
     from thermid.model.model import Model
 
 __all__ = ["Group", "Move", "Moves", "moves_above", "moves_from"]
@@ -23,6 +24,8 @@ __all__ = ["Group", "Move", "Moves", "moves_above", "moves_from"]
 Array = NDArray[np.float64]
 SURE, LIKELY = 0.003, 0.05
 """Chance below which a value had to move, or may have: about 3 and 2 standard deviations."""
+DECIDED = 0.3
+"""Root of the share that a level's own data have in what is known of a direction, from which they can be asked alone."""
 INFORMED = 1e-6
 """Part of what is known of a direction that must come from below, for below to have said anything of it."""
 
@@ -156,20 +159,24 @@ def part_of(model: Model, path: str) -> str:
     return f"{head}.{inner}" if inner else head
 
 
-def moves_above(handed: Sequence[FittedValues], model: Model, problem: Problem, found: Fit, total: Array) -> Moves:
+def moves_above(
+    handed: Sequence[FittedValues], model: Model, problem: Problem, found: Fit, total: Array, wandering: Wander | None = None
+) -> Moves:
     """Return how far this level's data moved what stages below handed on as priors.
 
     With P the information of all priors, A that of this level's data and x0 where the priors alone would stand, the fit ends at
     x = x0 + (A + P)^-1 J'(y - J x0). Its shift x - x0 has the covariance P^-1 - (A + P)^-1 when the priors hold (J. A. Hausman,
-    Econometrica 46 (1978) 1251, lemma 2.1); where residuals are larger than the noise, by the factor that the errors were widened with,
-    the shift scatters more, and that is counted.
+    Econometrica 46 (1978) 1251, lemma 2.1); where residuals are larger than the noise, or wander, the shift scatters more, by what the
+    errors of the fit were widened with, and that is counted.
     """
     names = [u.name for u in problem.unknowns]
     stages = {p: v.stage for v in handed for p in v.parameters}
     members = [k for k, u in enumerate(problem.unknowns) if u.kind == "parameter" and u.name in stages]
     if not members:
         return Moves()
-    shift, spread, known = _shift(problem, found, total)
+    if wandering is not None and wandering.excess.any():
+        wandering = _let_go(problem, found, total)
+    shift, spread, known = _shift(problem, found, total, wandering)
     means = {k: problem.unknowns[k].to_value(float(found.fitted[k] - shift[k])) for k in members}
     values = []
     for k in members:
@@ -185,7 +192,24 @@ def moves_above(handed: Sequence[FittedValues], model: Model, problem: Problem, 
     return Moves(tuple(values), _groups(values, together))
 
 
-def _shift(problem: Problem, found: Fit, total: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _let_go(problem: Problem, found: Fit, total: Array) -> Wander:
+    """Return how the residuals wander where this level's data alone would put what they decide.
+
+    Where the priors hold values back, residuals wander by that, and it is what the test is to see.
+    """
+    from thermid.identify.wander import wander
+
+    sizes = np.sqrt(np.where(np.isfinite(np.diag(total)), np.maximum(np.diag(total), 0.0), 0.0))
+    here = problem.compressed(found.fitted)
+    vectors, s, basis = np.linalg.svd(here.slopes * sizes, full_matrices=False)
+    own = s > DECIDED
+    step = sizes * (basis[own].T @ (vectors[:, own].T @ -here.rows / s[own]))
+    low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in problem.unknowns), strict=True))
+    at = np.clip(found.fitted + step, low, high)
+    return wander(problem, replace(found, fitted=at))
+
+
+def _shift(problem: Problem, found: Fit, total: Array, wandering: Wander | None) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return fitted less what the priors alone say, its covariance, and of which unknowns the priors say anything."""
     finite = np.isfinite(np.diag(total)) & (np.diag(total) > 0)
     scale = np.where(finite, np.sqrt(np.where(finite, np.diag(total), 1.0)), 1.0)
@@ -197,11 +221,17 @@ def _shift(problem: Problem, found: Fit, total: Array) -> tuple[Array, Array, ND
     size = sizes[sizes > INFORMED]
     # what the data say of the directions that have priors, those without marginalised
     cross = own.T @ seen @ free
-    left = own.T @ seen @ own - cross @ np.linalg.pinv(free.T @ seen @ free, hermitian=True) @ cross.T
+    taken = cross @ np.linalg.pinv(free.T @ seen @ free, hermitian=True)
+    left = own.T @ seen @ own - taken @ cross.T
     gain = np.linalg.inv(left + np.diag(size))
-    widened = _widened(found, problem)
+    # by how much the scores J'r of the data scatter: in squares of the noise, and along the ways in which residuals wander
+    level = _widened(found, problem) if wandering is None else wandering.level
+    scores = level * left
+    if wandering is not None:
+        seen_along = own - free @ taken.T
+        scores = scores + seen_along.T @ (scale[:, None] * wandering.excess * scale) @ seen_along
     moved = own @ (own.T @ (priors.T @ rows) / size)
-    spread = own @ (gain @ (widened * left + left @ (left / size[:, None])) @ gain) @ own.T
+    spread = own @ (gain @ (scores + left @ (left / size[:, None])) @ gain) @ own.T
     known = finite & (np.linalg.norm(free, axis=1) < 1e-3)
     return scale * moved, spread * np.outer(scale, scale), known
 

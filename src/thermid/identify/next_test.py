@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.identify.actions import Action, Aim, usual_actions
 from thermid.identify.calibration import Calibration
+from thermid.identify.doubts import doubted, doubts_without_gas
 from thermid.identify.gather import problem_for
 from thermid.identify.groups import percent
 from thermid.identify.planned import Sensor, planned_record, sensors_of
@@ -103,7 +104,10 @@ class Advice:
 
 @dataclass(frozen=True, eq=False)
 class _Knowledge:
-    """What is known: a model at its values, names of unknowns with their information, and what of it priors of instruments hold."""
+    """What is known: a model at its values, names of unknowns with their information, and what of it priors of instruments hold.
+
+    `thin` says that it was learnt with thin gas already.
+    """
 
     model: Model
     names: tuple[str, ...]
@@ -113,6 +117,7 @@ class _Knowledge:
     spread: float
     untie: bool
     held: Mapping[str, float]
+    thin: bool = False
 
 
 def next_test(
@@ -181,7 +186,8 @@ def _known(source: Calibration | Model, priors: Mapping[str, tuple[str, str]]) -
         untie = source.request.untie if source.request is not None else False
         spread = max(1.0, source.reduced_chi_square) ** 0.5
         held = {n: v.prior[1] ** -2 for n, v in values.items() if v.prior is not None}
-        return _Knowledge(source.fitted_model, names, tuple(values.parameters), information, source.fitted, spread, untie, held)
+        thin = any(e.scenario.environment for e in source.experiments)
+        return _Knowledge(source.fitted_model, names, tuple(values.parameters), information, source.fitted, spread, untie, held, thin)
     from thermid.identify.unknowns import parameter_unknown
     from thermid.network.network import compile_network
 
@@ -269,9 +275,11 @@ def _option(known: _Knowledge, action: Action, sensors: Sequence[Sensor], every:
     try:
         grown = [replace(s, noise=(s.noise or 0.0) * known.spread if s.role == "node" else s.noise) for s in sensors]
         record = planned_record(known.model, action.scenario, grown, every, NAME)
-        request = Request(known.model, (record,), known.free, {"*": action.scenario}, untie=known.untie)
-        problem = problem_for(request)
-        durations, matrices, names = _growing(known, problem)
+        doubts = {} if known.thin else doubts_without_gas(known.model, action.scenario)
+        free = (*known.free, *(p for p in doubts if p not in known.free))
+        request = Request(known.model, (record,), free, {"*": action.scenario}, untie=known.untie)
+        problem = doubted(problem_for(request), doubts)
+        durations, matrices, names = _growing(known, problem, doubts)
     except ThermidError as error:
         return Option(action.name, np.inf, np.inf, longest, np.zeros((0, 2)), error.message)
     full = np.zeros(len(names))
@@ -284,9 +292,10 @@ def _option(known: _Knowledge, action: Action, sensors: Sequence[Sensor], every:
     return Option(action.name, float(errors[-1]), hours, longest, np.column_stack([durations / 3600.0, errors]))
 
 
-def _growing(known: _Knowledge, problem: Problem) -> tuple[Array, list[Array], list[str]]:
+def _growing(known: _Knowledge, problem: Problem, doubts: Mapping[str, float]) -> tuple[Array, list[Array], list[str]]:
     """Return durations, the information at each, and the names that it is over: those known now, then the test's own."""
-    own = [u.name for u in problem.unknowns]
+    # what holds with gas says nothing of the same value without it
+    own = [f"{u.name} without gas" if u.name in doubts else u.name for u in problem.unknowns]
     names = [*known.names, *(n for n in own if n not in known.names)]
     place = [names.index(n) for n in own]
     at = np.array([known.fitted.get(u.name, u.to_fitted(u.start)) for u in problem.unknowns])
@@ -295,7 +304,7 @@ def _growing(known: _Knowledge, problem: Problem) -> tuple[Array, list[Array], l
     base = np.zeros((len(names),) * 2)
     base[: len(known.names), : len(known.names)] = known.information
     for k, u in enumerate(problem.unknowns):
-        if u.prior is not None and u.kind != "parameter":
+        if u.prior is not None and (u.kind != "parameter" or u.name in doubts):
             # a meter good to so many watts is known better as a share once it has read a larger power
             base[place[k], place[k]] += max(0.0, u.prior.sd**-2 - known.held.get(u.name, 0.0))
     durations = np.linspace(0.0, float(times.max()), DURATIONS + 1)[1:]

@@ -10,6 +10,7 @@ import numpy as np
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.identify.calibration import Calibration
+from thermid.identify.experiment import _power_while_on
 from thermid.identify.split_priors import _from_records
 from thermid.identify.values import FittedValue
 from thermid.model.flat import FlatConductor
@@ -124,11 +125,12 @@ def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, 
     ----------
     fit : Calibration   The fit.
     weights : dict      Node -> weight of its part, as text: its capacitance must be that of some material.
-    delivered : dict    Load -> power that the part hands on, as text: its own power must be a converter's loss.
+    delivered : dict    Load -> power that the part hands on, as text: its own power must be a converter's loss, whether it was fitted,
+                        logged or given by the deck.
 
     Raises
     ------
-    IdentificationError   When the fit has no records any more.
+    IdentificationError   When the fit has no records any more, or a load of `delivered` has no power.
     """
     if not fit.experiments:
         raise IdentificationError("this calibration has no records any more; repeat the fit.", fit.stage)
@@ -139,7 +141,7 @@ def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, 
     findings |= {f.path: f for f in _plain(network, owners)}
     findings |= {f.path: f for f in _weights(fit, network, owners, weights or {})}
     findings |= {f.path: f for f in _losses(fit, network, owners, delivered or {})}
-    kept = tuple(findings[p] for p in fitted if p in findings)
+    kept = tuple(findings[p] for p in (*fitted, *(p for p in findings if p not in fitted)) if p in findings)
     return Plausibility(fit.stage, kept, tuple(p for p in fitted if p not in findings))
 
 
@@ -259,8 +261,26 @@ def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue
             raise NameNotFoundError(f"no load '{raw}'.{nearest(path, [x.path for x in network.flat.loads])}", "delivered")
         out = literal(text, "W", f"delivered.{raw}")
         v = _behind(network, load.fields["power"], owners) if "power" in load.fields else None
-        if v is not None:
+        name, watts, error = (v.path, v.value, v.error) if v is not None else _power_given(fit, network, path)
+        if watts > 0.0:
             low, high = (out * (1.0 / e - 1.0) for e in reversed(EFFICIENCY))
-            meaning = "A larger loss than converters have, or heat of another part" if v.value > high else "Less than any converter loses"
+            meaning = "A larger loss than converters have, or heat of another part" if watts > high else "Less than any converter loses"
             what = f"the loss of a converter that hands on {out:.3g} W at {100 * EFFICIENCY[0]:.0f} to {100 * EFFICIENCY[1]:.0f} %"
-            yield Finding(v.path, v.value, v.error, low, high, what, "P_out (1/efficiency - 1)", meaning)
+            yield Finding(name, watts, error, low, high, what, "P_out (1/efficiency - 1)", meaning)
+        else:
+            raise IdentificationError(
+                f"'{raw}' has no power in this fit, so a loss of it cannot be judged. Name a load that heats.", "delivered"
+            )
+
+
+def _power_given(fit: Calibration, network: Network, load: str) -> tuple[str, float, float]:
+    """Return name, size and error [W] of a power that is not looked for: what the logs give, or the deck."""
+    logged = [e.scenario.loads[load] for e in fit.experiments if load in e.scenario.loads]
+    found = fit.values.items_
+    if logged:
+        watts = max(_power_while_on(s) for s in logged)
+        channel = next((n for e in fit.experiments for n, (target, _) in e.shared.items() if target == f"scale.{load}"), "")
+        factor = found.get(f"{channel} error")
+        return f"{load} as logged", watts * (factor.value if factor else 1.0), watts * factor.error if factor else 0.0
+    numbers = network.numbers({p: v.value for p, v in fit.values.assignments.items()})
+    return f"{load} by the deck", sum(float(value_of(r.coefficients[0])) for r in numbers.loads if r.name == load), 0.0

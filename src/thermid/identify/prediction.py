@@ -180,12 +180,14 @@ class Prediction:
     def __str__(self) -> str:
         """Return the end of the run as a table, and what the variance comes from."""
         width = max([4, *(len(n) for n in self.bands)])
-        lines = [f"{self.title}, {self.scenario}: 95 % bands"]
+        lines = [f"{self.title}, {self.scenario}: temperature +- one standard error, and the band that holds the truth in 95 of 100 cases"]
         for name, band in self.bands.items():
             e = band.final
             steady = self.settled.get(name)
             rest = f"   settles at {steady.celsius:8.2f} +- {steady.error:.2g}" if steady else ""
-            lines.append(f"  {name:<{width}}  end {e.celsius:8.2f} +- {e.error:.2g} degC   {e.low:.2f} .. {e.high:.2f}{rest}{_why(e)}")
+            lines.append(
+                f"  {name:<{width}}  end {e.celsius:8.2f} +- {e.error:.2g} degC   95 %: {e.low:.2f} .. {e.high:.2f}{rest}{_why(e)}"
+            )
         lines += [f"  {cause}: {text}" for cause, text in self.causes.items()]
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
 

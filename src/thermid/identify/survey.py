@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 
 from thermid.errors import NameNotFoundError, ThermidError, nearest
+from thermid.identify.cache import recall
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import placed, read_campaign
 from thermid.identify.identifiability import Identifiability, identifiability, identifiability_of
-from thermid.identify.staging import request_of
+from thermid.identify.staging import key_of, request_of
 
 __all__ = ["survey"]
 
@@ -21,6 +23,7 @@ def survey(
     *,
     after: bool = False,
     data: str | os.PathLike[str] | None = None,
+    cache: str | os.PathLike[str] | None = None,
     notice: Callable[[str, int, float], None] | None = None,
 ) -> dict[str, Identifiability]:
     """Return stage -> what its logs can tell of what it frees, before its own fit, so that a stage that would be refused is explained too.
@@ -31,6 +34,7 @@ def survey(
     stage : str             One stage; all of them when empty. Stages below it are fitted, since it starts from what they found.
     after : bool            Look at the ends of the fits and not at their starts.
     data : path             A folder of logs outside the project.
+    cache : path            A results folder; stages that it holds as they are now are not fitted again.
     notice : callable       Called while stages run.
 
     Raises
@@ -49,6 +53,8 @@ def survey(
         needed |= set(below[name]) if name in needed else set()
     fits = {n for name in needed for n in below[name]} | (set(wanted) if after else set())
     done: dict[str, Calibration] = {}
+    keys: dict[str, str] = {}
+    folder = Path(cache) if cache is not None else None
     out = {}
     for k, (name, table) in enumerate(zip(names, stages, strict=True)):
         if name not in needed:
@@ -58,7 +64,9 @@ def survey(
             if name in wanted and not after and request.free:
                 out[name] = identifiability_of(request)
             if name in fits:
-                done[name] = fit(request, None if notice is None else lambda count, rms, name=name: notice(name, count, rms))  # type: ignore[misc]
+                keys[name] = key_of(request, [keys[n] for n in below[name]])
+                told = None if notice is None else lambda count, rms, name=name: notice(name, count, rms)
+                done[name] = fit(request, told, recall(folder, name, keys[name]))
             if name in wanted and after and done[name].values.parameters:
                 out[name] = identifiability(done[name])
         except ThermidError as error:

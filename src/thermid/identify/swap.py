@@ -91,7 +91,8 @@ class RetunePlan:
     stages : tuple          StagePlan of every stage.
     touched : tuple         Touch of every value of the campaign at the part's interfaces.
     neighbours : dict       Surface beside the part -> exposed area before and after [m^2], and change at rest [K]; none is freed.
-    before, after : dict    Sensor -> temperature at rest, the new part with the values of its deck. [K]
+    before, after : dict    Sensor -> temperature at rest, each part with the powers of its own deck, all else as in the last record. [K]
+    watts : (float, float)  Power of the part by its deck, old and new. [W]
     campaign : Campaign     What was done before.
     model : Model           The new part.
     """
@@ -104,6 +105,7 @@ class RetunePlan:
     neighbours: Mapping[str, tuple[float, float, float]]
     before: Mapping[str, float]
     after: Mapping[str, float]
+    watts: tuple[float, float]
     campaign: Campaign = field(repr=False)
     model: Model = field(repr=False)
 
@@ -156,7 +158,9 @@ class RetunePlan:
         lines.append("  neighbours, exposed area before -> after; what they convect with is not freed:")
         for name, (a, b, dt) in self.neighbours.items():
             lines.append(f"    {name}: {1e4 * a:.4g} -> {1e4 * b:.4g} cm^2, {dt:+.2f} K at rest")
-        lines.append("  at rest before -> after, with the values of the new deck:")
+        old, new = self.watts
+        powers = f"{old:.4g} W before and {new:.4g} W after" if abs(old - new) > 1e-9 else f"{old:.4g} W both times"
+        lines.append(f"  at rest before -> after; the part has the power of its deck, {powers}, all else is as in the last record:")
         lines += [f"    {s}: {self.before[s] - ICE:.2f} -> {t - ICE:.2f} degC" for s, t in self.after.items()]
         return "\n".join(lines)
 
@@ -191,10 +195,12 @@ def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[st
         plan, touches = _staged(campaign, level, places[level.name], part, model)
         plans += plan
         touched += touches
-    cold, warm = _steady(above, _at_rest(campaign[top], "")), _steady(swapped, _at_rest(campaign[top], part))
+    rest = _at_rest(campaign[top], part)  # the same conditions for both: the part's own powers are those of its decks
+    cold, warm = _steady(above, rest), _steady(swapped, rest)
+    watts = _watts(above, rest, part), _watts(swapped, rest, part)
     before, after = _observed(cold, campaign[top]), _observed(warm, campaign[top])
     neighbours = _neighbours(above, swapped, part, cold, warm)
-    return RetunePlan(part, old.title, model.title, tuple(plans), tuple(touched), neighbours, before, after, campaign, model)
+    return RetunePlan(part, old.title, model.title, tuple(plans), tuple(touched), neighbours, before, after, watts, campaign, model)
 
 
 def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str, new: Model) -> tuple[list[StagePlan], list[Touch]]:
@@ -274,6 +280,15 @@ def _at_rest(done: Calibration, without: str) -> Scenario:
         loads=constant(given.loads, "W"),
         commands=constant(given.commands, "1"),
     )
+
+
+def _watts(model: Model, scenario: Scenario, part: str) -> float:
+    """Return the power of a part by its deck, commands at their means. [W]"""
+    from thermid.dual import value_of
+    from thermid.network.network import compile_network
+
+    rows = compile_network(model, media=scenario.media()).numbers().loads
+    return sum(float(value_of(row.coefficients[0])) for row in rows if row.name.startswith(f"{part}."))
 
 
 def _steady(model: Model, scenario: Scenario) -> Mapping[str, float]:

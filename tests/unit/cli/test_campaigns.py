@@ -255,7 +255,7 @@ class TestPredict:
         assert (tmp_path / "p.csv").is_file()
         plain = call(*asked, "--at", "1 [h]")
         assert plain.code == 0
-        assert "95 % bands" in plain.out
+        assert "+- one standard error, and the band that holds the truth in 95 of 100 cases" in plain.out
         assert "  at 3600 s: " in plain.out
 
     @pytest.mark.parametrize(
@@ -289,6 +289,20 @@ class TestIdentify:
         assert set(found.object) == {"schema", "status", "stages"}
         assert found.object["stages"]["box"]["stage"] == "after"
         assert found.object["stages"]["box"]["rank"] == 2
+
+    def test_finished_stages_are_not_fitted_again(self, call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        from unit.identify.project import make_project
+
+        campaign, kept = make_project(tmp_path), tmp_path / "kept"
+        assert call("calibrate", campaign, "--to", kept).code == 0
+        first = call("identify", campaign, "--after", "--results", kept, "--json")
+
+        def searched(*_: object) -> None:
+            raise AssertionError("a stage was fitted again")
+
+        monkeypatch.setattr("thermid.identify.calibrate.searched", searched)
+        again = call("identify", campaign, "--after", "--results", kept, "--json")
+        assert (again.code, again.object) == (0, first.object)
 
     def test_an_unknown_stage(self, call: Call, tmp_path: Path) -> None:
         from unit.identify.project import make_project

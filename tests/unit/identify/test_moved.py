@@ -92,6 +92,31 @@ def test_chance_is_uniform_when_nothing_moved(stack: Model) -> None:
         assert abs(share - level) < 3 * math.sqrt(level * (1 - level) / 60)
 
 
+def wandering(data: Record, rng: np.random.Generator, size: float, time: float) -> Record:
+    """Return a log with a slow error on every sensor: standard deviation [K] and correlation time [s]."""
+    tie = np.exp(-np.diff(data.times) / time)
+    made = []
+    for name in "AB":
+        slow = size * rng.standard_normal(data.times.size)
+        for k, phi in enumerate(tie, 1):
+            slow[k] = phi * slow[k - 1] + math.sqrt(1 - phi**2) * slow[k]
+        made.append(replace(data[name], values=data[name].values + slow))
+    return data.with_channels(*made)
+
+
+def test_chance_is_not_small_where_residuals_wander_and_nothing_moved(stack: Model) -> None:
+    """Slow errors of 0.5 K move values; a test that took residuals for white has a quarter of them below 5 %."""
+    found = []
+    for seed in range(20):
+        rng = np.random.default_rng([8, seed])
+        one, two = (wandering(bench(stack, int(rng.integers(1 << 30))), rng, 0.5, 1200.0) for _ in range(2))
+        first = fit(Request(stack, (one,), FREE, name="below"))
+        second = fit(Request(stack, (two,), FREE, inherited=(first.values,)))
+        found.append(second.moved.groups[-1].chance)
+    assert np.sum(np.array(found) < 0.05) <= 3
+    assert 0.2 < np.median(found) < 0.8
+
+
 def test_a_part_on_which_the_level_above_says_nothing(stack: Model) -> None:
     """Its mass does not act where nothing changes with time."""
     part = box()

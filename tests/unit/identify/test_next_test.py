@@ -123,6 +123,23 @@ def test_another_sensor_tells_a_joint() -> None:
     assert "cannot be made: the coefficient of" in str(advice)
 
 
+def test_a_pump_down_does_not_promise_what_air_has_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without gas the emissivity decides, and a joint is not the joint that air has shown."""
+    shiny = {"surfaces/skin/emissivity": "0.3"}
+    model = pair(first=box(shiny), second=box({**shiny, "parameters/power/value": "1 [W]", "title": "Cool"}))
+    data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room", noise=0.05, accuracy=0.2, samples=121)
+    bench = td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]")
+    known = td.calibrate(model, data, [JOINT, "a.case.mass"], priors={JOINT: ("", "50 [%]")})
+    # the joint without gas is another one: of this one the test says what it says of the sensors' constant errors
+    joint = option(td.next_test(known, JOINT, scenario=bench), "the same, pumped down")
+    # an emissivity good to 15 % leaves the same rise, and so the power, open by as much
+    watts = td.calibrate(model, data, ["a.power"], priors={"a.power": ("", "20 [%]")})
+    pumped = option(td.next_test(watts, "a.power", scenario=bench), "the same, pumped down")
+    monkeypatch.setattr("thermid.identify.next_test.doubts_without_gas", lambda *_: {})
+    assert joint.error > 1.5 * option(td.next_test(known, JOINT, scenario=bench), "the same, pumped down").error
+    assert pumped.error > 3.0 * option(td.next_test(watts, "a.power", scenario=bench), "the same, pumped down").error
+
+
 def test_a_model_with_priors() -> None:
     priors = {HTC: ("", "30 [%]"), "power": ("", "10 [%]"), MASS: ("", "50 [%]")}
     advice = td.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"}, priors=priors)

@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError
 from thermid.identify.plausibility import Finding
-from unit.identify.bench import AREA, HTC, MASS, box, log, pair
+from unit.identify.bench import AREA, HTC, MASS, box, log, metered, pair
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 JOINT = "stack.contact_conductance"
@@ -99,6 +99,21 @@ class TestMassesAndLosses:
         assert found["power"].verdict == "not physical"
         assert "A larger loss than converters have" in str(found)
         assert found["power"].high == pytest.approx(2.0 * (1 / 0.6 - 1))
+
+    def test_a_power_that_is_not_looked_for_is_judged_too(self) -> None:
+        deck = td.plausibility(fitted({}, [HTC]), delivered={"heat": "2 [W]"})
+        assert deck["heat by the deck"].verdict == "not physical"
+        assert deck["heat by the deck"].value == 4.0
+        assert not deck.physical
+        with_meter = metered(log(box(BARE), {}, {"T": "case"}), "heat", 4.0, accuracy=0.1)
+        found = td.plausibility(td.calibrate(box(BARE), with_meter, [HTC]), delivered={"heat": "12 [W]"})
+        assert found["heat as logged"].verdict == "possible"
+        assert found["heat as logged"].value == pytest.approx(4.0, abs=0.2)
+        assert found["heat as logged"].error > 0.0
+        idle = box({**BARE, "loads/idle": {"into": "case", "power": "0 [W]"}})
+        off = td.calibrate(idle, log(idle, {}, {"T": "case"}), [HTC])
+        with pytest.raises(IdentificationError, match=r"'idle' has no power in this fit, so a loss of it cannot be judged"):
+            td.plausibility(off, delivered={"idle": "2 [W]"})
 
     def test_what_has_no_range_is_said(self) -> None:
         found = td.plausibility(fitted({}, [AREA]))

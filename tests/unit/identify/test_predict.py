@@ -72,7 +72,13 @@ def test_what_else_is_not_known_is_added_and_named(found: Calibration) -> None:
     assert set(final.shares) == {"fit", "stated"}
     assert told["air"].final.error == pytest.approx(0.5)
     text = str(told)
-    for word in ("hot: 95 % bands", "settles at", "from stated", "fit: what is left open of skin.effective_htc, case.mass"):
+    for word in (
+        "hot: temperature +- one standard error, and the band that holds the truth in 95 of 100 cases",
+        "   95 %: ",
+        "settles at",
+        "from stated",
+        "fit: what is left open of skin.effective_htc, case.mass",
+    ):
         assert word in text
 
 

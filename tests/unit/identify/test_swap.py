@@ -111,6 +111,18 @@ def test_what_is_due(plan: RetunePlan) -> None:
     assert "tests to repeat: 2 of 3" in str(plan)
 
 
+def test_before_and_after_are_at_the_same_conditions(project: Path, campaign: Campaign) -> None:
+    """A part in place of itself changes nothing, whatever its meter showed; a part with another power says which."""
+    old = campaign["pair"].model.submodel("a")
+    same = td.plan_retune(campaign, "a", old)
+    assert same.before == pytest.approx(same.after)
+    assert same.watts[0] == same.watts[1]
+    other = td.plan_retune(campaign, "a", box(NEW))
+    assert other.watts == (4.0, 3.0)
+    assert "the part has the power of its deck, 4 W before and 3 W after, all else is as in the last record:" in str(other)
+    assert all(other.after[s] < other.before[s] for s in other.before)
+
+
 def test_only_that_is_run(plan: RetunePlan, campaign: Campaign, tests_again: Path) -> None:
     seen: set[str] = set()
     made = plan.run(tests_again, notice=lambda stage, count, rms: seen.add(stage))
