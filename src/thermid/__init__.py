@@ -89,10 +89,10 @@ if TYPE_CHECKING:
     from thermid.network.network import compile_network as compile_network
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
-    from thermid.qualify.macro import assumed as assumed
-    from thermid.qualify.macro import macro_model as macro_model
     from thermid.qualify.conduct import run_profile as run_profile
     from thermid.qualify.cycles import equivalent_cycles as equivalent_cycles
+    from thermid.qualify.macro import assumed as assumed
+    from thermid.qualify.macro import macro_model as macro_model
     from thermid.qualify.profile_run import ProfileRun as ProfileRun
     from thermid.qualify.profiles import ThermalProfile as ThermalProfile
     from thermid.qualify.profiles import load_profile as load_profile

@@ -48,7 +48,7 @@ def pad_scenario(
     air: str = "ambient",
     air_temperature: Any = None,
     sun: bool = True,
-    sky: bool = True,
+    sky: bool | str = True,
     albedo: float = 0.2,
     turbidity: float | None = None,
     wind: Mapping[str, Mapping[str, Any]] | None = None,
@@ -65,7 +65,9 @@ def pad_scenario(
     duration : str, float   The weather's by default. [s]
     air : str               The boundary that is the open air.
     air_temperature : Signal   In place of the weather's dry bulb. [K]
-    sun, sky : bool         Whether surfaces outdoors meet the sun, and a sky colder than the air.
+    sun : bool              Whether surfaces outdoors meet the sun.
+    sky : bool or str       Whether they meet a sky colder than the air; the name of a boundary gives that the sky's temperature, for
+                            surfaces that radiate to it.
     albedo : float          Of the ground. [-]
     turbidity : float       Of a sky without clouds, as in `Site.clear_sky`. [-]
     wind : dict             Coefficient -> ``length`` of its surface along the wind [m], ``calm`` value [W/(m^2 K)], and ``rain``: roof or
@@ -86,12 +88,15 @@ def pad_scenario(
     seconds = weather.duration if weather is not None else _duration(duration, title)
     fields: dict[str, Any] = {"title": title, "duration": seconds, "start": others.pop("start", air)}
     temperature = _temperature(weather, air_temperature, title, air)
+    downward = _downward(weather, temperature) if sky else None
     fields["boundaries"] = {air: temperature, **others.pop("boundaries", {})}
+    if isinstance(sky, str) and downward is not None:
+        fields["boundaries"][sky] = Table(downward.times, (downward.values / STEFAN_BOLTZMANN) ** 0.25)
+        downward = None
     fields["environment"] = {air: _environment(place, weather), **others.pop("environment", {})}
-    if sun or sky:
+    if sun or downward is not None:
         if instant is None:
             raise ScenarioError("the sun needs an instant: give begin = '2026-03-21 06:00', or read the weather with its beginning.", title)
-        downward = _downward(weather, temperature) if sky else None
         fields["irradiation"] = {"*": open_sky(place, instant, seconds, weather, downward, air, albedo, turbidity, sun)}
         fields["irradiation"] |= others.pop("irradiation", {})
     if wind:
@@ -161,7 +166,7 @@ def _radiation(weather: Weather, site: Site, begin: Any, times: Array, zenith: A
     )
 
 
-def _downward(weather: Weather | None, air: Signal) -> Signal:
+def _downward(weather: Weather | None, air: Signal) -> Table:
     """Return the long-wave radiation of the sky: measured, or from dew point and clouds. [W/m^2]"""
     if weather is not None and "infrared" in weather:
         return Table(*weather["infrared"])

@@ -100,6 +100,17 @@ def test_without_weather_the_sky_is_clear_and_the_air_is_given() -> None:
     assert set(run.load_powers) == {"face.sun"}
 
 
+def test_a_boundary_may_be_the_sky(weather: td.Weather) -> None:
+    deck = {"title": "skin", "needs": ["ambient", "above"], "nodes": {"skin": {"capacitance": "9 [kJ/K]"}}}
+    face = {"of": "skin", "to": "ambient", "area": "2 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0.9, "radiates_to": "above"}
+    roof = td.model_from_dict(deck | {"surfaces": {"face": face | {"absorptance": 0.3, "facing": {"tilt": 0}}}})
+    apart = td.simulate(roof, td.pad_scenario(SITE, weather, sky="above", start="25 [degC]"))
+    joined = td.simulate(skin(facing={"tilt": 0}), td.pad_scenario(SITE, weather, start="25 [degC]"))
+    assert apart["above"].at(0.0) == pytest.approx((400.0 / STEFAN_BOLTZMANN) ** 0.25 - 273.15)
+    # the tables between hours bend differently, in temperature and in its fourth power
+    assert np.abs(apart["skin"].kelvin - joined["skin"].kelvin).max() < 0.02
+
+
 def test_only_global_is_taken_apart(tmp_path: Path) -> None:
     """Beam and diffuse of Erbs, Klein and Duffie (1982); on the horizontal they make up the global."""
     path = tmp_path / "w.csv"
