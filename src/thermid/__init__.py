@@ -71,7 +71,9 @@ if TYPE_CHECKING:
     from thermid.measure import Record as Record
     from thermid.measure import SensorCertificate as SensorCertificate
     from thermid.measure import SensorPart as SensorPart
+    from thermid.measure import Weather as Weather
     from thermid.measure import read_record as read_record
+    from thermid.measure import read_weather as read_weather
     from thermid.model.areas import ledger as ledger
     from thermid.model.block import Block as Block
     from thermid.model.law import law as law
@@ -79,6 +81,8 @@ if TYPE_CHECKING:
     from thermid.model.modelfile import load_model as load_model
     from thermid.model.modelfile import model_from_dict as model_from_dict
     from thermid.model.modelfile import save_model as save_model
+    from thermid.network.irradiation import Irradiation as Irradiation
+    from thermid.network.irradiation import OpenSky as OpenSky
     from thermid.network.linear import modes as modes
     from thermid.network.linear import state_space as state_space
     from thermid.network.medium import Environment as Environment
@@ -104,10 +108,12 @@ if TYPE_CHECKING:
     from thermid.simulation.ensemble import ensemble as ensemble
     from thermid.simulation.moisture import Moisture as Moisture
     from thermid.simulation.moisture import moisture as moisture
+    from thermid.simulation.pad import pad_scenario as pad_scenario
     from thermid.simulation.scenario import Scenario as Scenario
     from thermid.simulation.scenario import load_scenario as load_scenario
     from thermid.simulation.simulator import Simulator as Simulator
     from thermid.simulation.simulator import prepare as prepare
+    from thermid.simulation.site import Site as Site
     from thermid.simulation.solution import Solution as Solution
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.transient import simulate as simulate
@@ -126,8 +132,14 @@ _PUBLIC = {
     "state_space": "network.linear",
     "modes": "network.linear",
     "Environment": "network.medium",
+    "Irradiation": "network.irradiation",
+    "OpenSky": "network.irradiation",
     "Scenario": "simulation.scenario",
     "load_scenario": "simulation.scenario",
+    "Site": "simulation.site",
+    "Weather": "measure",
+    "read_weather": "measure",
+    "pad_scenario": "simulation.pad",
     "Options": "simulation.engine",
     "simulate": "simulation.transient",
     "prepare": "simulation.simulator",

@@ -25,6 +25,7 @@ from thermid.model import schema
 from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.kinds import KINDS
 from thermid.model.signal import Sine, Table
+from thermid.simulation import pad, surroundings
 from thermid.units import TEMPERATURE
 
 from .pages import ROOT, codes, tables
@@ -41,6 +42,8 @@ JOINT_SLOTS = {k: v for kind in ("contact", "conduction") for k, v in KINDS[kind
 SCENARIO_UNITS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ANY}
 SCENARIO_UNITS |= {"start": TEMPERATURE, "initial": TEMPERATURE, "duration": "s"}
 GAS_UNITS = {"pressure": "Pa", "humidity": "1", "gravity": "m/s^2", "wind": "m/s", "time_constant": "s"}
+IRRADIATION_UNITS = dict.fromkeys(("direct", "diffuse", "albedo", "total", "infrared", "stream"), "W/m^2")
+IRRADIATION_UNITS |= {"sky": TEMPERATURE, "sky_view": "1"}
 CAMPAIGN_UNITS = {"window": "s", "sd": ANY, "mean": ANY, "weights": "1", "knee": "1"}
 STUDY_UNITS = {"lowest": TEMPERATURE, "highest": TEMPERATURE, "tolerance": "K", "relative": "1", "accuracy": "K", "resolution": "K"}
 STUDY_UNITS |= {"range": TEMPERATURE, "conversion": "s"}
@@ -92,6 +95,7 @@ def by_heading() -> dict[str, Names]:
         "Value": _model(schema.ValueTable, {"value": ANY, "min": ANY, "max": ANY}),
         "Node": _model(schema.NodeTable, dict(NODE_SLOTS)),
         "Surface": _model(schema.SurfaceTable, SURFACE_SLOTS),
+        "Facing": _model(schema.FacingTable, {"tilt": "deg", "azimuth": "deg"}),
         "Natural convection": _model(schema.PowerLaw, _group("htc", KINDS["convection"].slots)),
         "Convection by correlation": _model(schema.Correlated, _group("htc", KINDS["convection"].slots)),
         "Conductor": _of(conductor),
@@ -107,6 +111,11 @@ def by_heading() -> dict[str, Names]:
         "Submodel": _model(schema.SubmodelTable),
         "Scenario": _of(_plain(dataclasses.fields(td.Scenario)), SCENARIO_UNITS),
         "Gas": _of(_plain(dataclasses.fields(td.Environment)), GAS_UNITS),
+        "Irradiation": _of(_plain(dataclasses.fields(td.Irradiation)), IRRADIATION_UNITS),
+        "Site": _of(_plain(dataclasses.fields(td.Site)), {"latitude": "deg", "longitude": "deg", "altitude": "m", "timezone": "h"}),
+        "Weather of a scenario": _of(surroundings.KEYS["weather"], {"max_gap": "s", "air_temperature": TEMPERATURE}),
+        "Sun of a scenario": _of(surroundings.KEYS["sun"], {"albedo": "1", "turbidity": "1"}),
+        "Wind on a coefficient": _of(pad.WIND, {"length": "m", "calm": "W/(m^2 K)"}),
         "Signal": _of(
             dict.fromkeys([*_plain(dataclasses.fields(Table)), *_plain(dataclasses.fields(Sine)), "file", "column", "unit", "time"]),
             {"times": "s", "period": "s", "phase": "rad", "values": ANY, "mean": ANY, "amplitude": ANY},

@@ -2,7 +2,20 @@
 
 from thermid.measure.channel import Channel, Origin
 from thermid.measure.part import SensorCertificate, SensorPart
+from thermid.measure.plain import read_plain
 from thermid.measure.readers import read_record
 from thermid.measure.record import Record, Table
+from thermid.measure.weather import Weather, read_weather
 
-__all__ = ["Channel", "Origin", "Record", "SensorCertificate", "SensorPart", "Table", "read_record"]
+__all__ = [
+    "Channel",
+    "Origin",
+    "Record",
+    "SensorCertificate",
+    "SensorPart",
+    "Table",
+    "Weather",
+    "read_plain",
+    "read_record",
+    "read_weather",
+]

@@ -11,6 +11,7 @@ from thermid.errors import DeckError, nearest
 from thermid.model.curves import Curve, curve
 from thermid.model.elements import LOAD_SLOTS, Conductor, HeatLoad, Joint, Node, Surface
 from thermid.model.enclosures import enclosure_from, enclosure_to
+from thermid.model.facing import facing_from, facing_to
 from thermid.model.kinds import KINDS
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter, parameter
@@ -22,7 +23,7 @@ __all__ = ["elements_from", "elements_to", "written"]
 
 Where = Callable[[str], str]
 NODE_FIELDS = ("mass", "specific_heat", "capacitance")
-SURFACE_FIELDS = ("area", "htc", "effective_htc", "emissivity")
+SURFACE_FIELDS = ("area", "htc", "effective_htc", "emissivity", "absorptance")
 JOINT_FIELDS = ("area", "contact_conductance", "conductivity", "thickness", "gap")
 LOAD_FIELDS = tuple(dict.fromkeys(slot.partition(".")[0] for slot in LOAD_SLOTS))
 PLAIN_GROUPS = {"to", "sensor", "correlation", "orientation"}
@@ -111,7 +112,8 @@ def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
     if not {"htc", "htc.coefficient", "htc.length", "effective_htc", "emissivity"} & set(fields):
         raise DeckError("a surface exchanges nothing: give htc, effective_htc, emissivity or finish.", where(key))
     words = _words(table, KINDS["convection"].words)
-    return Surface(table["of"], table["to"], fields, table["radiates_to"], table["test_only"], table["finish"], words)
+    facing = facing_from(table["facing"], where(f"{key}.facing")) if table.get("facing") else None
+    return Surface(table["of"], table["to"], fields, table["radiates_to"], table["test_only"], table["finish"], words, facing)
 
 
 def _finished(name: str, where: str) -> Parameter:
@@ -250,6 +252,7 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
             _grouped({f: p for f, p in e.fields.items() if f != "emissivity" or not e.finish or p != _finished(e.finish, "")}), e.words
         )
         | ({"finish": e.finish} if e.finish else {})
+        | ({"facing": facing_to(e.facing)} if e.facing else {})
         | ({"radiates_to": e.radiates_to} if e.radiates_to else {})
         | flag(e)
         for n, e in model.surfaces.items()

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from thermid.model.curves import Curve
+from thermid.model.facing import Facing
 from thermid.model.parameter import Parameter
 
 __all__ = ["LOAD_SLOTS", "NODE_SLOTS", "Conductor", "Enclosure", "HeatLoad", "Joint", "Node", "Surface"]
@@ -85,10 +86,11 @@ class Surface:
     ----------
     of : str            The node it belongs to.
     to : str            The gas node or surroundings.
-    fields : dict       area [m^2]; htc (or htc.coefficient and htc.exponent) or effective_htc; emissivity [-].
+    fields : dict       area [m^2]; htc (or htc.coefficient and htc.exponent) or effective_htc; emissivity and absorptance [-].
     radiates_to : str   Where it radiates to; `to` when empty.
     finish : str        Finish that the emissivity comes from; empty where it is given itself.
     words : dict        Correlation and orientation, where the coefficient comes from one.
+    facing : Facing     Where it looks, for sun and sky; None where nobody said.
     """
 
     of: str
@@ -98,6 +100,7 @@ class Surface:
     test_only: bool = False
     finish: str = ""
     words: Mapping[str, str] = field(default_factory=dict)
+    facing: Facing | None = None
 
     @property
     def is_effective(self) -> bool:

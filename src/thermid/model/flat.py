@@ -10,14 +10,16 @@ from thermid.errors import DeckError, ThermidError
 from thermid.model.curves import Curve
 from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, Surface
 from thermid.model.enclosures import Face, pairs
+from thermid.model.facing import Facing
 from thermid.model.kinds import KINDS, Law
 from thermid.model.model import Model
 from thermid.model.names import Names
 from thermid.model.resolve import ParameterSet
+from thermid.model.signal import Signal
 from thermid.model.takes import Take
 from thermid.units import require
 
-__all__ = ["Flat", "FlatConductor", "FlatLoad", "FlatNode", "flatten"]
+__all__ = ["Flat", "FlatConductor", "FlatLoad", "FlatNode", "FlatSurface", "flatten"]
 
 
 @dataclass(frozen=True)
@@ -58,13 +60,28 @@ class FlatConductor:
 
 @dataclass(frozen=True)
 class FlatLoad:
-    """A heat load: field -> parameter path."""
+    """A heat load: field -> parameter path; one that a surface absorbs has the area that joints take, and its flux by the boundaries."""
 
     path: str
     node: str
     sensor: str
     fields: Mapping[str, str]
     curve: Curve | None = None
+    where: str = ""
+    takes: tuple[Take, ...] = ()
+    flux: Callable[[Mapping[str, Signal]], Signal] | None = None
+
+
+@dataclass(frozen=True)
+class FlatSurface:
+    """A surface as radiation from outside meets it: field -> parameter path; it radiates to a node, or to an enclosure's faces only."""
+
+    node: str
+    to: str
+    fields: Mapping[str, str]
+    takes: tuple[Take, ...] = ()
+    facing: Facing | None = None
+    radiates_to: str = ""
     where: str = ""
 
 
@@ -79,6 +96,7 @@ class Flat:
     nodes, conductors, loads : tuple    The elements.
     surfaces : dict                     Surface path -> its area's parameter path and what joints take from it.
     finishes : dict                     Parameter path of an emissivity -> the finish that it comes from.
+    faces : dict                        Surface path -> the surface as radiation from outside meets it.
     """
 
     names: Names
@@ -88,6 +106,7 @@ class Flat:
     loads: tuple[FlatLoad, ...]
     surfaces: Mapping[str, tuple[str, tuple[Take, ...]]] = field(default_factory=dict)
     finishes: Mapping[str, str] = field(default_factory=dict)
+    faces: Mapping[str, FlatSurface] = field(default_factory=dict)
 
 
 def _walk(model: Model, prefix: str = "") -> Iterator[tuple[Model, str]]:
@@ -111,6 +130,7 @@ def flatten(model: Model) -> Flat:
     loads: list[FlatLoad] = []
     surfaces: dict[str, tuple[str, tuple[Take, ...]]] = {}
     finishes: dict[str, str] = {}
+    faces: dict[str, FlatSurface] = {}
     for owner, prefix in _walk(model):
         for name, node in owner.nodes.items():
             fields = {f: f"{prefix}{name}.{f}" for f in node.fields}
@@ -124,6 +144,7 @@ def flatten(model: Model) -> Flat:
             surfaces[prefix + name] = (f"{prefix}{name}.area", taken)
             finishes |= {f"{prefix}{name}.emissivity": surface.finish} if surface.finish else {}
             conductors += _surface(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
+            faces[prefix + name] = _face(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
         for name, c in owner.conductors.items():
             key = f"conductors.{name}"
             ends = (names.end(owner, prefix, c.between[0], key), names.end(owner, prefix, c.between[1], key))
@@ -132,7 +153,7 @@ def flatten(model: Model) -> Flat:
             conductors.append(FlatConductor(prefix + name, c.kind, ends, fields, c.curve, gas=gas, where=owner.where(key), words=c.words))
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
-    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes)
+    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces)
     _check_slots(flat)
     return flat
 
@@ -186,6 +207,7 @@ def _surface(
     fields = {f: f"{path}.{f}" for f in surface.fields}
     out = []
     emissivity = fields.pop("emissivity", "")
+    fields.pop("absorptance", "")
     if surface.is_effective:
         out.append(FlatConductor(path, "effective", (a, b), fields, None, takes, gas=b, emissivity=emissivity, where=owner.where(key)))
         return out
@@ -196,6 +218,15 @@ def _surface(
         radiating = {"emissivity": emissivity, "area": fields["area"]}
         out.append(FlatConductor(f"{path}.radiation", "radiation", (a, to), radiating, None, takes, where=owner.where(key)))
     return out
+
+
+def _face(owner: Model, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names, enclosed: bool) -> FlatSurface:
+    """Return a surface as radiation from outside meets it."""
+    key = f"surfaces.{name}"
+    fields = {f: f"{prefix}{name}.{f}" for f in ("area", "emissivity", "absorptance") if f in surface.fields}
+    to = names.end(owner, prefix, surface.to, key)
+    radiates_to = "" if enclosed else names.end(owner, prefix, surface.radiates_to, key) if surface.radiates_to else to
+    return FlatSurface(names.end(owner, prefix, surface.of, key), to, fields, takes, surface.facing, radiates_to, owner.where(key))
 
 
 def _joint(owner: Model, prefix: str, name: str, joint: Joint, mid: str, names: Names) -> list[FlatConductor]:
@@ -237,6 +268,9 @@ def _check_slots(flat: Flat) -> None:
     for load in flat.loads:
         for name, path in load.fields.items():
             _require(flat.parameters, path, LOAD_SLOTS[name])
+    for face in flat.faces.values():
+        for name in {"absorptance", "emissivity"} & set(face.fields):
+            _require(flat.parameters, face.fields[name], "1")
     for area, takes in flat.surfaces.values():
         _require(flat.parameters, area, "m^2")
         for take in takes:

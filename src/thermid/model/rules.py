@@ -233,6 +233,15 @@ def _fractions(view: _View) -> Iterator[Finding]:
                 yield Finding("warning", view.flat.parameters.table[path].where, message)
 
 
+def _absorptances(view: _View) -> Iterator[Finding]:
+    """An absorptance that cannot be."""
+    for face in view.flat.faces.values():
+        path = face.fields.get("absorptance", "")
+        if path and not 0.0 <= view.values[path] <= 1.0:
+            where = view.flat.parameters.table[path].where
+            yield Finding("error", where, f"an absorptance of {view.values[path]:g} does not exist; give 0 to 1.")
+
+
 def _test_only(view: _View) -> Iterator[Finding]:
     """Elements of the bench, which a flight model leaves out, and what hangs on them without being marked."""
     marked = [prefix + name for owner, prefix in _walk(view.model) for _, name, element in owner.elements() if element.test_only]
@@ -276,6 +285,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _loads,
     _unused,
     _fractions,
+    _absorptances,
     _shadowed,
     _test_only,
     _effective,

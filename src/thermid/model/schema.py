@@ -71,6 +71,13 @@ class NodeTable(_Strict):
     test_only: bool = False
 
 
+class FacingTable(_Strict):
+    """Where a surface looks: tilt from looking up, azimuth from north over east; without azimuth it goes all around."""
+
+    tilt: str | Real
+    azimuth: str | Real | None = None
+
+
 class SurfaceTable(_Strict):
     """The outer surface of a node."""
 
@@ -81,6 +88,8 @@ class SurfaceTable(_Strict):
     effective_htc: Value | None = None
     emissivity: Value | None = None
     finish: str = ""
+    absorptance: Value | None = None
+    facing: FacingTable | None = None
     radiates_to: str = ""
     test_only: bool = False
 

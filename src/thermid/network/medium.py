@@ -17,6 +17,7 @@ from thermid.errors import ScenarioError
 from thermid.model.flat import FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Signal, Sine, Table, literal, signal
+from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.pressure import sampled, vented
 from thermid.network.rarefied import GasState, correlated, gap, thinned
 from thermid.network.rows import ConductorRow
@@ -104,16 +105,18 @@ class Environment:
 
 @dataclass(frozen=True)
 class Media:
-    """The state of every gas node of a scenario.
+    """What surrounds a model: the state of every gas node, and what falls on outer surfaces.
 
     Parameters
     ----------
     environments : dict     Gas node -> Environment; ``*`` stands for every gas not named; one atmosphere where none is given.
     as_printed : bool       Whether convection is set to zero as the source document does, radiation inside it included: a bound.
+    irradiation : dict      Surface -> what falls on it; ``*`` for every surface outdoors.
     """
 
     environments: Mapping[str, Environment] = field(default_factory=dict)
     as_printed: bool = False
+    irradiation: Mapping[str, Irradiation | OpenSky] = field(default_factory=dict)
 
     def signals(self) -> dict[str, Signal]:
         """Return what rows of gases that change in time are multiplied by."""

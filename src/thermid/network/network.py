@@ -13,6 +13,7 @@ from thermid.errors import DeckError, ThermidError
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.model import Model
 from thermid.model.takes import exposed_area
+from thermid.network.irradiation import absorbers
 from thermid.network.medium import Media
 from thermid.network.rows import ConductorRow, LoadRow
 
@@ -114,7 +115,7 @@ class Network:
                 changed,
                 tuple(n for n in flat.nodes if touched & set(n.fields.values())),
                 tuple(c for c in flat.conductors if touched & {*c.fields.values(), *(t.path for t in c.takes), c.emissivity}),
-                tuple(load for load in flat.loads if touched & set(load.fields.values())),
+                tuple(load for load in flat.loads if touched & {*load.fields.values(), *(t.path for t in load.takes)}),
             )
         return self._depends[names]
 
@@ -159,6 +160,8 @@ def _capacitance(fields: Mapping[str, str], values: Mapping[str, Any], where: st
 def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]:
     """Return the rows of a load: its law, and a second row for the curvature of its command."""
     f = {name: values[path] for name, path in load.fields.items()}
+    if load.flux is not None:
+        return (_absorbed(load, f, values),)
     form, rest = "signal", ()  # type: str, tuple[Number, ...]
     first: Number = f.get("power", f.get("scale", 1.0))
     if load.curve is not None:
@@ -189,6 +192,20 @@ def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]
     return tuple(rows)
 
 
+def _absorbed(load: FlatLoad, fields: Mapping[str, Any], values: Mapping[str, Any]) -> LoadRow:
+    """Return the row of what a surface absorbs: its exposed area, times its absorptance or emissivity, per flux."""
+    surface = load.path.rpartition(".")[0]
+    first = exposed_area(surface, fields["area"], load.takes, values, load.where)
+    for name in ("absorptance", "emissivity"):
+        if name in fields:
+            share = fields[name]
+            # a fit at its bound of 1 may lie a rounding above
+            if not 0.0 <= value_of(share) <= 1.0 + 1e-6:
+                raise DeckError(f"the {name} of '{surface}' is {value_of(share):.4g}; give 0 to 1.", load.where)
+            first = share * first
+    return LoadRow(load.path, "signal", load.node, load.sensor, (first,), None, f"load {load.path}")
+
+
 def compile_network(model: Model, *, media: Media | None = None, prescribed: Iterable[str] = ()) -> Network:
     """Return a model compiled to a network.
 
@@ -203,6 +220,8 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     ThermidError   With file and key path of the first thing that does not fit.
     """
     flat = flatten(model)
+    if media is not None and media.irradiation:
+        flat = replace(flat, loads=(*flat.loads, *absorbers(flat, media.irradiation)))
     driven = tuple(flat.names.find(p) for p in prescribed)
     for gas in media.environments if media is not None else ():
         if gas != "*":

@@ -113,6 +113,8 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
     out: dict[str, Signal] = {}
     for load in network.flat.loads:
         command: Signal = scenario.commands.get(load.path, Constant(1.0))
+        if load.flux is not None:
+            command = product(command, load.flux(scenario.boundaries), duration)
         if "periodic.period" in load.fields:
             command = product(command, _square(load.fields, numbers.values, duration, load.where), duration)
         watts = scenario.loads.get(load.path)

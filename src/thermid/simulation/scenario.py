@@ -10,12 +10,15 @@ from typing import Any
 
 from thermid.errors import ScenarioError, ThermidError, nearest
 from thermid.model.modelfile import read_toml, resolve_inside
-from thermid.model.signal import Constant, Signal, literal, signal
+from thermid.model.signal import Constant, Signal, Table, literal, signal
+from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.medium import Environment, Media
 from thermid.units import TEMPERATURE
 
 __all__ = ["STEADY", "Scenario", "load_scenario"]
 
+SURROUNDINGS = ("site", "weather", "sun", "wind")
+"""Tables of a scenario file that stand for boundaries, gases and radiation."""
 STEADY = "steady"
 """`start = "steady"`: the run starts where the inputs at its beginning would have settled."""
 
@@ -36,6 +39,7 @@ class Scenario:
     schedule : dict         Parameter path -> signal in the parameter's unit.
     prescribed : dict       Node -> temperature that drives it. [K]
     environment : dict      Gas node -> `Environment`; ``*`` for every gas not named.
+    irradiation : dict      Surface -> `Irradiation` on it; ``*`` -> the `OpenSky` over every surface outdoors.
     start : str or float    A temperature, the name of a boundary (its temperature at the beginning), or ``steady``.
     initial : dict          Node -> temperature or boundary name, where it differs from `start`.
     duration : float        [s]
@@ -50,6 +54,7 @@ class Scenario:
     schedule: Mapping[str, Any] = field(default_factory=dict)
     prescribed: Mapping[str, Any] = field(default_factory=dict)
     environment: Mapping[str, Environment] = field(default_factory=dict)
+    irradiation: Mapping[str, Irradiation | OpenSky] = field(default_factory=dict)
     start: str | float = ""
     initial: Mapping[str, Any] = field(default_factory=dict)
     duration: str | float = 0.0
@@ -71,8 +76,8 @@ class Scenario:
         return float(self.duration)
 
     def media(self) -> Media:
-        """Return the state of every gas."""
-        return Media(self.environment, self.as_printed)
+        """Return the state of every gas, and what falls on outer surfaces."""
+        return Media(self.environment, self.as_printed, self.irradiation)
 
     def vacuum(self, as_printed: bool = False) -> Scenario:
         """Return the same scenario without gas; sealed volumes keep theirs, vented ones lose it with their time constant.
@@ -101,7 +106,7 @@ class Scenario:
         return replace(self, **merged)
 
 
-def _environment(table: Mapping[str, Any], where: str) -> Environment:
+def _environment(table: Mapping[str, Any], folder: Path, where: str) -> Environment:
     known = {"pressure": "Pa", "humidity": "1", "gravity": "m/s^2", "wind": "m/s", "time_constant": "s"}
     unknown = set(table) - {*known, "gas", "sealed", "vented"}
     if unknown:
@@ -111,9 +116,39 @@ def _environment(table: Mapping[str, Any], where: str) -> Environment:
     }
     given |= {name: table[name] for name in ("gas", "sealed", "vented") if name in table}
     if "pressure" in table:
-        given["pressure"] = signal(table["pressure"], "Pa", where)
+        given["pressure"] = signal(column_of(table["pressure"], folder, "Pa", where), "Pa", where)
     try:
         return Environment(**given)
+    except ThermidError as error:
+        raise error.located(where) from None
+
+
+def column_of(value: Any, folder: Path, slot: str, where: str) -> Signal | Any:
+    """Return a column of a table in a file as a signal of any unit, or the value as it is."""
+    if not (isinstance(value, Mapping) and "file" in value):
+        return value
+    from thermid.measure import read_plain
+
+    unknown = set(value) - {"file", "column", "unit", "time", "hold"}
+    if unknown or "column" not in value:
+        raise ScenarioError("a column of a table is given by file and column, with unit, time and hold as needed.", where)
+    table = read_plain(resolve_inside(folder, value["file"], where), value.get("time"))
+    values = table.whole(value["column"], slot, value.get("unit", ""))
+    return Table(table.times - table.times[0], values, bool(value.get("hold", False)))
+
+
+def irradiation_of(table: Mapping[str, Any], folder: Path, where: str) -> Irradiation:
+    """Return what falls on a surface from the table of a scenario file."""
+    known = Irradiation.__dataclass_fields__
+    for name in table:
+        if name not in known:
+            raise ScenarioError(f"radiation on a surface has no '{name}'.{nearest(name, known)} It has {', '.join(known)}.", where)
+    given = {
+        name: value if name == "sky_view" else column_of(value, folder, TEMPERATURE if name == "sky" else "W/m^2", where)
+        for name, value in table.items()
+    }
+    try:
+        return Irradiation(**given)
     except ThermidError as error:
         raise error.located(where) from None
 
@@ -121,7 +156,8 @@ def _environment(table: Mapping[str, Any], where: str) -> Environment:
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """Return the scenario of a TOML file.
 
-    A signal may be a column of a log: ``{ file = "room.csv", column = "T_AMB", unit = "degC", time = "time_s" }``.
+    A signal may be a column of a log: ``{ file = "room.csv", column = "T_AMB", unit = "degC", time = "time_s" }``. Tables
+    `site`, `weather`, `sun` and `wind` make a time on the pad, as `pad_scenario` does.
 
     Raises
     ------
@@ -129,7 +165,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """
     target = Path(path)
     data, lines = read_toml(target)
-    fields = set(Scenario.__dataclass_fields__)
+    fields = {*Scenario.__dataclass_fields__, *SURROUNDINGS}
     for key in data:
         if key not in fields:
             raise ScenarioError(f"a scenario has no '{key}'.{nearest(key, fields)}", f"{target.name}:{lines.get(key, 1)}, {key}")
@@ -137,8 +173,16 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     for name in ("boundaries", "loads", "commands", "schedule", "prescribed"):
         if name in given:
             given[name] = {k: _column(v, target, f"{name}.{k}") for k, v in given[name].items()}
-    given["environment"] = {gas: _environment(t, f"{target.name}, environment.{gas}") for gas, t in data.get("environment", {}).items()}
+    folder, gases = target.parent, data.get("environment", {})
+    given["environment"] = {gas: _environment(t, folder, f"{target.name}, environment.{gas}") for gas, t in gases.items()}
+    given["irradiation"] = {
+        surface: irradiation_of(t, folder, f"{target.name}, irradiation.{surface}") for surface, t in data.get("irradiation", {}).items()
+    }
     try:
+        if set(SURROUNDINGS) & set(data):
+            from thermid.simulation.surroundings import surrounded
+
+            return surrounded(given, folder, target.name)
         return Scenario(**given)
     except ThermidError as error:
         raise error.located(target.name) from None
@@ -159,6 +203,4 @@ def _column(value: Any, scenario: Path, key: str) -> Signal | Any:
     channel = {role: "x"} | ({"unit": value["unit"]} if "unit" in value else {})
     record = read_record(file, {value["column"]: channel}, time=value.get("time"))
     times, values, _ = record.table(value["column"])
-    from thermid.model.signal import Table
-
     return Table(times, values, bool(value.get("hold", role == "command")))

@@ -1,0 +1,255 @@
+"""What falls on outer surfaces, sun, planet, sky and stream, and the loads that they take from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError, nearest
+from thermid.model.facing import Facing
+from thermid.model.flat import Flat, FlatLoad, FlatSurface
+from thermid.model.signal import Constant, Signal, Sine, Table, signal
+from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.physics.exposure import on_plane, sky_share
+from thermid.units import TEMPERATURE
+
+__all__ = ["Irradiation", "OpenSky", "absorbers", "added"]
+
+Array = NDArray[np.float64]
+Given = Mapping[str, Signal]
+
+JUMP = 1e-3
+"""Time in which a held signal jumps where it is added to one that is not held. [s]"""
+HOTTEST = 5e4
+"""Radiation beyond this is a mistake of units: the sun has 1361. [W/m^2]"""
+SOLAR = ("direct", "diffuse", "albedo", "total")
+
+
+@dataclass(frozen=True)
+class Irradiation:
+    """What falls on one surface, per area of it; texts with units, tables or signals.
+
+    Parameters
+    ----------
+    direct, diffuse, albedo : Signal    Solar radiation on its plane from the sun, the sky and by reflection. [W/m^2]
+    total : Signal                      All of it, where the parts are not known. [W/m^2]
+    infrared : Signal                   Long-wave radiation beside that of the surroundings that it radiates to. [W/m^2]
+    sky : Signal                        Temperature of a sky that takes the place of part of those surroundings. [K]
+    sky_view : float                    The share that is sky. [-]
+    stream : Signal                     Heat that a stream of molecules brings, as it is absorbed. [W/m^2]
+    """
+
+    direct: Any = None
+    diffuse: Any = None
+    albedo: Any = None
+    total: Any = None
+    infrared: Any = None
+    sky: Any = None
+    sky_view: Any = None
+    stream: Any = None
+
+    def __post_init__(self) -> None:
+        """Turn texts into signals, and refuse radiation that does not exist."""
+        for name in (*SOLAR, "infrared", "stream", "sky"):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            made = signal(given, TEMPERATURE if name == "sky" else "W/m^2", f"irradiation, {name}")
+            object.__setattr__(self, name, made)
+            low, high = _range(made)
+            if name != "infrared" and low < 0.0:
+                what = "a temperature below absolute zero" if name == "sky" else f"{name} radiation of {low:.4g} W/m^2"
+                raise ScenarioError(f"{what} does not exist.", "irradiation")
+            if high > HOTTEST:
+                raise ScenarioError(f"{name} reaches {high:.4g}; the sun has 1361 W/m^2 above the air. Look at the unit.", "irradiation")
+        if self.total is not None and (self.direct is not None or self.diffuse is not None):
+            raise ScenarioError("total holds direct and diffuse; give the parts or the sum.", "irradiation")
+        if (self.sky is None) != (self.sky_view is None):
+            raise ScenarioError("a sky has a temperature and the share of the view that it fills, sky_view.", "irradiation")
+        if self.sky_view is not None and not 0.0 <= self.sky_view <= 1.0:
+            raise ScenarioError(f"a sky that fills {self.sky_view:g} of the view does not exist; give 0 to 1.", "irradiation")
+
+    def sun(self, facing: Facing | None) -> Signal | None:
+        """Return the solar radiation on the surface, or None. [W/m^2]"""
+        parts = [getattr(self, name) for name in SOLAR if getattr(self, name) is not None]
+        return added(*parts) if parts else None
+
+    def longwave(self, facing: Facing | None, around: Signal | None) -> Signal | None:
+        """Return the long-wave radiation beside that of the surroundings, or None. [W/m^2]"""
+        parts: list[Signal] = [self.infrared] if self.infrared is not None else []
+        if self.sky is not None:
+            if around is None:
+                raise ScenarioError("a sky takes the place of surroundings of given temperature; here they are a node of the model.")
+            parts.append(_less(self.sky, around, float(self.sky_view or 0.0)))
+        return added(*parts) if parts else None
+
+
+@dataclass(frozen=True, eq=False)
+class OpenSky:
+    """Sun and sky over a place: falls on every surface outdoors as the surface faces it.
+
+    Parameters
+    ----------
+    times : array (samples,)                            From the start of the scenario. [s]
+    direct_normal, diffuse, total : array (samples,)    Beam, and diffuse and global on the horizontal. [W/m^2]
+    zenith, azimuth : array (samples,)                  Of the sun. [deg]
+    downward : Signal or None                           Long-wave radiation on the horizontal; None where none is counted. [W/m^2]
+    air : str                                           The boundary that is the open air; the ground is as warm as it.
+    albedo : float                                      Of the ground. [-]
+    """
+
+    times: Array
+    direct_normal: Array
+    diffuse: Array
+    total: Array
+    zenith: Array
+    azimuth: Array
+    downward: Signal | None
+    air: str
+    albedo: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Refuse a ground that does not exist."""
+        if not 0.0 <= self.albedo <= 1.0:
+            raise ScenarioError(f"an albedo of {self.albedo:g} does not exist; give 0 to 1.", "sun")
+
+    def sun(self, facing: Facing | None) -> Signal | None:
+        """Return the solar radiation on a surface. [W/m^2]"""
+        where = facing or Facing(0.0)
+        parts = (self.zenith, self.azimuth, self.direct_normal, self.diffuse, self.total)
+        return Table(self.times, on_plane(where.tilt, where.azimuth, *parts, self.albedo))
+
+    def longwave(self, facing: Facing | None, around: Signal | None) -> Signal | None:
+        """Return what the sky sends less than surroundings as warm as the air. [W/m^2]"""
+        if self.downward is None or around is None:
+            return None
+        share = sky_share((facing or Facing(0.0)).tilt)
+        times = np.union1d(_times(self.downward), _times(around))
+        return Table(times, share * (self.downward.at(times) - STEFAN_BOLTZMANN * around.at(times) ** 4))
+
+
+def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | OpenSky]) -> tuple[FlatLoad, ...]:
+    """Return the loads that surfaces take from what falls on them; `*` stands for every surface outdoors.
+
+    Raises
+    ------
+    NameNotFoundError   When there is no such surface.
+    DeckError           When a surface under the sun has no absorptance, or under a sky no emissivity or facing.
+    """
+    canonical = flat.names.model.canonical
+    given: dict[str, Irradiation | OpenSky] = {}
+    if "*" in irradiation:
+        sky = irradiation["*"]
+        if not isinstance(sky, OpenSky):
+            raise ScenarioError("radiation on '*' is an open sky; on a plane of its own it is given by the surface's name.", "irradiation")
+        given = dict.fromkeys(_outdoors(flat, sky), sky)
+    for raw, one in irradiation.items():
+        if raw != "*":
+            path = canonical(raw)
+            if path not in flat.faces:
+                raise NameNotFoundError(f"no surface '{raw}'.{nearest(path, flat.faces)}", "irradiation")
+            given[path] = one
+    return tuple(load for path, one in given.items() for load in _loads(path, flat.faces[path], one))
+
+
+def _outdoors(flat: Flat, sky: OpenSky) -> list[str]:
+    """Return the surfaces that look somewhere or stand in the open air."""
+    air = flat.names.find(sky.air, "sun")
+    out = [path for path, face in flat.faces.items() if face.facing is not None or face.to == air]
+    if not out:
+        raise ScenarioError(f"no surface stands outdoors: none has facing, and none exchanges with '{sky.air}'.", "sun")
+    for path in out:
+        if flat.faces[path].facing is None:
+            message = (
+                f"'{path}' stands in the open air, and nothing says where it looks: give facing = {{ tilt = 90 }}, and azimuth for a plane."
+            )
+            raise DeckError(message, flat.faces[path].where)
+    return out
+
+
+def _loads(path: str, face: FlatSurface, given: Irradiation | OpenSky) -> list[FlatLoad]:
+    """Return the loads of one surface: solar by absorptance, long-wave by emissivity, a stream as it is."""
+    outdoors = isinstance(given, OpenSky)
+    stream = None if isinstance(given, OpenSky) else given.stream
+    solar = outdoors or any(getattr(given, name) is not None for name in SOLAR)
+    wave = given.downward is not None if isinstance(given, OpenSky) else given.infrared is not None or given.sky is not None
+    if solar and "absorptance" not in face.fields:
+        raise DeckError(f"'{path}' stands in the sun and has no absorptance. Give it one, or 0 where no sun can reach it.", face.where)
+    out = [_load(path, face, "sun", "absorptance", partial(_sun, given, face.facing))] if solar else []
+    if wave and not (isinstance(given, OpenSky) and face.radiates_to != face.to):
+        if "emissivity" not in face.fields:
+            message = f"'{path}' meets long-wave radiation and has no emissivity. Give it one or a finish, or leave the sky out."
+            raise DeckError(message, face.where)
+        if not face.radiates_to:
+            raise DeckError(f"'{path}' is a face of an enclosure, which has its long-wave radiation; a sky belongs outside.", face.where)
+        out.append(_load(path, face, "longwave", "emissivity", partial(_longwave, given, face, path)))
+    if stream is not None:
+        out.append(_load(path, face, "stream", "", partial(_stream, stream)))
+    return out
+
+
+def _load(path: str, face: FlatSurface, kind: str, share: str, flux: Any) -> FlatLoad:
+    fields = {name: face.fields[name] for name in (share, "area") if name}
+    return FlatLoad(f"{path}.{kind}", face.node, face.node, fields, None, face.where, face.takes, flux)
+
+
+def _sun(given: Irradiation | OpenSky, facing: Facing | None, boundaries: Given) -> Signal:
+    return given.sun(facing) or Constant(0.0)
+
+
+def _stream(given: Signal, boundaries: Given) -> Signal:
+    return given
+
+
+def _longwave(given: Irradiation | OpenSky, face: FlatSurface, path: str, boundaries: Given) -> Signal:
+    try:
+        return given.longwave(face.facing, boundaries.get(face.radiates_to)) or Constant(0.0)
+    except ThermidError as error:
+        raise error.located(f"irradiation.{path}") from None
+
+
+def _range(given: Signal) -> tuple[float, float]:
+    if isinstance(given, Table):
+        return float(given.values.min()), float(given.values.max())
+    if isinstance(given, Sine):
+        return given.mean - abs(given.amplitude), given.mean + abs(given.amplitude)
+    return given.value, given.value
+
+
+def _times(given: Signal) -> Array:
+    """Return times between which a signal is straight; a held one jumps within a moment."""
+    if isinstance(given, Table):
+        if not given.hold or given.times.size < 2:
+            return given.times
+        moment = min(JUMP, 0.25 * float(np.diff(given.times).min()))
+        return np.union1d(given.times, given.times[1:] - moment)
+    if isinstance(given, Sine):
+        raise ScenarioError("a sine cannot be added to other radiation; give a table.", "irradiation")
+    return np.zeros(1)
+
+
+def added(*parts: Signal) -> Signal:
+    """Return the sum of signals; held where all of them are held."""
+    if len(parts) == 1:
+        return parts[0]
+    if all(isinstance(p, Constant) for p in parts):
+        return Constant(float(sum(p.at(np.zeros(1))[0] for p in parts)))
+    hold = all(isinstance(p, Constant) or (isinstance(p, Table) and p.hold) for p in parts)
+    sampled = [p.times if hold and isinstance(p, Table) else _times(p) for p in parts]
+    times = np.unique(np.concatenate(sampled))
+    return Table(times, np.sum([p.at(times) for p in parts], axis=0), hold)
+
+
+def _less(sky: Signal, around: Signal, share: float) -> Signal:
+    """Return share * sigma (T_sky^4 - T_around^4), dense enough for what bends between samples. [W/m^2]"""
+    times = np.union1d(_times(sky), _times(around))
+    if times.size > 1:
+        times = np.unique(np.concatenate([np.linspace(a, b, 5) for a, b in pairwise(times)]))
+    values = share * STEFAN_BOLTZMANN * (sky.at(times) ** 4 - around.at(times) ** 4)
+    return Table(times, values) if times.size > 1 else Constant(float(values[0]))

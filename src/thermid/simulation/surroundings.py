@@ -1,0 +1,61 @@
+"""Tables of a scenario file that make its surroundings: site, weather, sun and wind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from thermid.errors import ScenarioError, nearest
+from thermid.measure import read_weather
+from thermid.model.modelfile import resolve_inside
+from thermid.model.signal import literal
+from thermid.simulation.pad import pad_scenario
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.site import Site
+
+__all__ = ["KEYS", "surrounded"]
+
+KEYS: Mapping[str, tuple[str, ...]] = {
+    "site": ("name", "latitude", "longitude", "altitude", "timezone"),
+    "weather": ("file", "columns", "begin", "starts", "max_gap", "year", "time", "averaged", "air", "air_temperature"),
+    "sun": ("shines", "sky", "albedo", "turbidity"),
+}
+
+
+def surrounded(given: Mapping[str, Any], folder: Path, file: str) -> Scenario:
+    """Return the scenario of a file that has weather, sun or wind; what else it gives is laid over them.
+
+    Raises
+    ------
+    ScenarioError   When a key is unknown; and as `pad_scenario`.
+    """
+    rest = dict(given)
+    tables = {name: rest.pop(name, {}) for name in (*KEYS, "wind")}
+    for name, known in KEYS.items():
+        for key in tables[name]:
+            if key not in known:
+                raise ScenarioError(f"no '{key}' in {name}.{nearest(key, known)} It has {', '.join(known)}.", f"{file}, {name}.{key}")
+    weather, sun = tables["weather"], tables["sun"]
+    read = None
+    if "file" in weather:
+        options = {k: weather[k] for k in ("columns", "max_gap", "year", "time", "averaged") if k in weather}
+        options |= {"begin": weather["starts"]} if "starts" in weather else {}
+        read = read_weather(resolve_inside(folder, weather["file"], f"{file}, weather.file"), **options)
+    options = {k: weather[k] for k in ("begin", "air", "air_temperature") if k in weather} | {
+        k: sun[k] for k in ("sky", "albedo", "turbidity") if k in sun
+    }
+    options |= {"sun": sun["shines"]} if "shines" in sun else {}
+    duration = rest.pop("duration", None)
+    if isinstance(duration, str):
+        duration = literal(duration, "s", f"{file}, duration")
+    return pad_scenario(_site(tables["site"], file), read, duration=duration, wind=tables["wind"] or None, **options, **rest)
+
+
+def _site(table: Mapping[str, Any], file: str) -> Site | None:
+    if not table:
+        return None
+    missing = [k for k in ("latitude", "longitude") if k not in table]
+    if missing:
+        raise ScenarioError(f"a site has latitude and longitude; {missing[0]} is missing.", f"{file}, site")
+    return Site(**table)

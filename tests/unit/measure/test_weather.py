@@ -1,0 +1,142 @@
+"""Weather files: what they say, what of it is a hole, what cannot be."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import MissingDataError, NameNotFoundError, RecordError, UnitError
+
+from .weather_cases import DRY, SUN, epw, table, tmy3
+
+
+@pytest.mark.parametrize("write", [epw, tmy3])
+def test_epw_and_tmy3_say_the_same(tmp_path: Path, write) -> None:  # type: ignore[no-untyped-def]
+    pytest.importorskip("pvlib")
+    weather = td.read_weather(write(tmp_path / ("w.epw" if write is epw else "w.csv")))
+    assert weather["dry_bulb"].values == pytest.approx(DRY + 273.15, abs=6e-3)
+    assert weather["dry_bulb"].times[:2] == pytest.approx([0.0, 3600.0])
+    assert weather.begin is not None
+    assert (weather.begin.hour, weather.begin.minute) == (1, 0)  # values belong to the end of their hour
+    assert weather["global"].times[0] == -1800.0  # radiation is the mean of its hour
+    assert weather["global"].values == pytest.approx(SUN, abs=0.51)
+    assert weather["pressure"].values == pytest.approx(np.full(48, 100900.0))
+    assert weather["humidity"].values == pytest.approx(np.full(48, 0.75))
+    assert dict(weather.place) == {"latitude": -2.37, "longitude": -44.4, "altitude": 40.0, "timezone": -3.0}
+
+
+def test_months_of_several_years_become_one_and_it_is_said(tmp_path: Path) -> None:
+    pytest.importorskip("pvlib")
+    weather = td.read_weather(epw(tmp_path / "w.epw", years=(2004, 1999)), year=2026)
+    assert weather.begin is not None
+    assert weather.begin.year == 2026
+    assert "a typical year, put into 2026" in weather.notes
+    assert weather.duration == 46.5 * 3600.0  # radiation ends in the middle of the last hour
+
+
+@pytest.mark.parametrize(("write", "name"), [(epw, "w.epw"), (tmy3, "w.csv"), (table, "t.csv")])
+def test_a_hole_is_refused_or_bridged_and_marked(tmp_path: Path, write, name) -> None:  # type: ignore[no-untyped-def]
+    if write is not table:
+        pytest.importorskip("pvlib")
+    path = write(tmp_path / name, missing=(10, 11, 12))
+    with pytest.raises(RecordError, match=r"dry_bulb has a hole of 4 h from .*: give max_gap"):
+        td.read_weather(path)
+    with pytest.raises(RecordError, match="it is longer than max_gap"):
+        td.read_weather(path, max_gap="3 [h]")
+    filled = td.read_weather(path, max_gap="4 [h]")
+    assert len(filled.filled) == 1
+    assert "bridged by a straight line" in str(filled)
+    at = filled["dry_bulb"]
+    assert np.diff(at.times).max() == 4 * 3600.0
+    assert filled["wind"].times.size > at.times.size
+
+
+def test_a_line_that_is_left_out_is_a_hole(tmp_path: Path) -> None:
+    pytest.importorskip("pvlib")
+    with pytest.raises(RecordError, match="dry_bulb has a hole of 3 h"):
+        td.read_weather(epw(tmp_path / "w.epw", skip=(20, 21)))
+
+
+def test_a_hole_at_an_end_cannot_be_bridged(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="at an end of the file"):
+        td.read_weather(table(tmp_path / "t.csv", missing=(47, 48)), max_gap="9 [h]")
+
+
+def test_humidity_above_100_is_refused_with_its_time(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match=r"humidity is 104 % at 2026-03-21 20:00; it lies in 0 \.\. 100 %"):
+        td.read_weather(table(tmp_path / "t.csv", humidity=104.0))
+
+
+def test_a_table_by_its_own_names_and_units(tmp_path: Path) -> None:
+    path = tmp_path / "station.csv"
+    path.write_text("t [h];T_OUT [degF];RH;v [km/h]\n0;77,0;80;36,0\n1;86,0;70;18,0\n", encoding="utf-8")
+    weather = td.read_weather(path, {"dry_bulb": "T_OUT", "humidity": "RH", "wind": "v"}, begin="2026-03-21 06:00-03:00", time="t")
+    assert weather["dry_bulb"].values == pytest.approx([298.15, 303.15])
+    assert weather["humidity"].values == pytest.approx([0.8, 0.7])
+    assert weather["wind"].values == pytest.approx([10.0, 5.0])
+    assert weather.begin is not None
+    assert weather.begin.utcoffset().total_seconds() == -3 * 3600.0  # type: ignore[union-attr]
+
+
+def test_packed_tables_and_night_readings(tmp_path: Path) -> None:
+    path = tmp_path / "w.csv.gz"
+    with gzip.open(path, "wt") as file:
+        file.write("time_s,global [W/m^2],dry_bulb [K]\n0,-3.2,300\n600,0,300\n1200,5,300\n")
+    assert td.read_weather(path)["global"].values.min() == 0.0
+
+
+def test_a_window_starts_at_zero_and_stays_inside(tmp_path: Path) -> None:
+    weather = td.read_weather(table(tmp_path / "t.csv"))
+    part = weather.window("03-21 06:30", "2 [h]")
+    assert part["dry_bulb"].times == pytest.approx([0.0, 1800.0, 5400.0, 7200.0])
+    assert part.begin is not None
+    assert part.begin.hour == 6
+    same = weather.window("2026-03-21 09:30+00:00", "2 [h]")
+    assert same["dry_bulb"].values == pytest.approx(part["dry_bulb"].values)
+    for begin, length in (("2026-03-20 23:00", "2 [h]"), ("2026-03-22 20:00", "9 [h]")):
+        with pytest.raises(RecordError, match="it covers 2026-03-21 00:00 to 2026-03-23 00:00"):
+            weather.window(begin, length)
+    with pytest.raises(RecordError, match="is no instant"):
+        weather.window("tomorrow", "2 [h]")
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "error"),
+    [
+        ("time,dry_bulb\n0,20\n0,21\n", "needs two times|time does not go on", RecordError),
+        ("time,dry_bulb [W]\n0,20\n60,21\n", "a power", UnitError),
+        ("time,dry_bulb\n0,20\n60,warm\n", "'warm' is no number", RecordError),
+        ("time,dry_bulb [K]\n0,20\n60,21\n", "dry_bulb is -253", RecordError),
+        ("time,temperature\n0,20\n60,21\n", "it has no weather", RecordError),
+        ("hour,dry_bulb\n0,20\n60,21\n", "which column is the time", RecordError),
+    ],
+)
+def test_bad_tables_are_refused(tmp_path: Path, text: str, words: str, error: type[Exception]) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(error, match=words):
+        td.read_weather(path)
+
+
+def test_a_missing_file_and_a_wrong_name_are_said(tmp_path: Path) -> None:
+    with pytest.raises(MissingDataError, match=r"no file 'w\.epw'"):
+        td.read_weather(tmp_path / "w.epw")
+    path = table(tmp_path / "t.csv")
+    with pytest.raises(NameNotFoundError, match=r"no quantity 'dry_blub'\. Did you mean 'dry_bulb'"):
+        td.read_weather(path, {"dry_blub": "dry_bulb"})
+    with pytest.raises(NameNotFoundError, match="no column 'T'"):
+        td.read_weather(path, {"dry_bulb": "T"})
+    with pytest.raises(NameNotFoundError, match="no 'winds'; it has"):
+        td.read_weather(path)["winds"]
+
+
+def test_text_that_is_no_weather_file_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("pvlib")
+    path = tmp_path / "w.epw"
+    path.write_text("LOCATION,nowhere\n", encoding="ascii")
+    with pytest.raises(RecordError, match="no EPW file that can be read"):
+        td.read_weather(path)
