@@ -98,6 +98,15 @@ if TYPE_CHECKING:
     from thermid.qualify.profiles import load_profile as load_profile
     from thermid.qualify.profiles import profile_names as profile_names
     from thermid.qualify.profiles import profile_of as profile_of
+    from thermid.qualify.drivers import sobol_of as sobol_of
+    from thermid.qualify.hold import Hold as Hold
+    from thermid.qualify.hold import hold as hold
+    from thermid.qualify.holdfile import HoldQuestion as HoldQuestion
+    from thermid.qualify.holdfile import load_hold as load_hold
+    from thermid.qualify.macro import assumed as assumed
+    from thermid.qualify.macro import macro_model as macro_model
+    from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
+    from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.page import report as report
     from thermid.reporting.study_page import study_report as study_report
     from thermid.reporting.trust import picture as picture
@@ -217,6 +226,13 @@ _PUBLIC = {
     "run_profile": "qualify.conduct",
     "ProfileRun": "qualify.profile_run",
     "equivalent_cycles": "qualify.cycles",
+    "uncertain_runs": "qualify.uncertain",
+    "UncertainRuns": "qualify.uncertain",
+    "sobol_of": "qualify.drivers",
+    "hold": "qualify.hold",
+    "Hold": "qualify.hold",
+    "load_hold": "qualify.holdfile",
+    "HoldQuestion": "qualify.holdfile",
     "report": "reporting.page",
     "study_report": "reporting.study_page",
     "picture": "reporting.trust",

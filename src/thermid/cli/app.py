@@ -12,6 +12,7 @@ import typer
 
 from thermid.cli import credibility as recording
 from thermid.cli import exchange, predict, trust
+from thermid.cli import hold as holding
 from thermid.cli import swap as replacing
 
 if TYPE_CHECKING:
@@ -300,6 +301,7 @@ predict.register(app)
 replacing.register(app)
 recording.register(app)
 trust.register(app)
+holding.register(app)
 
 
 if __name__ == "__main__":

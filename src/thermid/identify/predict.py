@@ -20,7 +20,7 @@ from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
 
-__all__ = ["predict"]
+__all__ = ["left_open", "predict"]
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
@@ -69,7 +69,7 @@ def predict(
     given = [spread] if isinstance(spread, Mapping | Spread) else list(spread)
     if draws < 0:
         raise IdentificationError(f"{draws} members cannot be drawn; give 0 for derivatives alone, or some hundred.", base.title)
-    own, thin = _known(fit), [] if model is not None else split_needed(fit, scenario, [n for s in given for n in _names(s)])
+    own, thin = left_open(fit), [] if model is not None else split_needed(fit, scenario, [n for s in given for n in _names(s)])
     if thin:
         apart = split(fit, thin)
         base, own = apart.model, [Spread.of(apart.values, cause="fit, and split of effective coefficients"), *own[1:]]
@@ -108,7 +108,7 @@ def predict(
     return Prediction(base.title, scenario.title, ready.times, bands, rest, {**words, **misfit.words}, tuple(run.warnings), found)
 
 
-def _known(fit: Calibration) -> list[Spread]:
+def left_open(fit: Calibration) -> list[Spread]:
     """Return what the fit leaves open, and what the stages below left open of the values that it held."""
     out, taken = [Spread.of(fit.values, cause="fit")], {*fit.values.assignments}
     # the last to set a value is who the model has it from

@@ -15,8 +15,10 @@ from thermid.identify.criticism import Criticism, cumulated_periodogram
 from thermid.identify.profile import Profile
 from thermid.identify.valley import Valley
 from thermid.physics.constants import ICE_POINT
+from thermid.qualify.hold import Hold
 from thermid.reporting.extras import extra
 from thermid.reporting.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT, time_unit
+from thermid.reporting.hold import draw_hold
 from thermid.units import unit
 
 if TYPE_CHECKING:
@@ -30,12 +32,12 @@ LEVELS = {2.30: "68 %", 5.99: "95 %"}
 """Growth of the sum of squares that holds two parameters together with a probability: quantiles of chi-square, two degrees of freedom."""
 
 
-def picture(thing: Profile | Valley | Criticism, to: str | os.PathLike[str]) -> Path:
-    """Write the picture of a profile, a valley or a criticism, and return its path; the ending says the format (png, svg, pdf).
+def picture(thing: Profile | Valley | Criticism | Hold, to: str | os.PathLike[str]) -> Path:
+    """Write the picture of a profile, a valley, a criticism or a hold, and return its path; the ending says the format (png, svg, pdf).
 
     Parameters
     ----------
-    thing : Profile, Valley or Criticism    What to draw; of a criticism, the trace that is least like noise.
+    thing : Profile, Valley, Criticism or Hold  What to draw; of a criticism, the trace that is least like noise.
     to : path                               File to write.
 
     Raises
@@ -43,7 +45,7 @@ def picture(thing: Profile | Valley | Criticism, to: str | os.PathLike[str]) -> 
     ThermidError        When there is no picture of such a thing.
     MissingExtraError   When matplotlib is not installed.
     """
-    drawers: dict[type, Any] = {Profile: _profile, Valley: _valley, Criticism: _criticism}
+    drawers: dict[type, Any] = {Profile: _profile, Valley: _valley, Criticism: _criticism, Hold: draw_hold}
     if type(thing) not in drawers:
         raise ThermidError(
             f"there is no picture of a {type(thing).__name__}; there are pictures of {', '.join(t.__name__ for t in drawers)}."

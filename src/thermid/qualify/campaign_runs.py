@@ -1,0 +1,225 @@
+"""A campaign of many runs, chunk by chunk: one process, several, or a cluster; each chunk is kept, none is done twice."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import ScenarioError
+from thermid.model.model import Model
+from thermid.qualify.chances import Inputs, is_shift
+from thermid.simulation.engine import Options
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.simulator import Simulator, prepare
+
+__all__ = ["Chunk", "Job", "MissingPackageError", "Store", "digest", "run_members_of", "work"]
+
+Array = NDArray[np.float64]
+PATIENCE = "20s"
+"""How long a cluster may take to answer."""
+
+
+class MissingPackageError(ScenarioError):
+    """An optional package is not installed; the message says which command installs it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """What every chunk needs, and all that its numbers depend on.
+
+    Parameters
+    ----------
+    model : Model
+    scenarios : tuple of Scenario   Variants, one of which every member has.
+    inputs : Inputs                 What differs from member to member.
+    nodes : tuple of str            Nodes whose temperatures are kept.
+    times : array (times,)          [s]
+    seed, chunk : int               Of the draws; members that run together.
+    options : Options               Of the integrator.
+    version : str                   Of thermid.
+    """
+
+    model: Model
+    scenarios: tuple[Scenario, ...]
+    inputs: Inputs
+    nodes: tuple[str, ...]
+    times: Array
+    seed: int
+    chunk: int
+    options: Options
+    version: str
+
+    def key(self) -> str:
+        """Return a hash of all of it."""
+        own = (self.scenarios, self.inputs, self.nodes, self.times, self.seed, self.chunk, self.options, self.version)
+        return digest((self.model.identity(), *own))
+
+    def parts(self, members: int) -> list[tuple[int, int]]:
+        """Return the first member and the size of every chunk."""
+        return [(first, min(self.chunk, members - first)) for first in range(0, members, self.chunk)]
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Some members that were run.
+
+    Parameters
+    ----------
+    first : int                             Index of the first.
+    temperatures : array (members, nodes, times)    NaN where a member failed. [K]
+    failed : dict                           Member -> why it did not reach the end.
+    version, simd : str                     Of thermid where it was run; the instruction set.
+    """
+
+    first: int
+    temperatures: Array
+    failed: Mapping[int, str]
+    version: str
+    simd: str
+
+
+def digest(thing: Any) -> str:
+    """Return a hash of numbers, texts, arrays, tables and dataclasses, however nested."""
+    return hashlib.sha256(json.dumps(_plain(thing), sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _plain(thing: Any) -> Any:
+    if isinstance(thing, np.ndarray):
+        return [str(thing.dtype), list(thing.shape), hashlib.sha256(np.ascontiguousarray(thing).tobytes()).hexdigest()]
+    if is_dataclass(thing):
+        return [type(thing).__name__, *(_plain(getattr(thing, f.name)) for f in fields(thing))]
+    if isinstance(thing, Mapping):
+        return {str(k): _plain(v) for k, v in thing.items()}
+    if isinstance(thing, tuple | list):
+        return [_plain(v) for v in thing]
+    return thing.item() if isinstance(thing, np.generic) else float(thing).hex() if isinstance(thing, float) else thing
+
+
+def work(job: Job, first: int, members: int, threads: int = 1) -> Chunk:
+    """Return the runs of a chunk of members."""
+    from importlib.metadata import version
+
+    temperatures, failed, simd = run_members_of(job, job.inputs.numbers(job.seed, first, members), threads)
+    return Chunk(first, temperatures, {first + m: why for m, why in failed.items()}, version("thermid"), simd)
+
+
+def run_members_of(job: Job, numbers: Array, threads: int = 1) -> tuple[Array, dict[int, str], str]:
+    """Return temperatures (members, nodes, times) [K] at numbers (streams, members), members that failed, and the instruction set."""
+    values, variant = job.inputs.values(numbers)
+    out = np.full((numbers.shape[1], len(job.nodes), job.times.size), np.nan)
+    failed: dict[int, str] = {}
+    simd = ""
+    for v in np.unique(variant).tolist():
+        members = np.flatnonzero(variant == v)
+        ready = prepare(job.model, job.scenarios[v], job.inputs.names, times=job.times, options=job.options)
+        if not values:
+            run = ready.run()
+            out[members] = np.array([run[n].kelvin for n in job.nodes])
+            continue
+        together = ready.ensemble({n: _absolute(ready, n, x[members]) for n, x in values.items()}, nodes=job.nodes, threads=threads)
+        failed |= {int(members[m]): why for m, why in together.failed.items()}
+        simd = str(together.statistics["simd"])
+        if len(together.failed) < members.size:
+            for k, node in enumerate(job.nodes):
+                out[members, k] = together.temperatures(node).T
+    return out, failed, simd
+
+
+def _absolute(ready: Simulator, name: str, values: Array) -> Array:
+    return ready.nominal[name] + values if is_shift(ready, name) else values
+
+
+@dataclass(frozen=True)
+class Store:
+    """A folder with the chunks of one job, whose name is the job's key.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+
+    folder: Path
+
+    @classmethod
+    def of(cls, job: Job, folder: str | os.PathLike[str]) -> Store:
+        """Return the place of a job below a folder."""
+        place = Path(folder) / job.key()
+        place.mkdir(parents=True, exist_ok=True)
+        return cls(place)
+
+    def _path(self, first: int, members: int) -> Path:
+        return self.folder / f"members_{first:07d}_{members}.npz"
+
+    def load(self, first: int, members: int) -> Chunk | None:
+        """Return a chunk that was kept, or None; what cannot be read counts as not there."""
+        try:
+            with self._path(first, members).open("rb") as file, np.load(file) as data:
+                why = dict(zip(data["failed"].tolist(), data["why"].tolist(), strict=True))
+                return Chunk(first, data["temperatures"], why, str(data["version"]), str(data["simd"]))
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile):
+            return None
+
+    def save(self, chunk: Chunk) -> None:
+        """Keep a chunk; the file appears when it is whole."""
+        path = self._path(chunk.first, chunk.temperatures.shape[0])
+        half = path.with_name(f".{path.name}.{os.getpid()}.npz")
+        failed, why = np.array(list(chunk.failed), dtype=int), np.array(list(chunk.failed.values()), dtype=str)
+        np.savez(half, temperatures=chunk.temperatures, failed=failed, why=why, version=np.array(chunk.version), simd=np.array(chunk.simd))
+        half.replace(path)
+
+
+def chunks(job: Job, wanted: Sequence[tuple[int, int]], workers: int, cluster: str, threads: int) -> Iterator[Chunk]:
+    """Yield chunks as they are done: here, in processes of this machine, or by a cluster."""
+    if cluster:
+        yield from _by_cluster(job, wanted, cluster)
+    elif workers > 1:
+        yield from _by_processes(job, wanted, workers)
+    else:
+        for first, members in wanted:
+            yield work(job, first, members, threads)
+
+
+def _by_processes(job: Job, wanted: Sequence[tuple[int, int]], workers: int) -> Iterator[Chunk]:
+    joblib = _package("joblib")
+    several = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
+    yield from several(joblib.delayed(work)(job, first, members) for first, members in wanted)
+
+
+def _by_cluster(job: Job, wanted: Sequence[tuple[int, int]], address: str) -> Iterator[Chunk]:
+    distributed = _package("distributed")
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"no cluster answers at '{address}'. Start one: dask scheduler, then dask worker {address}.") from error
+    with client:
+        shared = client.scatter(job, broadcast=True)
+        futures = [client.submit(work, shared, first, members, pure=False) for first, members in wanted]
+        try:
+            for future in distributed.as_completed(futures, loop=client.loop):
+                yield future.result()
+        except BaseException:
+            client.cancel(futures)
+            raise
+
+
+def _package(name: str) -> Any:
+    """Return an optional package.
+
+    Raises
+    ------
+    MissingPackageError   When it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise MissingPackageError(f"this needs {name}, which is not installed. Install it with: pip install thermid[cluster]") from error

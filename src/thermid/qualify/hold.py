@@ -1,0 +1,289 @@
+"""`hold`: how long limits are kept, with which probability, and what decides it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import ScenarioError
+from thermid.model.signal import literal
+from thermid.physics.constants import ICE_POINT
+from thermid.qualify.drivers import Driver, drivers_of
+from thermid.qualify.uncertain import UncertainRuns
+from thermid.units import TEMPERATURE
+
+__all__ = ["Hold", "HoldPoint", "hold"]
+
+Array = NDArray[np.float64]
+MONTE_CARLO = 0.95
+"""Two-sided probability of the intervals that say what the number of members leaves open. [-]"""
+SIDES = {"highest": 1.0, "lowest": -1.0}
+NAMED = 0.05
+"""Share below which a driver is not named in a sentence. [-]"""
+
+
+@dataclass(frozen=True, eq=False)
+class HoldPoint:
+    """How long one limit is kept.
+
+    Parameters
+    ----------
+    node, name : str            Path of the node; as the caller calls it.
+    limit : float               [degC]
+    side : str                  highest or lowest.
+    crossings : array (members that reached the end,)   When the limit is passed first; infinite where never. [s]
+    exceedance : array (times,) Probability that it has been passed by then. [-]
+    hold : float                Time until which the limit is kept with the probability asked for; infinite where beyond the scenario. [s]
+    between : (float, float)    95 % interval of that time by the number of members alone. [s]
+    never : float               Share of members that never pass it within the scenario. [-]
+    never_between : (float, float)
+    drivers : tuple of Driver   Of the temperature at that time (of the highest where it is infinite), the largest first.
+    """
+
+    node: str
+    name: str
+    limit: float
+    side: str
+    crossings: Array
+    exceedance: Array
+    hold: float
+    between: tuple[float, float]
+    never: float
+    never_between: tuple[float, float]
+    drivers: tuple[Driver, ...]
+
+    @property
+    def words(self) -> str:
+        """The limit in words."""
+        return f"{self.name}'s {self.limit:g} degC"
+
+
+@dataclass(frozen=True, eq=False)
+class Hold:
+    """How long all limits are kept.
+
+    Parameters
+    ----------
+    title, scenario : str       Of the model and the scenario.
+    confidence : float          Probability with which limits are kept until the hold time. [-]
+    times : array (times,)      Of the exceedances. [s]
+    members : int               That reached the end.
+    points : tuple              One entry per limit, the first to be passed first.
+    together : HoldPoint        Whichever limit is passed first, member by member.
+    assumed : int               How many values of the model are assumed.
+    warnings : tuple of str     What a reader must know.
+    """
+
+    title: str
+    scenario: str
+    confidence: float
+    times: Array
+    members: int
+    points: tuple[HoldPoint, ...]
+    together: HoldPoint
+    assumed: int
+    warnings: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> HoldPoint:
+        """Return the entry of a limit by the name that was given to it, or by its node."""
+        found = [p for p in self.points if name in (p.name, p.node)]
+        if not found:
+            raise ScenarioError(f"no limit was given for '{name}'; limits are {', '.join(p.name for p in self.points)}.", self.title)
+        return found[0]
+
+    @property
+    def sentence(self) -> str:
+        """The answer in one sentence."""
+        first, percent = self.points[0], f"{100 * self.confidence:g} %"
+        if math.isinf(self.together.hold):
+            return f"{self.scenario}: no limit is passed in {clock(self.times[-1])}, {percent}"
+        return f"{self.scenario}: {clock(self.together.hold)} until {first.words}, {percent}"
+
+    @property
+    def watermark(self) -> str:
+        """What must stand on everything that is shown of it; empty where nothing is assumed."""
+        return f"demonstration, {self.assumed} assumed parameters" if self.assumed else ""
+
+    def __str__(self) -> str:
+        """The sentence, a line for each limit, what drives them, and remarks."""
+        lines = [self.sentence + (f" ({self.watermark})" if self.watermark else "")]
+        for p in (*self.points, *([self.together] if len(self.points) > 1 else [])):
+            low, high = p.never_between
+            never = f"never passed in {100 * p.never:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+            until = f"{clock(p.hold)} ({clock(p.between[0])} to {clock(p.between[1])})" if math.isfinite(p.hold) else "beyond the scenario"
+            if p is self.together:
+                lines.append(f"  all of them: kept for {until}, {never}")
+                continue
+            lines.append(f"  {p.name} {'above' if p.side == 'highest' else 'below'} {p.limit:g} degC: kept for {until}, {never}")
+            lines += [f"    driven by {named}" for named in [driven_by(p)] if named]
+        lines.append(f"  {self.members} members; intervals are what their number leaves open, not what the model does not know")
+        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a file or a page needs. Times in seconds, temperatures in degrees Celsius; null for beyond the scenario."""
+
+        def of(p: HoldPoint) -> dict[str, Any]:
+            return {
+                "node": p.node,
+                "limit_C": p.limit,
+                "side": p.side,
+                "hold_s": p.hold,
+                "hold_between_s": list(p.between),
+                "never": p.never,
+                "never_between": list(p.never_between),
+                "exceedance": p.exceedance.tolist(),
+                "drivers": [{"name": d.name, "share": d.share, "direction": d.direction} for d in p.drivers[:10]],
+            }
+
+        return {
+            "title": self.title,
+            "scenario": self.scenario,
+            "sentence": self.sentence,
+            "watermark": self.watermark,
+            "confidence": self.confidence,
+            "members": self.members,
+            "times_s": self.times.tolist(),
+            "points": {p.name: of(p) for p in self.points},
+            "together": of(self.together),
+            "warnings": list(self.warnings),
+        }
+
+
+def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 0.95) -> Hold:
+    """Return how long limits are kept in the members of a campaign of runs.
+
+    The hold time is that until which the share `confidence` of the members keeps the limit: a one-sided bound. Its own interval comes
+    from order statistics (Hahn and Meeker, Statistical Intervals, 1991, chapter 5) and holds whatever the distribution; that of the
+    probability of never is Clopper and Pearson's (Biometrika 26, 1934).
+
+    Parameters
+    ----------
+    runs : UncertainRuns
+    limits : dict           Reference point -> ``"50 [degC]"``, or ``{"highest": "50 [degC]", "lowest": "-20 [degC]"}``.
+    confidence : float      Between a half and one. [-]
+
+    Raises
+    ------
+    ScenarioError       When a limit is none, or so few members cannot tell such a probability.
+    NameNotFoundError   When a limited node was not kept.
+    """
+    if not 0.5 <= confidence < 1.0:
+        raise ScenarioError(f"a probability of {confidence:g} is no confidence; give 0.95 or another number from 0.5 up to 1.", runs.title)
+    wanted = [(name, side, value) for name, given in limits.items() for side, value in _sides(name, given)]
+    if not wanted:
+        raise ScenarioError('there is no limit. Give one: { "FOG_x" = "50 [degC]" }.', runs.title)
+    if runs.reached.size * (1.0 - confidence) < 1.0:
+        enough = math.ceil(20 / (1 - confidence))
+        raise ScenarioError(f"{runs.reached.size} members cannot tell {100 * confidence:g} %; ask for {enough} or more.", runs.title)
+    draws = {n: v[runs.reached] for n, v in runs.draws.items()}
+    points = [_point(runs, draws, name, side, value, confidence) for name, side, value in wanted]
+    points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))
+    together = _together(runs, points, confidence)
+    return Hold(
+        runs.title, runs.scenario, confidence, runs.times, runs.reached.size, tuple(points), together, len(runs.assumed), runs.warnings
+    )
+
+
+def _sides(name: str, given: Any) -> list[tuple[str, float]]:
+    table = given if isinstance(given, Mapping) else {"highest": given}
+    if not table or not set(table) <= set(SIDES):
+        raise ScenarioError('a limit is "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}")
+    found = [
+        (side, literal(value if isinstance(value, str) else f"{value} [degC]", TEMPERATURE, f"limits, {name}"))
+        for side, value in table.items()
+    ]
+    ends = dict(found)
+    if len(ends) == 2 and not ends["lowest"] < ends["highest"]:
+        raise ScenarioError("its lowest temperature is not below its highest.", f"limits, {name}")
+    return found
+
+
+def _point(runs: UncertainRuns, draws: Mapping[str, Array], name: str, side: str, kelvin: float, confidence: float) -> HoldPoint:
+    traces = SIDES[side] * (runs.of(name) - kelvin)
+    crossings = first_crossings(runs.times, traces)
+    until, between = hold_time(crossings, confidence)
+    # how far above: at the hold time, or the farthest of the run where that lies beyond it
+    measure = traces.max(axis=1) if math.isinf(until) else traces[:, int(np.searchsorted(runs.times, until))]
+    found = drivers_of(draws, measure)
+    path = runs.job.model.canonical(name)
+    return _filled(path, name, kelvin - ICE_POINT, side, crossings, runs.times, until, between, found)
+
+
+def _together(runs: UncertainRuns, points: list[HoldPoint], confidence: float) -> HoldPoint:
+    crossings = np.min([p.crossings for p in points], axis=0)
+    until, between = hold_time(crossings, confidence)
+    first = points[0]
+    return _filled(first.node, "any limit", first.limit, first.side, crossings, runs.times, until, between, first.drivers)
+
+
+def _filled(
+    path: str,
+    name: str,
+    limit: float,
+    side: str,
+    crossings: Array,
+    times: Array,
+    until: float,
+    between: tuple[float, float],
+    found: tuple[Driver, ...],
+) -> HoldPoint:
+    exceedance = np.searchsorted(np.sort(crossings), times, side="right") / crossings.size
+    never = int(np.isinf(crossings).sum())
+    return HoldPoint(
+        path, name, limit, side, crossings, exceedance, until, between, never / crossings.size, proportion(never, crossings.size), found
+    )
+
+
+def first_crossings(times: Array, above: Array) -> Array:
+    """Return when each row (members, times) is above zero first, on straight lines between samples; infinite where never. [s]"""
+    over = above > 0.0
+    k = over.argmax(axis=1)
+    out = np.where(over.any(axis=1), times[k], np.inf)
+    rows = np.flatnonzero(np.isfinite(out) & (k > 0))
+    before, after = above[rows, k[rows] - 1], above[rows, k[rows]]
+    out[rows] = times[k[rows] - 1] + (times[k[rows]] - times[k[rows] - 1]) * (-before) / (after - before)
+    return np.asarray(out)
+
+
+def hold_time(crossings: Array, confidence: float) -> tuple[float, tuple[float, float]]:
+    """Return the time until which a share of the members keeps its limit, and its interval from order statistics. [s]"""
+    from scipy.special import bdtr
+
+    ordered, n, p = np.sort(crossings), crossings.size, 1.0 - confidence
+    rank = max(math.floor(p * n + 1e-9), 1)
+    below = bdtr(np.arange(n + 1, dtype=float), n, p)  # chance that at most so many members are before the true quantile
+    low, high = (int(np.searchsorted(below, 0.5 * (1.0 + side * MONTE_CARLO))) for side in (-1.0, 1.0))
+    return float(ordered[rank - 1]), (float(ordered[max(low, 1) - 1]), float(ordered[min(high + 1, n) - 1]))
+
+
+def proportion(hits: int, members: int) -> tuple[float, float]:
+    """Return the interval of a probability of which so many hits were seen (Clopper and Pearson). [-]"""
+    from scipy.special import betaincinv
+
+    tail = (1.0 - MONTE_CARLO) / 2.0
+    low = float(betaincinv(hits, members - hits + 1, tail)) if hits else 0.0
+    high = float(betaincinv(hits + 1, members - hits, 1.0 - tail)) if hits < members else 1.0
+    return low, high
+
+
+def driven_by(point: HoldPoint) -> str:
+    """Return what drives a limit, in words."""
+    return ", ".join(f"{d.name} ({100 * d.share:.0f} %)" for d in point.drivers[:5] if d.share >= NAMED)
+
+
+def clock(seconds: float) -> str:
+    """Return a time in hours and whole minutes, rounded down: 3 h 10 min.
+
+    >>> clock(11459.0), clock(540.0)
+    ('3 h 10 min', '9 min')
+    """
+    if math.isinf(seconds):
+        return "beyond the scenario"
+    minutes = int(seconds // 60)
+    hours, rest = divmod(minutes, 60)
+    return f"{hours} h {rest} min" if hours else f"{rest} min"
