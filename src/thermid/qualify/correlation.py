@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +97,7 @@ class Deviation:
         out = f"; left out: {self.excluded}" if self.excluded else ""
         return (
             f"{self.case}, {self.sensor}, {self.kind}: measured {self.measured - ICE_POINT:.2f}, simulated "
-            f"{self.simulated - ICE_POINT:.2f} degC, mean {self.mean:+.2f} K, spread {self.spread:.2f} K, largest {self.largest:+.2f} K{out}"
+            f"{self.simulated - ICE_POINT:.2f} degC, mean {self.mean:+.2f}, spread {self.spread:.2f}, largest {self.largest:+.2f} K{out}"
         )
 
 
@@ -176,6 +177,17 @@ class Correlation:
     def verdicts(self) -> dict[str, bool | None]:
         """Set of criteria -> whether it is met."""
         return {name: self.passed(name) for name in dict.fromkeys(g.criteria for g in self.gates)}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return verdicts, gates and deviations as plain numbers."""
+        named = ("criteria", "kind", "case", "name", "mark", "passed", "worst", "outside")
+        gates = [{k: getattr(g, k) for k in named} | {"found_K": g.found, "limit_K": g.limit} for g in self.gates]
+        sizes = ("mean", "spread", "largest", "rmse")
+        sensors = [
+            {k: getattr(d, k) for k in ("sensor", "case", "kind", "samples", "excluded")} | {f"{k}_K": getattr(d, k) for k in sizes}
+            for d in self.deviations
+        ]
+        return {"verdicts": self.verdicts, "gates": gates, "sensors": sensors}
 
     def __str__(self) -> str:
         """Return deviations and verdicts as text."""

@@ -38,12 +38,14 @@ class Known:
     values : tuple of FittedValues      What was fitted, each with its covariance.
     fit : Calibration or None           The fit itself, where its records are at hand; then the discrepancy is counted too.
     synthetic : bool                    Whether any record behind the values was made and not measured.
+    at : str                            The submodel that the values belong to; empty for the model itself.
     """
 
     model: Model
     values: tuple[FittedValues, ...] = ()
     fit: Calibration | None = None
     synthetic: bool = False
+    at: str = ""
 
     @classmethod
     def of(cls, source: Model | Calibration) -> Known:
@@ -102,7 +104,7 @@ def foresee(
     else:
         told = _told(known, scenario, wanted, spread, solution.times, options)
     before: dict[str, Array] = {}
-    prior = prior_spread(known.values)
+    prior = prior_spread(known.values, known.at)
     if prior.names:
         ready = prepare(model, scenario, prior.names, times=solution.times, options=options)
         moved = _columns(ready, [prior], wanted, ready.run(sensitivities=True))
@@ -110,7 +112,7 @@ def foresee(
     return Foresight(scenario, solution, told, before)
 
 
-def prior_spread(values: Sequence[FittedValues]) -> Spread:
+def prior_spread(values: Sequence[FittedValues], at: str = "") -> Spread:
     """Return how far fitted values could lie before they were fitted: their priors, or anywhere within their bounds.
 
     A value that had neither is left out; its error before the fit has no size.
@@ -129,7 +131,8 @@ def prior_spread(values: Sequence[FittedValues]) -> Spread:
                 size = min(1.0, (high - low) / 12**0.5 / v.start)
             else:
                 continue
-            found[path] = (size, v.log, v.also)
+            ahead = f"{at}." if at else ""
+            found[ahead + path] = (size, v.log, tuple(ahead + p for p in v.also))
     names = tuple(found)
     sizes = np.array([found[n][0] for n in names])
     also = {n: found[n][2] for n in names if found[n][2]}
@@ -140,7 +143,7 @@ def _told(
     known: Known, scenario: Scenario, nodes: Sequence[str], spread: Given | Sequence[Given], times: Array, options: Options | None
 ) -> Prediction:
     """Return a prediction from values whose records are not at hand: their covariance and what is stated, no discrepancy."""
-    spreads = [Spread.of(v, cause=f"fit of {v.stage}") for v in known.values if v.parameters]
+    spreads = [Spread.of(v, at=known.at, cause=f"fit of {v.stage}") for v in known.values if v.parameters]
     given = [spread] if isinstance(spread, Mapping) else list(spread)
     names = [n for s in spreads for own in s.names for n in (own, *s.also.get(own, ()))] + [n for s in given for n in s]
     ready = prepare(known.model, scenario, tuple(dict.fromkeys(names)), times=times, options=options)
@@ -157,7 +160,7 @@ def _told(
 def _columns(ready: Simulator, spreads: Sequence[Spread], nodes: Sequence[str], run: Solution) -> dict[str, dict[str, Array]]:
     """Return node -> cause -> variance (times,) that the spreads give it. [K^2]"""
     place = {name: k for k, name in enumerate(ready.free)}
-    slopes = {n: np.column_stack([run.sensitivity(n, name) for name in ready.free]) if ready.free else None for n in nodes}
+    slopes = {n: run.slopes(n) if ready.free else None for n in nodes}
     out: dict[str, dict[str, Array]] = {n: {} for n in nodes}
     for s in spreads:
         chain = np.zeros((len(place), len(s.names)))

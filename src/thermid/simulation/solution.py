@@ -148,6 +148,10 @@ class Solution:
             raise NameNotFoundError(f"the solution holds no sensitivity to '{name}': {known}.", self.title)
         return self._run.traces.slope(path)[:, self.free.index(wanted)]
 
+    def slopes(self, node: str) -> Array:
+        """Return the derivatives (times, free) of a node's temperature with respect to all free names, in the order of `free`."""
+        return self._run.traces.slope(self._run.network.find(node))
+
     @property
     def time_constants(self) -> Array:
         """Time constants of the network linearised at the end of the run, longest first. [s]"""

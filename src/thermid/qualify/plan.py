@@ -1,0 +1,240 @@
+"""`load_plan`: a qualification plan - what is to be shown, on what, with which sensors and by which criteria - before any log is read."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.model.model import Model
+from thermid.model.modelfile import load_model, read_toml, resolve_inside
+from thermid.qualify.criteria import CRITERIA, CriteriaSet, read_criteria
+from thermid.qualify.foresight import Known
+from thermid.qualify.limits import Limits, load_limits, read_limits
+from thermid.qualify.macro import macro_model
+from thermid.qualify.margins import POLICIES
+
+if TYPE_CHECKING:
+    from thermid.qualify.plan_schema import PlanFile, TestTable
+
+__all__ = ["Plan", "load_plan"]
+
+AS_RUN = ("log", "state", "deviations", "date", "heat_leaks", "note")
+"""What a test's table may gain once it was made; the rest is the plan."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A qualification plan.
+
+    Parameters
+    ----------
+    path : Path                 Its file.
+    content : PlanFile          As it is written, checked.
+    limits : tuple of Limits    Of the reference points.
+    criteria : dict             Name -> set of criteria, published ones and the project's own.
+    files : dict                Name of a file that the plan rests on -> hash of its content.
+    """
+
+    path: Path
+    content: PlanFile
+    limits: tuple[Limits, ...]
+    criteria: Mapping[str, CriteriaSet]
+    files: Mapping[str, str] = field(repr=False)
+    data: Path | None = None
+
+    @property
+    def title(self) -> str:
+        """Its title."""
+        return self.content.title
+
+    @property
+    def tests(self) -> tuple[TestTable, ...]:
+        """The tests, in order."""
+        return tuple(self.content.tests)
+
+    @cached_property
+    def planned(self) -> dict[str, str]:
+        """Key path -> what is planned there, as text: all that may not change once a log was looked at."""
+        whole = self.content.model_dump(mode="json")
+        whole.pop("document"), whole.pop("discrepancies")
+        for test in whole["tests"]:
+            for key in AS_RUN:
+                test.pop(key, None)
+        whole["tests"] = {t["name"]: t for t in whole["tests"]}
+        return dict(_flat(whole)) | {f"file {name}": sha for name, sha in self.files.items()}
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of what is planned, the decks and files that it rests on among it; what is added as tests are made does not enter."""
+        return hashlib.sha256(json.dumps(self.planned, sort_keys=True).encode()).hexdigest()
+
+    @cached_property
+    def known(self) -> Known:
+        """The model with what is known of its values; a campaign is run when this is first asked for."""
+        source, folder = self.content.model, self.path.parent
+        if source.campaign:
+            from thermid.identify.stages import run_stages
+
+            file = resolve_inside(folder, source.campaign, "model.campaign")
+            data = self.data or (resolve_inside(folder, source.data, "model.data") if source.data else None)
+            campaign = run_stages(file, data=data, cache=file.parent / "results")
+            if source.stage not in campaign.stages:
+                raise NameNotFoundError(
+                    f"the campaign has no stage '{source.stage}'.{nearest(source.stage, campaign.stages)}", "model.stage"
+                )
+            return Known.of(campaign[source.stage])
+        model = load_model(resolve_inside(folder, source.deck, "model.deck"))
+        if not source.values:
+            return Known(model)
+        from thermid.identify.values import load_values
+
+        values = load_values(resolve_inside(folder, source.values, "model.values"))
+        made = bool(values.provenance.get("synthetic", False))
+        return Known(model.with_values(values.assignments, source.values), (values,), synthetic=made)
+
+    def hosted(self, host: str) -> Known:
+        """Return the model on a host of the plan, values under their paths there; the model itself where no host is named."""
+        if not host:
+            return self.known
+        table = self.content.hosts[host]
+        whole = macro_model(resolve_inside(self.path.parent, table.deck, f"hosts.{host}.deck"), unit=self.known.model)
+        return Known(whole, self.known.values, None, self.known.synthetic, at=table.unit)
+
+    def limits_on(self, host: str) -> tuple[Limits, ...]:
+        """Return the limits under their paths on a host."""
+        from dataclasses import replace
+
+        if not host:
+            return self.limits
+        at = self.content.hosts[host].unit
+        return tuple(replace(one, node=f"{at}.{one.node}", loads=tuple(f"{at}.{n}" for n in one.loads)) for one in self.limits)
+
+
+def _flat(value: Any, path: str = "") -> list[tuple[str, str]]:
+    if isinstance(value, dict):
+        return [pair for key, inner in value.items() for pair in _flat(inner, f"{path}.{key}" if path else str(key))]
+    return [(path, json.dumps(value, sort_keys=True))] if value not in (None, "", []) else []
+
+
+def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> Plan:
+    """Return a qualification plan, checked as far as that goes without running anything.
+
+    Parameters
+    ----------
+    path : path     The TOML file.
+    data : path     A folder of logs outside the project.
+
+    Raises
+    ------
+    DeckError           When it does not follow the grammar, says no objective, test or limit, or a test has no course.
+    NameNotFoundError   When a test names a sensor, a set of criteria or a host that the plan does not have.
+    """
+    from pydantic import ValidationError
+
+    from thermid.model.faults import deck_error
+    from thermid.qualify.plan_schema import PlanFile
+
+    target = Path(path)
+    raw, lines = read_toml(target)
+    _not_empty(raw, target.name)
+
+    def where(key: str) -> str:
+        steps = key.split(".")
+        line = next((lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in lines), None)
+        return f"{target.name}:{line}, {key}" if line else f"{target.name}, {key}"
+
+    try:
+        content = PlanFile.model_validate(raw)
+    except ValidationError as error:
+        raise deck_error(error, raw, where, PlanFile) from None
+    source = content.model
+    if bool(source.deck) == bool(source.campaign) or bool(source.campaign) != bool(source.stage):
+        raise DeckError(
+            "the model is a deck, with a values file if there is one, or a stage of a campaign: campaign and stage.", where("model")
+        )
+    given = content.limits
+    if isinstance(given, str):
+        limits = load_limits(resolve_inside(target.parent, given, where("limits")))
+    else:
+        limits = read_limits(given, where("limits"))
+    own = {name: read_criteria(name, table, where(f"criteria.{name}")) for name, table in content.criteria.items()}
+    criteria = CRITERIA | own
+    for k, test in enumerate(content.tests):
+        _check_test(content, test, criteria, lambda key, k=k: where(f"tests.{k}.{key}"))  # type: ignore[misc]
+    if content.margins.policy not in POLICIES:
+        known = "; ".join(POLICIES)
+        raise NameNotFoundError(
+            f"no margin policy '{content.margins.policy}'; there are {known}.{nearest(content.margins.policy, POLICIES)}",
+            where("margins.policy"),
+        )
+    folder = Path(data) if data is not None else None
+    return Plan(target, content, limits, criteria, _hashes(target, content, where), folder)
+
+
+def _not_empty(raw: Mapping[str, Any], name: str) -> None:
+    """Refuse a plan that plans nothing, before its grammar is looked at."""
+    lacking = [k for k in ("title", "objectives", "model", "limits", "sensors", "tests") if not raw.get(k)]
+    if len(lacking) == 6:
+        raise DeckError(
+            "the plan is empty. It says what is to be shown before any log is read: title, objectives, [model], [limits], [sensors] and "
+            "[[tests]].",
+            name,
+        )
+    if lacking:
+        raise DeckError(
+            f"the plan has no {', no '.join(lacking)}. Say so before any log is read; what is decided afterwards proves little.", name
+        )
+
+
+def _check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, CriteriaSet], where: Callable[[str], str]) -> None:
+    names = [t.name for t in content.tests]
+    if not test.name.strip() or names.count(test.name) > 1:
+        raise DeckError(f"a test needs a name of its own, not '{test.name}'.", where("name"))
+    if (test.profile is None) == (test.scenario is None):
+        raise DeckError(f"test '{test.name}' needs its course: a profile or a scenario, one of them.", where("name"))
+    if test.host and test.host not in content.hosts:
+        raise NameNotFoundError(f"there is no host '{test.host}'.{nearest(test.host, content.hosts)}", where("host"))
+    for sensor in test.sensors:
+        if sensor not in content.sensors:
+            raise NameNotFoundError(f"there is no sensor '{sensor}'.{nearest(sensor, content.sensors)}", where("sensors"))
+    for name in test.criteria:
+        if name not in criteria:
+            raise NameNotFoundError(
+                f"there are no criteria '{name}'; there are {', '.join(criteria)}.{nearest(name, criteria)}", where("criteria")
+            )
+    steady = [n for n in test.criteria if "steady" in criteria[n].kinds]
+    if test.log is not None and steady and not test.steady:
+        raise DeckError(
+            f"'{steady[0]}' judges settled cases, and test '{test.name}' names no settled stretch: steady = [[\"4 [h]\", \"5 [h]\"]].",
+            where("criteria"),
+        )
+    for window in test.steady:
+        if len(window) != 2:
+            raise DeckError('a settled stretch is a pair of times, ["4 [h]", "5 [h]"].', where("steady"))
+
+
+def _hashes(target: Path, content: PlanFile, where: Callable[[str], str]) -> dict[str, str]:
+    """Return the files that a plan rests on with the hash of what they say; of a deck, of the whole model."""
+    folder, source = target.parent, content.model
+    out = {}
+
+    def model(name: str) -> Model:
+        return load_model(resolve_inside(folder, name, where("model")))
+
+    if source.deck:
+        out[source.deck] = model(source.deck).identity()
+    plain = [source.values, source.campaign, content.limits if isinstance(content.limits, str) else ""]
+    plain += [t.scenario for t in content.tests if isinstance(t.scenario, str)] + [h.deck for h in content.hosts.values()]
+    for name in (n for n in plain if n):
+        file = resolve_inside(folder, name, where("files"))
+        if not file.is_file():
+            raise DeckError(f"there is no file '{name}'.", target.name)
+        out[name] = hashlib.sha256(file.read_bytes()).hexdigest()
+    return out

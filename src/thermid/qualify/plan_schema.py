@@ -1,0 +1,161 @@
+"""The grammar of a qualification plan as pydantic models."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+__all__ = ["KINDS", "PlanFile"]
+
+KINDS = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity", "transport", "hold", "ascent", "coast", "on-board", "other")
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class DocumentTable(_Strict):
+    """What a report is filed under."""
+
+    number: str = ""
+    issue: str = ""
+    date: str = ""
+    prepared: str = ""
+    checked: str = ""
+    approved: str = ""
+
+
+class DifferenceTable(_Strict):
+    """Something that is tested otherwise than it flies."""
+
+    what: str
+    effect: str = ""
+
+
+class ConfigurationTable(_Strict):
+    """The hardware and its model as they are tested and as they fly."""
+
+    as_tested: str = ""
+    as_flown: str = ""
+    differences: list[DifferenceTable] = []
+
+
+class SourceTable(_Strict):
+    """The model: a deck with its values file, or a stage of a campaign."""
+
+    deck: str = ""
+    values: str = ""
+    campaign: str = ""
+    stage: str = ""
+    data: str = ""
+    reasons: dict[str, str] = {}
+
+
+class HostTable(_Strict):
+    """A macro model whose unit is the model."""
+
+    deck: str
+    unit: str = "unit"
+
+
+class SensorTable(_Strict):
+    """A sensor: where it sits, why there, and how far it can be believed."""
+
+    node: str
+    reason: str
+    location: str = ""
+    accuracy: str = ""
+    noise: str = ""
+    certificate: str = ""
+
+
+class MarginTable(_Strict):
+    """What is added to a predicted temperature."""
+
+    policy: str = "SMC-S-016"
+    balance_tested: bool = False
+
+
+class ExclusionTable(_Strict):
+    """Sensors that do not count, with reasons, and how large a part of all they may be."""
+
+    cap: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    reasons: dict[str, str] = {}
+
+
+class ValidityTable(_Strict):
+    """Where the model was calibrated."""
+
+    temperature: list[str] = []
+    pressure: list[str] = []
+    power: list[str] = []
+    gravity: list[str] = []
+    orientation: list[str] = []
+    basis: str = ""
+
+
+class LogTable(_Strict):
+    """What was measured, and what a log's columns drive."""
+
+    file: str
+    simulated: str = ""
+    time: str = ""
+    boundaries: dict[str, str] = {}
+    loads: dict[str, str] = {}
+    start: str = "measured"
+    prepare: list[dict[str, Any]] = []
+
+
+class TestTable(_Strict):
+    """One environmental test, or the experiment on board."""
+
+    name: str
+    kind: Literal[KINDS]  # type: ignore[valid-type]
+    purpose: str = ""
+    state: Literal["planned", "run", "closed", "waived"] = "planned"
+    service: bool = False
+    profile: dict[str, Any] | None = None
+    scenario: str | dict[str, Any] | None = None
+    host: str = ""
+    chamber: str | list[str] = []
+    base: str = ""
+    watch: list[str] = []
+    equipment: list[str] | None = None
+    operating: bool = True
+    every: str = "2 [min]"
+    sensors: list[str] = []
+    criteria: list[str] = []
+    weights: dict[str, float] = {}
+    steady: list[list[str]] = []
+    spread: dict[str, str] = {}
+    heaters: dict[str, str] = {}
+    gravity: str = ""
+    orientation: str = ""
+    log: LogTable | None = None
+    deviations: list[str] = []
+    heat_leaks: list[str] = []
+    date: str = ""
+    note: str = ""
+
+
+class PlanFile(_Strict):
+    """A qualification plan."""
+
+    title: str
+    use: str = ""
+    note: str = ""
+    objectives: list[str] = []
+    success: list[str] = []
+    document: DocumentTable = DocumentTable()
+    configuration: ConfigurationTable = ConfigurationTable()
+    model: SourceTable
+    hosts: dict[str, HostTable] = {}
+    limits: str | dict[str, dict[str, Any]] = {}
+    margins: MarginTable = MarginTable()
+    sensors: dict[str, SensorTable] = {}
+    criteria: dict[str, dict[str, Any]] = {}
+    exclusions: ExclusionTable = ExclusionTable()
+    validity: ValidityTable = ValidityTable()
+    discrepancies: list[str] = []
+    tests: list[TestTable] = []
