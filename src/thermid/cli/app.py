@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from thermid.cli import credibility as recording
-from thermid.cli import exchange, predict, trust
+from thermid.cli import exchange, log, predict, trust
 from thermid.cli import hold as holding
 from thermid.cli import swap as replacing
 
@@ -297,6 +297,7 @@ def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck
 
 
 exchange.register(app)
+log.register(app)
 predict.register(app)
 replacing.register(app)
 recording.register(app)

@@ -10,13 +10,14 @@ from typing import Final
 import numpy as np
 
 from thermid.errors import NameNotFoundError, RecordError
+from thermid.measure.benchlog import bench_cells, is_bench_log
 from thermid.measure.bindings import Binding, bindings, find_column, sd, unit_and_quantity
 from thermid.measure.channel import BoolArray, Channel, FloatArray, Origin, digest
 from thermid.measure.columns import decimal_sign, name_and_unit, numbers, read_times
 from thermid.measure.export import from_unit
 from thermid.measure.part import worn
 from thermid.measure.record import Record
-from thermid.measure.textfile import Cells, read_cells
+from thermid.measure.textfile import Cells, read_bytes, read_cells
 
 __all__ = ["read_record"]
 
@@ -41,6 +42,7 @@ def read_record(
     Parameters
     ----------
     path : str or Path       A log with a header line: commas, semicolons or tabs, plain or gzip; lines that start with '#' are comments.
+                             Or a log of the bench as ``thermid log`` writes it, also while it grows.
     channels : mapping       Target to column, ``{"case": "ACC_X"}``, or column to table,
                              ``{"T1": {"node": "h1.sensor", "noise": "0.3 [K]"}}``. A table has one of node,
                              boundary, load, command (a path in the model), and gain, noise, accuracy, resolution, unit; of a
@@ -65,7 +67,8 @@ def read_record(
     Samples of one stamp are averaged; of a power or command the last one holds. Empty cells, NaN, NA, N/A and null are masked as
     'not a number'.
     """
-    cells = read_cells(path, separator)
+    data = read_bytes(Path(path))
+    cells = bench_cells(data, Path(path).name) if is_bench_log(data) else read_cells(data, Path(path).name, separator)
     at = _time_column(cells, time)
     time_name, time_unit = name_and_unit(cells.header[at])
     given = dict(units or {})
@@ -136,7 +139,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
             f"'{text}' is no number. Missing samples are written empty, NaN or NA; with decimal commas, give decimal=','.",
             cells.where(samples, column),
         )
-    return Channel.of(
+    made = Channel.of(
         binding.name,
         from_unit(samples, unit_text),
         quantity=quantity,
@@ -144,11 +147,22 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         target=binding.target,
         gain=binding.gain,
         noise=sd(binding.noise, unit_text, quantity, f"{where}, noise"),
-        accuracy=sd(binding.accuracy, unit_text, quantity, f"{where}, accuracy"),
-        resolution=sd(binding.resolution, unit_text, quantity, f"{where}, resolution"),
+        accuracy=sd(binding.accuracy or cells.accuracy.get(column), unit_text, quantity, f"{where}, accuracy"),
+        resolution=sd(binding.resolution or cells.resolution.get(column), unit_text, quantity, f"{where}, resolution"),
         column=column,
         unit=unit_text,
     )
+    return _masked(made, cells.reasons.get(column, {}))
+
+
+def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
+    """Return a channel with the rows masked that the log itself calls faults."""
+    valid, masks = channel.valid.copy(), {}
+    for reason, rows in reasons.items():
+        masks[reason] = np.zeros_like(valid)
+        masks[reason][rows] = True
+        valid[rows] = False
+    return replace(channel, valid=valid, masks=masks) if masks else channel
 
 
 def _origin(cells: Cells, at: int, parsed: list[FloatArray | int], start: str | None) -> Origin:

@@ -6,13 +6,14 @@ import codecs
 import csv
 import gzip
 import zlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from thermid.errors import MissingDataError, RecordError, nearest
 
-__all__ = ["MISSING", "Cells", "is_number", "read_cells"]
+__all__ = ["MISSING", "Cells", "is_number", "read_bytes", "read_cells"]
 
 MISSING: Final = frozenset({"", "nan", "na", "n/a", "null"})
 """Cells that stand for a missing number, in any case of letters. A dash is none: in real logs it shows columns that have slipped."""
@@ -32,6 +33,9 @@ class Cells:
     columns : list of tuples of str  Cells by column, in file order.
     lines : list of int              Line number of each row.
     notes : tuple of str             What a reader must know: encoding, separator, a dropped line.
+    synthetic : bool                 Whether its first lines say so.
+    reasons : mapping                Rows that are masked, by column and reason; of a log that names its faults.
+    resolution, accuracy : mapping   What the log itself says of a sensor, by column.
     """
 
     file: str
@@ -40,6 +44,9 @@ class Cells:
     lines: list[int]
     notes: tuple[str, ...]
     synthetic: bool = False
+    reasons: Mapping[str, Mapping[str, list[int]]] = field(default_factory=dict)
+    resolution: Mapping[str, str] = field(default_factory=dict)
+    accuracy: Mapping[str, str] = field(default_factory=dict)
 
     def where(self, row: int | None = None, column: str = "") -> str:
         """Return a place for a message: file, line, column."""
@@ -56,26 +63,24 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def read_cells(path: str | Path, separator: str | None) -> Cells:
-    """Return the cells of a log: commas, semicolons or tabs; packed by gzip or not; lines that are blank or start with '#' left out.
+def read_cells(data: bytes, file: str, separator: str | None) -> Cells:
+    """Return the cells of a log: commas, semicolons or tabs; lines that are blank or start with '#' left out.
 
     Raises
     ------
-    MissingDataError   When the file does not exist.
-    RecordError        When it is empty, binary, has no samples, or its columns cannot be told.
+    RecordError   When it is empty, binary, has no samples, or its columns cannot be told.
     """
-    place = Path(path)
-    text, notes = _text(place)
+    text, notes = _text(data, file)
     whole = text.endswith("\n")
     lines = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
-        raise RecordError("the file is empty." if not text.strip() else "the file has only comments.", place.name)
-    mark = _separator(lines, separator, place.name)
-    rows, numbers = _rows(lines, mark, place.name)
+        raise RecordError("the file is empty." if not text.strip() else "the file has only comments.", file)
+    mark = _separator(lines, separator, file)
+    rows, numbers = _rows(lines, mark, file)
     header = tuple(name.strip() or f"column {at}" for at, name in enumerate(rows[0], 1))
     if all(is_number(name) for name in rows[0]):
         raise RecordError(
-            "the first line holds numbers; a header line with the names of the columns is needed above it.", f"{place.name}:{numbers[0]}"
+            "the first line holds numbers; a header line with the names of the columns is needed above it.", f"{file}:{numbers[0]}"
         )
     rows, numbers = rows[1:], numbers[1:]
     rows, cut = _without_cut_line(rows, len(header), whole)
@@ -83,19 +88,25 @@ def read_cells(path: str | Path, separator: str | None) -> Cells:
         notes.append(f"line {numbers[-1]}, the last one, is cut short and was dropped")
         numbers = numbers[:-1]
     if not rows:
-        raise RecordError("there is a header and no samples below it.", place.name)
+        raise RecordError("there is a header and no samples below it.", file)
     for row, number in zip(rows, numbers, strict=True):
         if len(row) != len(header):
             raise RecordError(
                 f"{len(row)} columns stand in this line, {len(header)} in the header. Mend it, put '#' before it, or give the separator.",
-                f"{place.name}:{number}",
+                f"{file}:{number}",
             )
     synthetic = any(line.lstrip().startswith("#") and "SYNTHETIC" in line for line in text.split("\n", 20)[:20])
-    return Cells(place.name, header, list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic)
+    return Cells(file, header, list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic)
 
 
-def _text(place: Path) -> tuple[str, list[str]]:
-    """Return the text of a file with plain line ends, and notes on how it was read."""
+def read_bytes(place: Path) -> bytes:
+    """Return the bytes of a file, unpacked where it is packed by gzip.
+
+    Raises
+    ------
+    MissingDataError   When it does not exist.
+    RecordError        When it is a folder, or a damaged gzip file.
+    """
     if not place.exists():
         near = (
             nearest(place.name, [each.name for each in place.parent.iterdir()])
@@ -111,7 +122,12 @@ def _text(place: Path) -> tuple[str, list[str]]:
             data = gzip.decompress(data)
         except (EOFError, OSError, zlib.error) as error:
             raise RecordError(f"the gzip file is damaged or cut short ({error}). Fetch it again.", place.name) from None
-    text, notes = _decoded(data, place.name)
+    return data
+
+
+def _text(data: bytes, file: str) -> tuple[str, list[str]]:
+    """Return the text of a file with plain line ends, and notes on how it was read."""
+    text, notes = _decoded(data, file)
     return text.replace("\r\n", "\n").replace("\r", "\n"), notes
 
 

@@ -1,0 +1,192 @@
+"""A board made of Python alone: it speaks the protocol of `docs/bench.md` about sensors that a function drives, with faults on order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from thermid.errors import RecordError
+from thermid.measure.wire import crc8, sealed, unsealed
+
+__all__ = ["FIRMWARE", "Board", "World", "made_up_rom"]
+
+FIRMWARE = "thermid-bench 1"
+
+World = Callable[[float, tuple[float, float]], Sequence[float]]
+"""Temperatures of the sensors [degC], from the time [s] and the duties of the heaters since the call before [-]."""
+
+_TURN = 1 << 32
+_LIMITS = {"resolution": (9, 12), "interval": (100, 3_600_000), "limit": (-880, 2000), "silence": (200, 3_600_000)}
+
+
+def made_up_rom(number: int) -> str:
+    """Return a ROM with a good CRC, the same for the same number."""
+    body = bytes([0x28]) + (0x0F1A0B3C0000 + number).to_bytes(6, "little")
+    return (body + bytes([crc8(body)])).hex().upper()
+
+
+class Board:
+    """The firmware's behaviour without the firmware.
+
+    Parameters
+    ----------
+    world : callable        What the sensors feel, see `World`.
+    sensors : int           Number of sensors.
+    """
+
+    def __init__(self, world: World, sensors: int) -> None:
+        self.world = world
+        self.roms = [made_up_rom(k) for k in range(sensors)]
+        self.faults: dict[int, str] = {}
+        """Sensor -> crc, lost, short, power, or a raw value as text, which is sent as if it were good."""
+        self.seconds = 0.0  # of the world; a reset does not stop it
+        self.sent = 0
+        self.out: list[str] = []
+        self._boot("power")
+
+    def _boot(self, cause: str) -> None:
+        """Start as after a reset."""
+        self.cause = cause
+        self.number = self.ms = self.heard = 0
+        self.duty = [0, 0]
+        self.refuses = ""
+        self.settings = {"resolution": 12, "interval": 1000, "limit": 1600, "silence": 2000}
+        self.cycle = self.report = 1000
+        self._identify()
+
+    def reset(self, cause: str = "external") -> None:
+        """Press the button."""
+        self._boot(cause)
+
+    def take(self) -> list[str]:
+        """Return the lines sent since the call before, without line feeds."""
+        lines, self.out = self.out, []
+        return lines
+
+    def advance(self, ms: int) -> None:
+        """Let some time pass. [ms]"""
+        end = self.ms + ms
+        while True:
+            silent = self.heard + self.settings["silence"] if any(self.duty) else end + 1
+            due = min(self.cycle, silent)
+            if due > end:
+                break
+            self._pass(due)
+            if due == silent:
+                self._off("silent", "")
+            else:
+                self._measure()
+        self._pass(end)
+
+    def _pass(self, to: int) -> None:
+        """Move the clocks."""
+        self.seconds += (to - self.ms) / 1000.0
+        self.ms = to
+
+    def _say(self, kind: str, *fields: object) -> None:
+        """Send one line."""
+        self.out.append(sealed(",".join([kind, str(self.number % _TURN), str(self.ms % _TURN), *map(str, fields)])))
+        self.number += 1
+        self.sent += 1
+
+    def _identify(self) -> None:
+        """Send what the board is."""
+        self._say("B", "python", FIRMWARE, self.cause)
+        for rom in self.roms:
+            self._say("S", rom, self.settings["resolution"])
+        if not self.roms:
+            self._say("E", "none")
+        self._say("C", self.settings["interval"], self.settings["limit"], self.settings["silence"])
+
+    def _heaters(self) -> None:
+        """Send both duties."""
+        for k, duty in enumerate(self.duty, 1):
+            self._say("D", f"H{k}", duty, "ok")
+
+    def _off(self, word: str, detail: str) -> None:
+        """Cut the heaters off and say why."""
+        self.duty = [0, 0]
+        if word in ("overtemp", "blind"):
+            self.refuses = word
+        self._say("E", word, *([detail] if detail else []))
+        self._heaters()
+
+    def _measure(self) -> None:
+        """Take one cycle; send it if it is due."""
+        temperatures = self.world(self.seconds, (self.duty[0] / 1000.0, self.duty[1] / 1000.0))
+        step = 1 << (12 - self.settings["resolution"])
+        send = self.ms >= self.report
+        hot, seen = "", not self.roms
+        for k, (rom, celsius) in enumerate(zip(self.roms, temperatures, strict=True)):
+            fault = self.faults.get(k, "")
+            raw: int | str = max(-880, min(2000, round(celsius * 16 / step) * step))
+            status = "ok"
+            if fault in ("crc", "lost", "short"):
+                raw, status = "", fault
+            elif fault == "power":
+                raw, status = 1360, "power"
+            elif fault:
+                raw = int(fault)
+            if isinstance(raw, int) and status == "ok":
+                seen = True
+                hot = hot or (rom if raw >= self.settings["limit"] else "")
+            if send:
+                self._say("D", rom, raw, status)
+        if send:
+            self._heaters()
+        if any(self.duty) and (hot or not seen):
+            self._off("overtemp" if hot else "blind", hot)
+        interval = max(self.settings["interval"], 750 >> (12 - self.settings["resolution"]))
+        if send:
+            self.report = self.ms + interval
+        self.cycle = min(self.report, self.ms + 1000) if any(self.duty) else self.report
+
+    def hear(self, text: str) -> None:
+        """Take in one line of the host."""
+        try:
+            body = unsealed(text)
+        except RecordError:
+            self._say("E", "garbled")
+            return
+        number, _, rest = body.partition(",")
+        word, *arguments = rest.split(",")
+        self.heard = self.ms
+        if not number.isdigit():
+            self._say("E", "garbled")
+            return
+        answer = self._obey(word, arguments)
+        if number != "0":
+            self._say("R", number, answer)
+        if word in ("identify", "search"):
+            self._identify()
+        elif word == "count":
+            self._say("E", "count", self.number)
+        elif word == "heater":
+            self._heaters()
+
+    def _obey(self, word: str, arguments: list[str]) -> str:
+        """Do what a command says; return ok or why not."""
+        try:
+            values = [int(each) for each in arguments]
+        except ValueError:
+            return "not a number"
+        if word in ("identify", "search", "count", "alive"):
+            return "ok" if not values else "too many arguments"
+        if word == "clear":
+            self.refuses = ""
+            return "ok"
+        if word in _LIMITS and len(values) == 1:
+            low, high = _LIMITS[word]
+            if not low <= values[0] <= high:
+                return "out of range"
+            self.settings[word] = values[0]
+            self.report = min(self.report, self.ms + self.settings["interval"])
+            self.cycle = min(self.cycle, self.report)
+            return "ok"
+        if word == "heater" and len(values) == 2 and values[0] in (1, 2) and 0 <= values[1] <= 1000:
+            if self.refuses and values[1]:
+                return self.refuses
+            self.duty[values[0] - 1] = values[1]
+            if any(self.duty):
+                self.cycle = min(self.cycle, self.ms + 1000)
+            return "ok"
+        return "unknown"

@@ -1,0 +1,162 @@
+"""Guided work at the bench: which sensor is which, and what each shows in ice water."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import date
+from math import sqrt
+from pathlib import Path
+
+import numpy as np
+
+from thermid.acquire.logger import Logger
+from thermid.acquire.sensormap import Certificate, Sensor, save_sensor
+from thermid.errors import RecordError
+
+__all__ = ["certificate_of", "ice_point", "tell_apart"]
+
+_RISE = 2.0
+"""Rise that a hand gives a sensor within seconds, and no draught does. [K]"""
+
+_BATH = 0.02
+"""Standard deviation of the temperature of stirred ice and water that the procedure of docs/bench.md gives. [K]"""
+
+_SHORT, _FAR = 60, 2.0
+
+
+def tell_apart(log: Logger, path: Path, say: Callable[[str], object], ask: Callable[[str], str], patience: float = 120.0) -> list[Sensor]:
+    """Ask for each sensor to be warmed, and write its name to the map.
+
+    Parameters
+    ----------
+    log : Logger          A running log.
+    path : Path           The map that is written.
+    say, ask : callable   Tell the user something; ask for a text.
+    patience : float      Time after which nothing is waited for any more. [s]
+
+    Raises
+    ------
+    RecordError   When no sensor answers.
+    """
+    roms = _sensors(log)
+    say(f"{len(roms)} sensors answer. Warm one of them between two fingers.")
+    made: list[Sensor] = []
+    while len(made) < len(roms):
+        left = [rom for rom in roms if rom not in {each.rom for each in made}]
+        rom = left[0] if len(left) == 1 else _warmed(log, left, patience)
+        if rom is None:
+            say(f"nothing became warmer by {_RISE:g} K within {patience:g} s; {len(left)} sensors stay without a name.")
+            break
+        if rom in log.sensors:
+            say(f"this is '{log.sensors[rom].name}' so far.")
+        name = ask(f"{rom}: name of its channel").strip()
+        if not name or any(each.name == name for each in made):
+            say("a name is needed, and each once.")
+            continue
+        old = log.sensors.get(rom)
+        made.append(Sensor(name, rom, old.certificate if old is not None else None, old.note if old is not None else ""))
+        save_sensor(path, made[-1])
+        if len(made) < len(roms):
+            say(f"'{name}' is written. Warm the next one." if len(left) > 2 else f"'{name}' is written. The last one is left.")
+    return made
+
+
+def _sensors(log: Logger) -> list[str]:
+    """Return the ROMs that answer, once each has."""
+    log.ask("search")
+    seen: set[str] = set()
+    while log.elapsed < 15.0 and not (seen and seen <= set(log.watch.values) | set(log.watch.faults)):
+        log.step()
+        seen = set(log.state.bits)
+    if not seen:
+        raise RecordError("no sensor answers. Check the wire, the 4.7 kohm pull-up and the supply; docs/bench.md has a drawing.", "bench")
+    return sorted(seen)
+
+
+def _warmed(log: Logger, roms: list[str], patience: float) -> str | None:
+    """Return the sensor that rises, ahead of the others; None when none does."""
+    start = {rom: log.watch.values.get(rom) for rom in roms}
+    begun = log.state.seconds
+    while log.state.seconds - begun < patience:
+        log.step()
+        for rom in roms:
+            if start[rom] is None:
+                start[rom] = log.watch.values.get(rom)
+        rises = {rom: log.watch.values[rom] - base for rom, base in start.items() if base is not None and rom in log.watch.values}
+        best = sorted(rises, key=lambda rom: rises[rom], reverse=True)
+        if best and rises[best[0]] > _RISE and (len(best) == 1 or rises[best[1]] < 0.5 * rises[best[0]]):
+            return best[0]
+    return None
+
+
+def certificate_of(values: np.ndarray, resolution: float, when: str) -> Certificate:
+    """Return the certificate of readings in ice water [degC]: minus their mean, with the errors of bath, steps and noise.
+
+    Parameters
+    ----------
+    values : array (samples,)   Readings. [degC]
+    resolution : float          Step of the sensor. [K]
+    when : str                  Date of the test.
+
+    Raises
+    ------
+    RecordError   When there are too few, they drift, or they are not near 0 degC.
+    """
+    if values.size < _SHORT:
+        raise RecordError(f"{values.size} readings; {_SHORT} are needed.", "ice point")
+    half = values.size // 2
+    drift = float(values[half:].mean() - values[:half].mean())
+    if abs(drift) > resolution:
+        raise RecordError(f"it still drifts, by {drift:+.3f} K between both halves. Wait until it has settled, and stir.", "ice point")
+    mean = float(values.mean())
+    if abs(mean) > _FAR:
+        raise RecordError(f"it shows {mean:.2f} degC. Is it in the ice water? A good sensor is within {_FAR:g} K.", "ice point")
+    # a quantised reading that does not move is uncertain by its step over sqrt(12), however long it is read
+    error = sqrt(_BATH**2 + resolution**2 / 12.0 + (values.std() ** 2) / values.size)
+    return Certificate(-mean, error, when, "ice point")
+
+
+def ice_point(log: Logger, path: Path, say: Callable[[str], object], confirm: Callable[[str], bool], readings: int = 120) -> list[Sensor]:
+    """Read all sensors in ice water and write their certificates to the map.
+
+    Parameters
+    ----------
+    log : Logger              A running log.
+    path : Path               The map that is written.
+    say, confirm : callable   Tell the user something; ask whether all is ready.
+    readings : int            Readings of each sensor.
+
+    Raises
+    ------
+    RecordError   When no sensor answers.
+    """
+    roms = _sensors(log)
+    say("Crushed ice of clean water, water just to its top, stirred; sensors in its middle, ten minutes at least.")
+    if not confirm(f"Are all {len(roms)} sensors in it?"):
+        return []
+    taken: dict[str, list[float]] = {rom: [] for rom in roms}
+    tried = 0
+    while min(map(len, taken.values())) < readings and tried < 50 * readings * len(roms):
+        line = log.step()
+        tried += 1
+        if (
+            line is not None
+            and line.kind == "D"
+            and line.fields[0] in taken
+            and line.fields[0] not in log.watch.faults
+            and line.raw is not None
+        ):
+            taken[line.fields[0]].append(line.raw / 16.0)
+    made = []
+    for rom, values in taken.items():
+        step = 2.0 ** (8 - log.state.bits.get(rom, 12))
+        try:
+            given = certificate_of(np.array(values[-readings:]), step, date.today().isoformat())
+        except RecordError as error:
+            say(f"{log.name_of(rom)}: no certificate: {error.message}")
+            continue
+        old = log.sensors.get(rom, Sensor(rom, rom))
+        made.append(Sensor(old.name, rom, given, old.note))
+        save_sensor(path, made[-1])
+        say(f"{old.name}: {given.offset:+.3f} K +- {given.uncertainty:.3f} K is written")
+    return made

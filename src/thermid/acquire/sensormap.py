@@ -1,0 +1,155 @@
+"""The sensor map: which ROM is which channel, and what its certificate says. Sensors answer in the order of their ROM, not of the wire."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from thermid.errors import MissingDataError, RecordError, nearest
+from thermid.measure.amounts import amount
+from thermid.measure.wire import rom_is_good
+
+__all__ = ["Certificate", "Sensor", "load_sensors", "save_sensor"]
+
+_KEYS = ("rom", "note", "certificate")
+_CERTIFICATE_KEYS = ("offset", "uncertainty", "date", "method")
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What a comparison with a reference said of a sensor.
+
+    Parameters
+    ----------
+    offset : float        To be added to the reading. [K]
+    uncertainty : float   Standard deviation of the offset. [K]
+    date : str            When.
+    method : str          How, such as 'ice point'.
+    """
+
+    offset: float
+    uncertainty: float
+    date: str = ""
+    method: str = ""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One line of the map.
+
+    Parameters
+    ----------
+    name : str                          Name of its channel.
+    rom : str                           Its ROM, 16 hexadecimal digits, family first.
+    certificate : Certificate or None   What is known of its offset.
+    note : str                          Where it is glued.
+    """
+
+    name: str
+    rom: str
+    certificate: Certificate | None = None
+    note: str = ""
+
+    def as_header(self) -> dict[str, Any]:
+        """Return what the header of a log says of it."""
+        out: dict[str, Any] = {"rom": self.rom, "name": self.name}
+        if self.note:
+            out["note"] = self.note
+        if self.certificate is not None:
+            c = self.certificate
+            out |= {"offset_K": c.offset, "uncertainty_K": c.uncertainty, "date": c.date, "method": c.method}
+        return out
+
+
+def load_sensors(path: str | Path) -> dict[str, Sensor]:
+    """Return the sensors of a map file by their ROM.
+
+    Raises
+    ------
+    MissingDataError   When there is no such file.
+    RecordError        When it is no TOML, a ROM is mistyped or stands twice, or a key is unknown.
+    """
+    place = Path(path)
+    if not place.is_file():
+        raise MissingDataError("there is no such sensor map. `thermid log --identify` makes one.", str(place))
+    try:
+        content = tomllib.loads(place.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RecordError(f"it is no TOML: {error}.", place.name) from None
+    tables = content.get("sensors")
+    if not isinstance(tables, Mapping) or not tables or set(content) != {"sensors"}:
+        raise RecordError('a sensor map has tables such as [sensors.T1] with rom = "28...", and nothing else.', place.name)
+    out: dict[str, Sensor] = {}
+    for name, table in tables.items():
+        sensor = _sensor(name, table, f"{place.name}, sensors.{name}")
+        if sensor.rom in out:
+            raise RecordError(f"ROM {sensor.rom} is that of '{out[sensor.rom].name}' too.", f"{place.name}, sensors.{name}")
+        out[sensor.rom] = sensor
+    return out
+
+
+def _sensor(name: str, table: object, where: str) -> Sensor:
+    """Return one sensor of the file."""
+    if not isinstance(table, Mapping) or not isinstance(table.get("rom"), str):
+        raise RecordError('it needs rom = "28...", 16 hexadecimal digits as the board sends them.', where)
+    for key in table:
+        if key not in _KEYS:
+            raise RecordError(f"no key '{key}'; there are {', '.join(_KEYS)}.{nearest(key, _KEYS)}", where)
+    rom = table["rom"].strip().upper()
+    if len(rom) != 16 or any(digit not in "0123456789ABCDEF" for digit in rom):
+        raise RecordError(f"ROM '{table['rom']}' is not 16 hexadecimal digits.", where)
+    if not rom_is_good(rom):
+        raise RecordError(f"ROM {rom} does not carry its own CRC: a digit is mistyped.", where)
+    given = table.get("certificate")
+    return Sensor(name, rom, None if given is None else _certificate(given, f"{where}.certificate"), str(table.get("note", "")))
+
+
+def _certificate(given: object, where: str) -> Certificate:
+    """Return the certificate of one sensor."""
+    if not isinstance(given, Mapping) or not {"offset", "uncertainty"} <= set(given):
+        raise RecordError('it needs offset = "-0.12 [K]" and uncertainty = "0.05 [K]".', where)
+    for key in given:
+        if key not in _CERTIFICATE_KEYS:
+            raise RecordError(f"no key '{key}'; there are {', '.join(_CERTIFICATE_KEYS)}.{nearest(key, _CERTIFICATE_KEYS)}", where)
+    offset = amount(given["offset"], "K", f"{where}, offset")
+    error = amount(given["uncertainty"], "K", f"{where}, uncertainty")
+    if not error > 0:
+        raise RecordError(f"its uncertainty is {error:g} K; it must be above zero.", where)
+    if abs(offset) > 5.0:
+        raise RecordError(f"its offset is {offset:g} K; a sensor that is off by more than 5 K is broken.", where)
+    return Certificate(offset, error, str(given.get("date", "")), str(given.get("method", "")))
+
+
+def save_sensor(path: str | Path, sensor: Sensor) -> None:
+    """Write a sensor into a map file, in place of the one of its name; comments and the other sensors stay."""
+    import tomlkit
+
+    place = Path(path)
+    content = tomlkit.parse(place.read_text(encoding="utf-8")) if place.is_file() else tomlkit.document()
+    if "sensors" not in content:
+        content["sensors"] = tomlkit.table(is_super_table=True)
+    table = tomlkit.table()
+    table["rom"] = sensor.rom
+    if sensor.note:
+        table["note"] = sensor.note
+    if sensor.certificate is not None:
+        c = sensor.certificate
+        made = tomlkit.table()
+        for key, value in (
+            ("offset", f"{c.offset:.4g} [K]"),
+            ("uncertainty", f"{c.uncertainty:.3g} [K]"),
+            ("date", c.date),
+            ("method", c.method),
+        ):
+            made[key] = value
+        table["certificate"] = made
+    tables: Any = content["sensors"]
+    for name in [name for name, each in tables.items() if each.get("rom") == sensor.rom and name != sensor.name]:
+        del tables[name]  # the sensor has a new name
+    tables[sensor.name] = table
+    fresh = place.with_name(place.name + ".new")
+    fresh.write_text(tomlkit.dumps(content), encoding="utf-8")
+    fresh.replace(place)

@@ -1,0 +1,113 @@
+"""The file of a log: appended to, line by line, each on disk before the next is read."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from pathlib import Path
+
+from thermid.errors import RecordError
+from thermid.measure.benchlog import is_bench_log, log_line
+from thermid.measure.wire import MAGIC
+
+__all__ = ["Store"]
+
+_SESSION = re.compile(rb'^# session \{"number": (\d{1,6})', re.MULTILINE)
+_MOST_WAITING = 64 << 20
+
+
+class Store:
+    """A log that is written to.
+
+    Parameters
+    ----------
+    path : str or Path   The file; it is made, or continued.
+    sync : bool          Whether each line is forced onto the disk itself, so that it outlives a power cut.
+
+    Raises
+    ------
+    RecordError   When it is another kind of file, or another logger writes to it.
+    """
+
+    def __init__(self, path: str | Path, *, sync: bool = True) -> None:
+        self.path = Path(path)
+        self._sync = sync
+        self._waiting = bytearray()
+        self.full = False
+        self.dropped = 0
+        self._file = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+        try:
+            self.session, self.was_cut = self._look()
+        except BaseException:
+            os.close(self._file)
+            raise
+        self._flush_entry()
+
+    def _look(self) -> tuple[int, bool]:
+        """Return the number of this start, and whether the last line of the one before was cut."""
+        if os.name == "posix":
+            import fcntl
+
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise RecordError("another logger writes to it. Stop that one, or give another file.", self.path.name) from None
+        data = self.path.read_bytes()
+        if not data:
+            self._put(f"{MAGIC}\n".encode())
+            return 1, False
+        if not is_bench_log(data) and not f"{MAGIC}\n".encode().startswith(data):
+            raise RecordError("it is not empty and no log of the bench. Give another file; nothing was written.", self.path.name)
+        cut = not data.endswith(b"\n")
+        if cut:
+            self._put(b"\n" if is_bench_log(data) else f"\n{MAGIC}\n".encode())
+        return max((int(each) for each in _SESSION.findall(data)), default=0) + 1, cut
+
+    def _flush_entry(self) -> None:
+        """Force the folder's entry onto the disk, so that a new file outlives a power cut."""
+        if self._sync and os.name == "posix":
+            folder = os.open(self.path.absolute().parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
+
+    def write(self, body: str) -> None:
+        """Append one line and its CRC; what a full disk does not take waits in memory, up to 64 MB."""
+        self._put(log_line(body).encode("latin-1", "backslashreplace"))
+
+    def _put(self, data: bytes) -> None:
+        """Append bytes."""
+        if len(self._waiting) + len(data) > _MOST_WAITING:
+            self.dropped += 1
+            return
+        self._waiting += data
+        self.retry()
+
+    def retry(self) -> None:
+        """Write what waits."""
+        wrote = False
+        while self._waiting:
+            try:
+                done = os.write(self._file, self._waiting)
+            except OSError as error:
+                if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO):
+                    raise
+                self.full = True
+                return
+            del self._waiting[:done]
+            wrote = True
+        self.full = False
+        if wrote and self._sync:
+            getattr(os, "fdatasync", os.fsync)(self._file)
+
+    @property
+    def waiting(self) -> int:
+        """Bytes that a full disk did not take."""
+        return len(self._waiting)
+
+    def close(self) -> None:
+        """Write what waits and give the file back."""
+        self.retry()
+        os.close(self._file)

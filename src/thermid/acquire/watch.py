@@ -1,0 +1,65 @@
+"""Faults as they come: each beginning and each end is a mark, and no faulty value is shown as a temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from thermid.measure.benchlog import RANGE
+from thermid.measure.wire import Line
+
+__all__ = ["Watch"]
+
+_WORDS = {
+    "crc": "three readings with a wrong CRC",
+    "lost": "nothing answers",
+    "short": "the bus is held low",
+    "power": "it was without supply and may show 85 degC",
+    "range": "its value lies outside -55 to 125 degC",
+    "85": "it shows the 85 degC of power-up",
+}
+_QUIET = ("count",)
+
+
+class Watch:
+    """State of each source.
+
+    Parameters
+    ----------
+    name_of : callable   Name of a source.
+    """
+
+    def __init__(self, name_of: Callable[[str], str]) -> None:
+        self._name = name_of
+        self.values: dict[str, float] = {}
+        """Last good value of each source: degC, heater share of one, V, A."""
+        self.faults: dict[str, str] = {}
+        self.counts: dict[str, int] = {}
+
+    def look(self, line: Line) -> list[tuple[str, str]]:
+        """Return the marks that a line asks for: word and text."""
+        if line.kind == "E" and line.fields[0] not in _QUIET:
+            detail = self._name(line.fields[1]) if len(line.fields) > 1 else ""
+            return [(line.fields[0], f"said the board {detail}".rstrip())]
+        if line.kind != "D":
+            return []
+        source, _, status = line.fields
+        value = None if line.raw is None else line.raw * (1 / 16 if len(source) == 16 else {"H": 1e-3, "V": 1e-3, "I": 1e-4}[source[0]])
+        fault = "" if status == "ok" else status
+        if not fault and len(source) == 16 and value is not None:
+            if not RANGE[0] <= value <= RANGE[1]:
+                fault = "range"
+            elif value == 85.0 and abs(self.values.get(source, 0.0) - 85.0) > 2.0:
+                fault = "85"
+        before = self.faults.get(source, "")
+        if fault:
+            self.faults[source] = fault
+            self.counts[source] = self.counts.get(source, 0) + 1
+        else:
+            self.faults.pop(source, None)
+            if value is not None:
+                self.values[source] = value
+        if fault == before:
+            return []
+        return (
+            [("fault", f"{self._name(source)} {fault}: {_WORDS[fault]}")] if fault else [("good", f"{self._name(source)} after {before}")]
+        )

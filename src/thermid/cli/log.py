@@ -1,0 +1,126 @@
+"""``thermid log``: the bench on disk and on the screen."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from thermid.acquire.logger import Logger
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("log")(log)
+
+
+def log(
+    file: Annotated[Path, typer.Argument(help="The log; it is continued where it exists.")],
+    port: Annotated[str | None, typer.Option("--port", help="Serial port; the only board that is found by default.")] = None,
+    sensors: Annotated[Path | None, typer.Option("--sensors", help="Sensor map (TOML): ROM to channel.")] = None,
+    programme: Annotated[Path | None, typer.Option("--programme", help="Heater programme (TOML).")] = None,
+    interval: Annotated[str, typer.Option("--interval", help="Time between samples.")] = "1 [s]",
+    bits: Annotated[int, typer.Option("--bits", help="Resolution of the sensors, 9 to 12.")] = 12,
+    limit: Annotated[str, typer.Option("--limit", help="Temperature of any sensor at which heaters go off.")] = "100 [degC]",
+    silence: Annotated[str, typer.Option("--silence", help="Time without this program after which the board turns heaters off.")] = "2 [s]",
+    settled: Annotated[float, typer.Option("--settled", help="Rate below which a channel has settled, in K/h.")] = 1.0,
+    window: Annotated[str, typer.Option("--window", help="Stretch over which the rate is taken.")] = "10 [min]",
+    duration: Annotated[str | None, typer.Option("--for", help="End after this time of the board, such as '5 [h]'.")] = None,
+    identify: Annotated[bool, typer.Option("--identify", help="Find out which sensor is which by warming them; writes --sensors.")] = False,
+    ice_point: Annotated[
+        bool, typer.Option("--ice-point", help="Sensors stand in ice water: write their certificates to --sensors.")
+    ] = False,
+    simulate: Annotated[bool, typer.Option("--simulate", help="No hardware: three made-up sensors at 60 times their speed.")] = False,
+) -> None:
+    """Log a bench: every line on disk before the next is read; faults, resets and cable pulls are marks, and it goes on."""
+    from thermid.acquire.logger import Logger, Settings
+    from thermid.acquire.port import find_port
+    from thermid.acquire.programme import load_programme
+    from thermid.acquire.sensormap import load_sensors
+    from thermid.errors import RecordError
+    from thermid.measure.amounts import amount, positive_seconds
+    from thermid.units import TEMPERATURE
+
+    given = Settings(
+        positive_seconds(interval, "--interval"),
+        bits,
+        amount(limit, TEMPERATURE, "--limit") - 273.15,
+        positive_seconds(silence, "--silence"),
+        settled,
+        positive_seconds(window, "--window"),
+    )
+    if (identify or ice_point) and sensors is None:
+        raise RecordError("the map that is to be written must be named: --sensors sensors.toml.", "--identify, --ice-point")
+    known = load_sensors(sensors) if sensors is not None and (sensors.exists() or not identify) else {}
+    steps = load_programme(programme) if programme is not None else None
+    end = positive_seconds(duration, "--for") if duration is not None else None
+    with ExitStack() as stack:
+        find: Callable[[], str] = find_port
+        if simulate:
+            from thermid.acquire.demo import simulated
+
+            terminal = stack.enter_context(simulated())
+            find = lambda: terminal.port  # noqa: E731
+        elif port is not None:
+            find = lambda: port  # noqa: E731
+        else:
+            find_port()  # a first look, so that a missing board is an error and not a wait
+        made = Logger(file, find, known, given, steps)
+        stack.callback(made.close)
+        if identify or ice_point:
+            _guided(made, sensors, identify)
+        else:
+            _run(made, end)
+    typer.echo(f"{file}: {made.state.lines} lines, {made.state.missing} missing.")
+
+
+def _run(made: Logger, end: float | None) -> None:
+    """Log until the end of the programme, the given time, or Ctrl-C."""
+    from thermid.acquire.screen import live_table, plain_line
+
+    try:
+        if not sys.stdout.isatty():
+            shown, told = -1e9, ""
+            while not (made.done or (end is not None and made.state.seconds >= end)):
+                made.step()
+                if made.last_mark != told:
+                    told = made.last_mark
+                    typer.echo(told, err=True)
+                if made.elapsed - shown > 60.0 and made.watch.values:
+                    shown = made.elapsed
+                    typer.echo(plain_line(made))
+            return
+        from rich.live import Live
+
+        with Live(live_table(made), refresh_per_second=2, screen=False, auto_refresh=False) as live:
+            last = 0.0
+            while not (made.done or (end is not None and made.state.seconds >= end)):
+                made.step()
+                if time.monotonic() - last > 0.5:
+                    last = time.monotonic()
+                    live.update(live_table(made), refresh=True)
+    except KeyboardInterrupt:
+        typer.echo("stopped; heaters off")
+
+
+def _guided(made: Logger, sensors: Path | None, identify: bool) -> None:
+    """Take the user through identify mode or the ice point."""
+    from thermid.acquire.guide import ice_point, tell_apart
+
+    assert sensors is not None
+    try:
+        if identify:
+            tell_apart(made, sensors, typer.echo, typer.prompt)
+        else:
+            ice_point(made, sensors, typer.echo, typer.confirm)
+    except (KeyboardInterrupt, typer.Abort):
+        typer.echo("stopped; what was written stays")

@@ -1,0 +1,69 @@
+"""``thermid log``: what a user types, also wrongly."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+import thermid as td
+from thermid.acquire.board import made_up_rom
+from unit.cli.conftest import Call
+
+pytest.importorskip("serial", reason="pyserial is not installed: thermid[log]")
+
+PROGRAMME = 'end = "40 [s]"\nsteps = [{ at = "5 [s]", heater1 = "50 [%]" }]\n'
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
+def test_a_step_test_without_hardware(call: Call, tmp_path: Path) -> None:
+    (tmp_path / "sensors.toml").write_text(f'[sensors.plate]\nrom = "{made_up_rom(0)}"\n')
+    (tmp_path / "step.toml").write_text(PROGRAMME)
+    log = tmp_path / "bench.log"
+    said = call(
+        "log", log, "--simulate", "--sensors", tmp_path / "sensors.toml", "--programme", tmp_path / "step.toml", "--silence", "60 [s]"
+    )
+    assert (said.code, "0 missing" in said.out) == (0, True)
+    record = td.read_record(log, {"plate": "plate", "heater1": {"command": "heater"}})
+    plate = record["plate"]
+    assert plate.values[plate.valid][-1] - plate.values[plate.valid][0] > 0.5
+    assert record["heater1"].values[record["heater1"].valid].max() == 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (("--interval", "1 [K]"), "--interval"),
+        (("--bits", "13"), "bits = 13 lies outside 9 to 12"),
+        (("--limit", "400 [degC]"), "limit = 400 lies outside"),
+        (("--sensors", "none.toml", "--simulate"), "there is no such sensor map"),
+        (("--programme", "none.toml", "--simulate"), "there is no such heater programme"),
+        (("--identify", "--simulate"), "--sensors sensors.toml"),
+    ],
+)
+def test_a_mistake_is_named(call: Call, tmp_path: Path, options: tuple[str, ...], word: str) -> None:
+    said = call("log", tmp_path / "bench.log", *options)
+    assert said.code == 2
+    assert word in said.err
+    assert not (tmp_path / "bench.log").exists()
+
+
+def test_no_board_is_an_error_and_not_a_wait(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from serial.tools import list_ports
+
+    monkeypatch.setattr(list_ports, "comports", list)
+    said = call("log", tmp_path / "bench.log")
+    assert said.code == 2
+    assert "no board found (ports: none)" in said.err
+
+
+def test_several_boards_are_asked_about(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from serial.tools import list_ports
+    from serial.tools.list_ports_common import ListPortInfo
+
+    found = [ListPortInfo("ttyA"), ListPortInfo("ttyB")]
+    for each in found:
+        each.vid = 0x2341
+    monkeypatch.setattr(list_ports, "comports", lambda: found)
+    assert "several boards: ttyA (Arduino), ttyB (Arduino)" in call("log", tmp_path / "bench.log").err
