@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from thermid.errors import DeckError, ThermidError
@@ -128,8 +128,10 @@ def flatten(model: Model) -> Flat:
             key = f"conductors.{name}"
             ends = (names.end(owner, prefix, c.between[0], key), names.end(owner, prefix, c.between[1], key))
             fields = {f: f"{prefix}{name}.{f}" for f in c.fields}
-            gas = next((e for e in reversed(ends) if e in names.boundaries), ends[1])
-            conductors.append(FlatConductor(prefix + name, c.kind, ends, fields, c.curve, gas=gas, where=owner.where(key), words=c.words))
+            gas = names.end(owner, prefix, c.words["to"], f"{key}.to") if "to" in c.words else ""
+            gas = gas or next((e for e in reversed(ends) if e in names.boundaries), ends[1])
+            made = FlatConductor(prefix + name, c.kind, ends, fields, c.curve, gas=gas, where=owner.where(key), words=c.words)
+            conductors += [made, *_losses(made)]
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
     flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes)
@@ -216,6 +218,24 @@ def _joint(owner: Model, prefix: str, name: str, joint: Joint, mid: str, names: 
     return out
 
 
+def _losses(made: FlatConductor) -> list[FlatConductor]:
+    """Return what both ends of a lead lose to its surroundings; an end that is these loses nothing."""
+    if KINDS[made.kind].loss is None:
+        return []
+    if "to" not in made.words:
+        if {"htc", "effective_htc", "emissivity"} & set(made.fields):
+            raise DeckError('a lead that loses heat on its way names the node that takes it: to = "air".', made.where)
+        return []
+    if {"htc", "effective_htc"} <= set(made.fields):
+        raise DeckError("a lead has htc (convection alone) or effective_htc (convection and radiation together), not both.", made.where)
+    sides = zip(("first", "second"), made.ends, strict=True)
+    return [
+        replace(made, path=f"{made.path}.{which}", ends=(end, made.gas), recipe=KINDS[made.kind].loss)
+        for which, end in sides
+        if end != made.gas
+    ]
+
+
 def _load(owner: Model, prefix: str, name: str, load: HeatLoad, names: Names) -> FlatLoad:
     key = f"loads.{name}"
     node = names.end(owner, prefix, load.into, key)
@@ -229,9 +249,9 @@ def _check_slots(flat: Flat) -> None:
         for name, path in node.fields.items():
             _require(flat.parameters, path, NODE_SLOTS[name])
     for conductor in flat.conductors:
-        slots = KINDS[conductor.kind].slots if conductor.recipe is None else {}
+        slots = KINDS[conductor.kind].slots
         for name, path in conductor.fields.items():
-            _require(flat.parameters, path, slots[name] if slots else "1" if name.endswith(".emissivity") else "m^2")
+            _require(flat.parameters, path, slots.get(name, "1" if name.endswith(".emissivity") else "m^2"))
         if conductor.emissivity:
             _require(flat.parameters, conductor.emissivity, "1")
     for load in flat.loads:

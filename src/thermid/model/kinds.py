@@ -5,6 +5,7 @@ To add a kind: write one recipe below, add one line to KINDS, one test, and one 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -16,6 +17,7 @@ from thermid.dual import Number, value_of
 from thermid.errors import DeckError
 from thermid.model.curves import Curve, evaluate
 from thermid.physics import conduction, contact, convection, radiation
+from thermid.physics.constants import STEFAN_BOLTZMANN
 
 __all__ = ["ANCHOR", "KINDS", "Kind", "Law", "law_conductance"]
 
@@ -25,6 +27,8 @@ ANCHOR: Final = 300.0
 ACCOMMODATION: Final = 0.9
 """Thermal accommodation of air and heavier gases at surfaces of equipment, where none is given: Springer, Advances in Heat Transfer 7
 (1971) 163, has 0.87 to 0.97. Helium and hydrogen need their own, 0.3 to 0.5. [-]"""
+ROOM: Final = 293.15
+"""Temperature at which the radiation of a lead is made linear. [K]"""
 SMOOTHING: Final = 0.01
 """Temperature difference below which a power law is smoothed, so that its derivative stays finite at zero. [K]"""
 
@@ -38,7 +42,8 @@ class Law:
     form : str                      linear, power, radiation, flow, table, gas (at rest, rarefied) or natural (convection by tables).
     coefficients : tuple of Number  What the form needs, the conductance-like one first.
     medium : str                    'solid', 'radiation' or 'gas' (falls with pressure) or 'mixed' (an effective value, gas and radiation);
-                                    'rest' (gas in a gap) and 'correlation' are written out where the gas is known.
+                                    'rest' (gas in a gap) and 'correlation' are written out where the gas is known; 'fin' has conductances
+                                    in air, bare, and with radiation alone where that is known.
     curve : Curve or None           For tables.
     """
 
@@ -63,6 +68,7 @@ class Kind:
     needs_curve : bool          Whether a table must be given.
     optional : frozenset        Fields that may be given beside an alternative.
     words : frozenset           Fields that are names and no numbers.
+    loss : callable or None     Recipe of what each end loses to the node named by ``to``.
     """
 
     recipe: Callable[[Fields], Law | tuple[Law, ...]]
@@ -71,6 +77,7 @@ class Kind:
     needs_curve: bool = False
     optional: frozenset[str] = frozenset()
     words: frozenset[str] = frozenset()
+    loss: Callable[[Fields], Law] | None = None
 
 
 def _from_resistance(resistance: Number) -> Number:
@@ -135,7 +142,39 @@ def _radiation(f: Fields) -> Law:
 
 
 def _flow(f: Fields) -> Law:
-    return Law("flow", (f["mass_flow"] * f["specific_heat"],))
+    mass = f["mass_flow"] if "mass_flow" in f else f["volume_flow"] * f["density"]
+    return Law("flow", (mass * f["specific_heat"],))
+
+
+def _lead(f: Fields) -> Law:
+    """Return what a lead carries from end to end."""
+    return _fin(f, 0)
+
+
+def _lead_loss(f: Fields) -> Law:
+    """Return what a lead loses from one end to its surroundings."""
+    return _fin(f, 1)
+
+
+def _fin(f: Fields, which: int) -> Law:
+    """Return one conductance of a lead's two-port in air, bare, and with radiation alone where that is known; radiation as at ROOM."""
+    if not value_of(f["length"]) > 0.0:
+        raise DeckError("a lead needs a length above zero.")
+    section = 0.25 * math.pi * f["diameter"] ** 2 if "diameter" in f else f["cross_section"]
+    if not value_of(section) * value_of(f["conductivity"]) > 0.0:
+        raise DeckError("a lead needs a cross-section and a conductivity above zero.")
+    round_ = math.pi * f["diameter"] if "diameter" in f else 2.0 * (math.pi * section) ** 0.5
+    shine = 4.0 * STEFAN_BOLTZMANN * ROOM**3 * f["emissivity"] if "emissivity" in f else 0.0
+
+    def port(htc: Number) -> Number:
+        found = conduction.fin_conductances(htc, f.get("perimeter", round_), f["conductivity"], section, f["length"])
+        out: Number = f.get("count", 1.0) * found[which]
+        return out
+
+    bare = port(0.0)
+    if "effective_htc" in f:
+        return Law("linear", (port(f["effective_htc"]), bare, *((port(shine),) if "emissivity" in f else ())), "fin")
+    return Law("linear", (port(f.get("htc", 0.0) + shine), bare, port(shine)), "fin")
 
 
 def _table(f: Fields) -> Law:
@@ -176,7 +215,20 @@ KINDS: Final[Mapping[str, Kind]] = {
     "radiation": Kind(
         _radiation, (_ALL({"emissivity", "area"}), _ALL({"exchange_factor", "area"})), {"emissivity": "1", "exchange_factor": "1", **_AREA}
     ),
-    "flow": Kind(_flow, (_ALL({"mass_flow", "specific_heat"}),), {"mass_flow": "kg/s", "specific_heat": "J/(kg K)"}),
+    "flow": Kind(
+        _flow,
+        (_ALL({"mass_flow", "specific_heat"}), _ALL({"volume_flow", "density", "specific_heat"})),
+        {"mass_flow": "kg/s", "specific_heat": "J/(kg K)", "volume_flow": "m^3/s", "density": "kg/m^3"},
+    ),
+    "lead": Kind(
+        _lead,
+        (_ALL({"conductivity", "length", "diameter"}), _ALL({"conductivity", "length", "cross_section"})),
+        {"conductivity": "W/(m K)", "length": "m", "diameter": "m", "cross_section": "m^2", "perimeter": "m", "count": "1"}
+        | {"htc": "W/(m^2 K)", "effective_htc": "W/(m^2 K)", "emissivity": "1"},
+        optional=_ALL({"perimeter", "count", "htc", "effective_htc", "emissivity"}),
+        words=_ALL({"to"}),
+        loss=_lead_loss,
+    ),
     "table": Kind(_table, (_ALL({"scale"}), _ALL()), {"scale": "1"}, needs_curve=True),
 }
 
