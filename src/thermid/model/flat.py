@@ -14,6 +14,7 @@ from thermid.model.kinds import KINDS, Law
 from thermid.model.model import Model
 from thermid.model.names import Names
 from thermid.model.resolve import ParameterSet
+from thermid.model.stores import Store, potential, store
 from thermid.model.takes import Take
 from thermid.units import require
 
@@ -22,12 +23,22 @@ __all__ = ["Flat", "FlatConductor", "FlatLoad", "FlatNode", "flatten"]
 
 @dataclass(frozen=True)
 class FlatNode:
-    """A node: field -> parameter path; empty fields for an arithmetic node."""
+    """A node: field -> parameter path; empty fields for an arithmetic node; how it stores heat where that changes with temperature."""
 
     path: str
     fields: Mapping[str, str]
     reference_point: bool = False
     where: str = ""
+    store: Store | None = None
+
+    def capacitance(self, values: Mapping[str, Any]) -> Any:
+        """Return m c or C at values of parameters, or None for a massless node. [J/K]"""
+        if not self.fields:
+            return None
+        if "capacitance" in self.fields:
+            return values[self.fields["capacitance"]]
+        mass = values[self.fields["mass"]]
+        return mass * (self.store.reference if self.store is not None else values[self.fields["specific_heat"]])
 
 
 @dataclass(frozen=True)
@@ -114,7 +125,8 @@ def flatten(model: Model) -> Flat:
     for owner, prefix in _walk(model):
         for name, node in owner.nodes.items():
             fields = {f: f"{prefix}{name}.{f}" for f in node.fields}
-            nodes.append(FlatNode(prefix + name, fields, node.reference_point, owner.where(f"nodes.{name}")))
+            heat = store(*node.table) if node.table else None
+            nodes.append(FlatNode(prefix + name, fields, node.reference_point, owner.where(f"nodes.{name}"), heat))
         for name, joint in owner.joints.items():
             mid = prefix + (joint.mid or f"{name}.mid")
             nodes.append(FlatNode(mid, {}, False, owner.where(f"joints.{name}")))
@@ -130,7 +142,8 @@ def flatten(model: Model) -> Flat:
             fields = {f: f"{prefix}{name}.{f}" for f in c.fields}
             gas = names.end(owner, prefix, c.words["to"], f"{key}.to") if "to" in c.words else ""
             gas = gas or next((e for e in reversed(ends) if e in names.boundaries), ends[1])
-            made = FlatConductor(prefix + name, c.kind, ends, fields, c.curve, gas=gas, where=owner.where(key), words=c.words)
+            law = potential(c.curve) if c.curve is not None and KINDS[c.kind].tabulated else c.curve
+            made = FlatConductor(prefix + name, c.kind, ends, fields, law, gas=gas, where=owner.where(key), words=c.words)
             conductors += [made, *_losses(made)]
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))

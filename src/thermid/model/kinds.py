@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import Number, value_of
 from thermid.errors import DeckError
-from thermid.model.curves import Curve, evaluate
+from thermid.model.curves import Curve, evaluate, value_and_slope
 from thermid.physics import conduction, contact, convection, radiation
 from thermid.physics.constants import STEFAN_BOLTZMANN
 
@@ -39,7 +39,8 @@ class Law:
 
     Parameters
     ----------
-    form : str                      linear, power, radiation, flow, table, gas (at rest, rarefied) or natural (convection by tables).
+    form : str                      linear, power, radiation, flow, table, gas (at rest, rarefied), natural (convection by tables) or
+                                    potential (conduction by the integral of a conductivity).
     coefficients : tuple of Number  What the form needs, the conductance-like one first.
     medium : str                    'solid', 'radiation' or 'gas' (falls with pressure) or 'mixed' (an effective value, gas and radiation);
                                     'rest' (gas in a gap) and 'correlation' are written out where the gas is known; 'fin' has conductances
@@ -69,6 +70,7 @@ class Kind:
     optional : frozenset        Fields that may be given beside an alternative.
     words : frozenset           Fields that are names and no numbers.
     loss : callable or None     Recipe of what each end loses to the node named by ``to``.
+    tabulated : str             Field that may be a table over temperature.
     """
 
     recipe: Callable[[Fields], Law | tuple[Law, ...]]
@@ -78,6 +80,7 @@ class Kind:
     optional: frozenset[str] = frozenset()
     words: frozenset[str] = frozenset()
     loss: Callable[[Fields], Law] | None = None
+    tabulated: str = ""
 
 
 def _from_resistance(resistance: Number) -> Number:
@@ -96,6 +99,8 @@ def _conduction(f: Fields) -> Law:
         raise DeckError(
             "a zero thickness is a zero resistance, which would make two nodes one. Merge them, or give a thickness above zero."
         )
+    if "conductivity" not in f:  # a table over temperature, integrated: the area over the length is left
+        return Law("potential", (f["area"] / f["thickness"],))
     return Law("linear", (conduction.slab_conductance(f["conductivity"], f["area"], f["thickness"]),))
 
 
@@ -189,6 +194,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         _conduction,
         (_ALL({"conductivity", "area", "thickness"}), _ALL({"conductance"}), _ALL({"resistance"})),
         {"conductivity": "W/(m K)", **_AREA, "thickness": "m", "conductance": "W/K", "resistance": "K/W"},
+        tabulated="conductivity",
     ),
     "contact": Kind(
         _contact,
@@ -258,6 +264,10 @@ def law_conductance(
         film = 0.5 * (hot + cold)
         k, root = (evaluate(each, film) for each in curve.film)
         return np.asarray(c[0] * k * evaluate(curve, c[1] * root * difference * (difference**2 + SMOOTHING**2) ** -0.375))
+    if form == "potential" and curve is not None:
+        (first, slope), second = value_and_slope(curve, hot), evaluate(curve.film[0], cold)
+        apart = difference != 0.0
+        return np.asarray(c[0] * np.where(apart, (first - second) / np.where(apart, difference, 1.0), slope))
     if form == "table" and curve is not None:
         return np.asarray(c[0] * evaluate(curve, difference if curve.over == "difference" else 0.5 * (hot + cold)))
     return np.broadcast_to(np.asarray(c[0], dtype=float), np.shape(hot))
