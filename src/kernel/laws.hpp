@@ -87,13 +87,13 @@ struct Table {
     int bucket(double at) const { return std::min(static_cast<int>((at - x.front()) * per_kelvin_), static_cast<int>(first_.size()) - 2); }
 };
 
-enum ConductorKind { LINEAR = 0, POWER, RADIATION, FLOW, TABLE_MEAN, TABLE_DIFF, GAS, NATURAL, CONDUCTOR_KINDS };
+enum ConductorKind { LINEAR = 0, POWER, RADIATION, FLOW, TABLE_MEAN, TABLE_DIFF, GAS, NATURAL, POTENTIAL, CONDUCTOR_KINDS };
 enum LoadKind { SIGNAL = 0, POLY, EXP, TABLE, THERMOSTAT, PROPORTIONAL, LOAD_KINDS };
 enum InputKind { SAMPLED_LINEAR = 0, SAMPLED_HOLD, SINE, CONSTANT, INPUT_KINDS };
 
 // Laws of two coefficients, and how many tables stand one behind the other for a law.
 inline bool has_second(int kind) { return kind == POWER || kind == GAS || kind == NATURAL; }
-inline int tables_of(int kind) { return kind == NATURAL ? 3 : kind == TABLE_MEAN || kind == TABLE_DIFF || kind == GAS ? 1 : 0; }
+inline int tables_of(int kind) { return kind == NATURAL ? 3 : kind == POTENTIAL ? 2 : kind == TABLE_MEAN || kind == TABLE_DIFF || kind == GAS ? 1 : 0; }
 
 constexpr double GAS_ANCHOR = 300.0;  // temperature to which the coefficients of gas laws refer [K]
 constexpr double SMOOTH2 = 1e-4;  // (0.01 K)^2: |dT|^c1 has no second derivative at dT = 0, where runs start
@@ -163,6 +163,15 @@ inline Conduct<X> conductor(int kind, X ta, X tb, X c0, X c1, const thermid::Tab
             r.qa = c0 * (dt + dd);
             r.qb = c0 * (dt - dd);
             r.q1 = c0 * d * g * n1 * f * w;
+            break;
+        }
+        case POTENTIAL: {  // each end has a table: integrals of k over temperature, or the temperature that belongs to an enthalpy
+            X g, g1, f, f1;
+            table[0].eval(ta, g, g1);
+            table[1].eval(tb, f, f1);
+            r.phi = g - f;
+            r.qa = c0 * g1;
+            r.qb = X(0.0) - c0 * f1;
             break;
         }
         default:  // LINEAR, FLOW

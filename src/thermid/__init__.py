@@ -91,13 +91,6 @@ if TYPE_CHECKING:
     from thermid.physics.htc import compare_htc as compare_htc
     from thermid.qualify.conduct import run_profile as run_profile
     from thermid.qualify.cycles import equivalent_cycles as equivalent_cycles
-    from thermid.qualify.macro import assumed as assumed
-    from thermid.qualify.macro import macro_model as macro_model
-    from thermid.qualify.profile_run import ProfileRun as ProfileRun
-    from thermid.qualify.profiles import ThermalProfile as ThermalProfile
-    from thermid.qualify.profiles import load_profile as load_profile
-    from thermid.qualify.profiles import profile_names as profile_names
-    from thermid.qualify.profiles import profile_of as profile_of
     from thermid.qualify.drivers import sobol_of as sobol_of
     from thermid.qualify.hold import Hold as Hold
     from thermid.qualify.hold import hold as hold
@@ -105,6 +98,11 @@ if TYPE_CHECKING:
     from thermid.qualify.holdfile import load_hold as load_hold
     from thermid.qualify.macro import assumed as assumed
     from thermid.qualify.macro import macro_model as macro_model
+    from thermid.qualify.profile_run import ProfileRun as ProfileRun
+    from thermid.qualify.profiles import ThermalProfile as ThermalProfile
+    from thermid.qualify.profiles import load_profile as load_profile
+    from thermid.qualify.profiles import profile_names as profile_names
+    from thermid.qualify.profiles import profile_of as profile_of
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.page import report as report

@@ -17,6 +17,7 @@ TABLE_MEAN: Final[int]
 TABLE_DIFF: Final[int]
 GAS: Final[int]
 NATURAL: Final[int]
+POTENTIAL: Final[int]
 # Kinds of loads
 SIGNAL: Final[int]
 POLY: Final[int]

@@ -100,6 +100,7 @@ def by_heading() -> dict[str, Names]:
         "Convection by correlation": _model(schema.Correlated, _group("htc", KINDS["convection"].slots)),
         "Conductor": _of(conductor),
         "Table of points": _model(schema.Points),
+        "Property over temperature": _model(schema.Property),
         "Joint": _model(schema.JointTable, JOINT_SLOTS),
         "Enclosure": _model(schema.EnclosureTable, {"dimensions": "m", "view_factors": "1", "exchange_factors": "1"}),
         "Gap of a joint": _model(schema.Gap, SURFACE_SLOTS),

@@ -133,6 +133,7 @@ def simulate(
     as_printed: Annotated[
         bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")
     ] = False,
+    as_flown: Annotated[bool, typer.Option("--as-flown", help="Without what is for the test only: sensors, leads, stands.")] = False,
     values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write the temperatures to a CSV file.")] = None,
     netcdf: Annotated[Path | None, typer.Option("--netcdf", help="Write everything to a netCDF file.")] = None,
@@ -156,6 +157,7 @@ def simulate(
         model = model.with_values(load_values(values).assignments, values.name)
     if param:
         model = model.with_values(_pairs(param, "--param"), "command line")
+    model = model.without_test_only() if as_flown else model
     given = _scenario(model, scenario, boundary, load, start, duration)
     if vacuum and as_printed:
         raise ScenarioError("--vacuum keeps radiation and --as-printed drops it; give one of them.")

@@ -180,11 +180,13 @@ class _Case:
         engine, a, zero = Engine(wiring), wiring.assemble(), np.zeros(1)
         at |= {b: float(wiring.boundary(b, zero, a.offsets)[0]) for b in self.network.boundaries}
         flows = wiring.conductor_flows(a.numbers, {n: np.array([t]) for n, t in at.items()}, zero)
-        columns = np.array([[at[n] for n in (*a.reduced.nodes, *self.network.boundaries)]])
+        columns = np.array([[*a.reduced.states(at), *(at[b] for b in self.network.boundaries)]], dtype=float)
         powers = {name: float(p[0]) for name, p in engine.powers(a, columns, zero).items()}
         rows = {row.name: row for row in a.numbers.conductors}
         into = {row.name: row.node for row in a.numbers.loads}
-        capacity = {n: value_of(a.numbers.capacitances[n] or 0.0) for n in self.nodes}
+        stores = self.network.stores
+        share = {n: float(stores[n].share(at[n])) if n in stores else 1.0 for n in self.nodes}
+        capacity = {n: share[n] * value_of(a.numbers.capacitances[n] or 0.0) for n in self.nodes}
         stored = {n: capacity[n] * by["rate", n] for n in self.nodes}
         left = []
         for n in self.nodes:

@@ -240,6 +240,7 @@ class _Derivation:
         self.numbers = network.numbers()
         crooked = [(r.name, r.form) for r in self.numbers.conductors if r.form != "linear" or r.signal]
         crooked += [(r.name, r.form) for r in self.numbers.loads if r.form != "signal"]
+        crooked += [(node, "a specific heat that changes") for node in network.stores]
         if crooked:
             raise DeckError(
                 f"'{crooked[0][0]}' is not a linear, two-way law ({crooked[0][1]}); equations in symbols need one.", network.title

@@ -105,9 +105,11 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
     wiring = Wiring(network, scenario)
     numbers = with_formulas(network)
     for row in numbers.conductors:
-        if row.form in ("table", "gas", "natural"):
-            kind = "a table of points" if row.form == "table" else "a law of gas at a pressure, which rests on tables"
+        if row.form in ("table", "potential", "gas", "natural"):
+            kind = "a table of points" if row.form in ("table", "potential") else "a law of gas at a pressure, which rests on tables"
             raise DeckError(f"'{row.name}' is {kind}, which is not written to {what}.", network.title)
+    for node in network.stores:
+        raise DeckError(f"the specific heat of '{node}' changes with temperature, which is not written to {what}.", network.title)
     sources = []
     for load in numbers.loads:
         if load.form != "signal":

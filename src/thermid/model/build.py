@@ -16,6 +16,7 @@ from thermid.model.kinds import KINDS
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter, parameter
 from thermid.model.signal import literal
+from thermid.model.stores import TABULATED, tabulated
 from thermid.physics.finishes import finish
 from thermid.units import unit
 
@@ -70,9 +71,20 @@ def _points(table: Mapping[str, Any], slot: str, where: str) -> Curve | None:
     return curve(over, [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in given["points"]], where)
 
 
+def _property(table: Mapping[str, Any], name: str, where: str) -> tuple[dict[str, Any], Curve | None]:
+    """Return a table of an element without a property that is given over temperature, and that property."""
+    given = table.get(name)
+    if not isinstance(given, Mapping) or "points" not in given:
+        return dict(table), None
+    slot = TABULATED[name]
+    slots = ("temperature", slot, _slope_unit(slot))
+    points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in given["points"]]
+    return {k: v for k, v in table.items() if k != name}, tabulated(name, curve("temperature", points, where), where)
+
+
 def _slope_unit(slot: str) -> str:
     """Return the unit of a slope over temperature."""
-    return {"W/K": "W/K^2", "W": "W/K"}[slot]
+    return {"W/K": "W/K^2", "W": "W/K", "W/(m K)": "W/(m K^2)", "J/(kg K)": "J/(kg K^2)", "J/kg": "J/(kg K)"}[slot]
 
 
 def elements_from(deck: Mapping[str, Any], where: Where) -> dict[str, dict[str, Any]]:
@@ -93,7 +105,15 @@ def elements_from(deck: Mapping[str, Any], where: Where) -> dict[str, dict[str, 
 
 
 def _node(name: str, table: Mapping[str, Any], where: Where) -> Node:
-    fields = _fields(table, NODE_FIELDS, where, f"nodes.{name}")
+    key = f"nodes.{name}"
+    table, heat = _property(table, "specific_heat", where(f"{key}.specific_heat"))
+    table, enthalpy = _property(table, "enthalpy", where(f"{key}.enthalpy"))
+    fields = _fields(table, NODE_FIELDS, where, key)
+    if heat is not None or enthalpy is not None:
+        if set(fields) != {"mass"} or (heat is not None and enthalpy is not None):
+            raise DeckError("a table of specific heat or of enthalpy stands beside a mass, and beside nothing else.", where(key))
+        shape = ("specific_heat", heat) if heat is not None else ("enthalpy", enthalpy)
+        return Node(fields, table["reference_point"], table["test_only"], shape)  # type: ignore[arg-type]  # one of them is there
     if set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
         raise DeckError("a node has mass and specific_heat, or capacitance, or nothing (a massless node).", where(f"nodes.{name}"))
     return Node(fields, table["reference_point"], table["test_only"])
@@ -126,33 +146,36 @@ def _finished(name: str, where: str) -> Parameter:
 def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
     key = f"conductors.{name}"
     kind = KINDS[table["kind"]]
+    table, shape = _property(table, kind.tabulated or "conductivity", where(f"{key}.{kind.tabulated or 'conductivity'}"))
+    if shape is not None and not kind.tabulated:
+        raise DeckError(f"a conductor of kind '{table['kind']}' takes no table of conductivity.", where(key))
     given = _fields(table, tuple(dict.fromkeys(s.partition(".")[0] for k in KINDS.values() for s in k.slots)), where, key)
     words = _words(table, frozenset().union(*(k.words for k in KINDS.values())))
     odd = sorted(set(words) - kind.words)
     if odd:
         raise DeckError(f"a conductor of kind '{table['kind']}' has no {odd[0]}.", where(key))
-    if set(given) - kind.optional not in [set(a) for a in kind.alternatives]:
+    named = {*given, kind.tabulated} if shape is not None else set(given)
+    if named - kind.optional not in [set(a) for a in kind.alternatives]:
         wanted = ", or ".join(" and ".join(s for s in kind.slots if s in a) for a in kind.alternatives if a)
         strange = sorted(set(given) - set(kind.slots))
         also = (
             f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}" if strange else f" Given: {', '.join(given) or 'nothing'}."
         )
         raise DeckError(f"a conductor of kind '{table['kind']}' needs {wanted}.{also}", where(key))
-    shape = _points(table, "W/K", where(key))
-    if (shape is not None) != kind.needs_curve:
+    points = _points(table, "W/K", where(key))
+    if (points is not None) != kind.needs_curve:
         raise DeckError(f"a conductor of kind '{table['kind']}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(key))
-    if shape is not None and (shape.y < 0).any():
-        k = int(np.argmax(shape.y < 0))
+    if points is not None and (points.y < 0).any():
+        k = int(np.argmax(points.y < 0))
         raise DeckError(
-            f"the table gives {shape.y[k]:g} W/K at {shape.x[k]:.9g} K; with a negative conductance heat would flow uphill.", where(key)
+            f"the table gives {points.y[k]:g} W/K at {points.x[k]:.9g} K; with a negative conductance heat would flow uphill.", where(key)
         )
     if table["between"][0] == table["between"][1]:
         raise DeckError("both ends are the same node.", where(key))
     if table["takes"] and "area" not in given:
         raise DeckError("it takes area from a surface but has no area of its own.", where(f"{key}.takes"))
-    return Conductor(
-        table["kind"], (table["between"][0], table["between"][1]), given, shape, tuple(table["takes"]), table["test_only"], words
-    )
+    ends = (table["between"][0], table["between"][1])
+    return Conductor(table["kind"], ends, given, points or shape, tuple(table["takes"]), table["test_only"], words)
 
 
 def _joint(name: str, table: Mapping[str, Any], where: Where) -> Joint:
@@ -235,17 +258,33 @@ def _named(fields: dict[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _curve_to(shape: Curve | None, slot: str) -> dict[str, Any]:
-    if shape is None:
-        return {}
+    return {} if shape is None else {"table": {"over": shape.over, "points": _written_points(shape, slot)}}
+
+
+def _law_to(c: Conductor) -> dict[str, Any]:
+    """Return the table of a conductor: of conductance, or of a property."""
+    name = KINDS[c.kind].tabulated
+    return {name: {"points": _written_points(c.curve, TABULATED[name])}} if c.curve is not None and name else _curve_to(c.curve, "W/K")
+
+
+def _heat_to(node: Node) -> dict[str, Any]:
+    """Return the property over temperature by which a node stores heat."""
+    return {node.table[0]: {"points": _written_points(node.table[1], TABULATED[node.table[0]])}} if node.table else {}
+
+
+def _written_points(shape: Curve, slot: str) -> list[list[str]]:
     columns = [(shape.x, "K"), (shape.y, slot)] + ([(shape.d, _slope_unit(slot))] if shape.d is not None else [])
     texts = [[f"{v!r} [{of}]" for v in column.tolist()] for column, of in columns]
-    return {"table": {"over": shape.over, "points": [list(point) for point in zip(*texts, strict=True)]}}
+    return [list(point) for point in zip(*texts, strict=True)]
 
 
 def elements_to(model: Model) -> dict[str, dict[str, Any]]:
     """Return the element tables of a deck."""
     flag: Callable[[Any], dict[str, bool]] = lambda e: {"test_only": True} if e.test_only else {}  # noqa: E731
-    nodes = {n: _grouped(e.fields) | ({"reference_point": True} if e.reference_point else {}) | flag(e) for n, e in model.nodes.items()}
+    nodes = {
+        n: _grouped(e.fields) | _heat_to(e) | ({"reference_point": True} if e.reference_point else {}) | flag(e)
+        for n, e in model.nodes.items()
+    }
     surfaces = {
         n: {"of": e.of, "to": e.to}
         | _named(
@@ -260,7 +299,7 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
     conductors = {
         n: {"kind": e.kind, "between": list(e.between)}
         | _named(_grouped(e.fields), e.words)
-        | _curve_to(e.curve, "W/K")
+        | _law_to(e)
         | ({"takes": list(e.takes)} if e.takes else {})
         | flag(e)
         for n, e in model.conductors.items()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import DeckError
 
-__all__ = ["Curve", "curve", "evaluate", "hermite", "slopes"]
+__all__ = ["Curve", "curve", "evaluate", "hermite", "slopes", "value_and_slope"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,8 @@ class Curve:
     x : array (points,)     Temperatures or differences, increasing. [K]
     y : array (points,)     Values. [SI]
     d : array (points,)     Slopes; None where they follow from the points. [SI/K]
-    film : tuple of Curve   Properties over film temperature, for a law of natural convection.
+    film : tuple of Curve   Tables that stand behind it: properties over film temperature, for a law of natural convection; that of the
+                            second end, for a potential.
     """
 
     over: str
@@ -93,4 +94,9 @@ def hermite(
 
 def evaluate(given: Curve, at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the curve's values (times,) at temperatures or differences `at`. [SI]"""
-    return hermite(given.x, given.y, slopes(given), np.clip(at, given.x[0], given.x[-1]))[0]
+    return value_and_slope(given, at)[0]
+
+
+def value_and_slope(given: Curve, at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the curve's values and slopes (times,) at temperatures or differences `at`, those of the ends beyond them. [SI], [SI/K]"""
+    return hermite(given.x, given.y, slopes(given), np.clip(at, given.x[0], given.x[-1]))

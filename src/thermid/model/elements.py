@@ -42,11 +42,13 @@ class Node:
     fields : dict           mass [kg] and specific_heat [J/(kg K)], or capacitance [J/K], or nothing.
     reference_point : bool  Whether limits apply here.
     test_only : bool        Whether it exists on the bench only (a sensor, a lead).
+    table : tuple           ('specific_heat' or 'enthalpy', Curve) over temperature beside a mass; None without.
     """
 
     fields: Fields = field(default_factory=dict)
     reference_point: bool = False
     test_only: bool = False
+    table: tuple[str, Curve] | None = None
 
     @property
     def is_arithmetic(self) -> bool:
@@ -63,7 +65,7 @@ class Conductor:
     kind : str              One of `kinds.KINDS`.
     between : (str, str)    Paths of the two nodes.
     fields : dict           What the kind needs.
-    curve : Curve or None   For the kind `table`.
+    curve : Curve or None   For the kind `table`; of kind `conduction`, a conductivity over temperature.
     takes : tuple of str    Surfaces that its area is taken from, in the ledger.
     test_only : bool        Whether it exists on the bench only.
     words : dict            What the kind needs that is no number: a gas, a correlation.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from thermid.errors import DeckError, ThermidError
@@ -16,6 +16,7 @@ from thermid.model.model import Model
 from thermid.model.names import Names
 from thermid.model.resolve import ParameterSet
 from thermid.model.signal import Signal
+from thermid.model.stores import Store, potential, store
 from thermid.model.takes import Take
 from thermid.units import require
 
@@ -24,12 +25,22 @@ __all__ = ["Flat", "FlatConductor", "FlatLoad", "FlatNode", "FlatSurface", "flat
 
 @dataclass(frozen=True)
 class FlatNode:
-    """A node: field -> parameter path; empty fields for an arithmetic node."""
+    """A node: field -> parameter path; empty fields for an arithmetic node; how it stores heat where that changes with temperature."""
 
     path: str
     fields: Mapping[str, str]
     reference_point: bool = False
     where: str = ""
+    store: Store | None = None
+
+    def capacitance(self, values: Mapping[str, Any]) -> Any:
+        """Return m c or C at values of parameters, or None for a massless node. [J/K]"""
+        if not self.fields:
+            return None
+        if "capacitance" in self.fields:
+            return values[self.fields["capacitance"]]
+        mass = values[self.fields["mass"]]
+        return mass * (self.store.reference if self.store is not None else values[self.fields["specific_heat"]])
 
 
 @dataclass(frozen=True)
@@ -134,7 +145,8 @@ def flatten(model: Model) -> Flat:
     for owner, prefix in _walk(model):
         for name, node in owner.nodes.items():
             fields = {f: f"{prefix}{name}.{f}" for f in node.fields}
-            nodes.append(FlatNode(prefix + name, fields, node.reference_point, owner.where(f"nodes.{name}")))
+            heat = store(*node.table) if node.table else None
+            nodes.append(FlatNode(prefix + name, fields, node.reference_point, owner.where(f"nodes.{name}"), heat))
         for name, joint in owner.joints.items():
             mid = prefix + (joint.mid or f"{name}.mid")
             nodes.append(FlatNode(mid, {}, False, owner.where(f"joints.{name}")))
@@ -149,8 +161,11 @@ def flatten(model: Model) -> Flat:
             key = f"conductors.{name}"
             ends = (names.end(owner, prefix, c.between[0], key), names.end(owner, prefix, c.between[1], key))
             fields = {f: f"{prefix}{name}.{f}" for f in c.fields}
-            gas = next((e for e in reversed(ends) if e in names.boundaries), ends[1])
-            conductors.append(FlatConductor(prefix + name, c.kind, ends, fields, c.curve, gas=gas, where=owner.where(key), words=c.words))
+            gas = names.end(owner, prefix, c.words["to"], f"{key}.to") if "to" in c.words else ""
+            gas = gas or next((e for e in reversed(ends) if e in names.boundaries), ends[1])
+            law = potential(c.curve) if c.curve is not None and KINDS[c.kind].tabulated else c.curve
+            made = FlatConductor(prefix + name, c.kind, ends, fields, law, gas=gas, where=owner.where(key), words=c.words)
+            conductors += [made, *_losses(made)]
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
     flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces)
@@ -247,6 +262,24 @@ def _joint(owner: Model, prefix: str, name: str, joint: Joint, mid: str, names: 
     return out
 
 
+def _losses(made: FlatConductor) -> list[FlatConductor]:
+    """Return what both ends of a lead lose to its surroundings; an end that is these loses nothing."""
+    if KINDS[made.kind].loss is None:
+        return []
+    if "to" not in made.words:
+        if {"htc", "effective_htc", "emissivity"} & set(made.fields):
+            raise DeckError('a lead that loses heat on its way names the node that takes it: to = "air".', made.where)
+        return []
+    if {"htc", "effective_htc"} <= set(made.fields):
+        raise DeckError("a lead has htc (convection alone) or effective_htc (convection and radiation together), not both.", made.where)
+    sides = zip(("first", "second"), made.ends, strict=True)
+    return [
+        replace(made, path=f"{made.path}.{which}", ends=(end, made.gas), recipe=KINDS[made.kind].loss)
+        for which, end in sides
+        if end != made.gas
+    ]
+
+
 def _load(owner: Model, prefix: str, name: str, load: HeatLoad, names: Names) -> FlatLoad:
     key = f"loads.{name}"
     node = names.end(owner, prefix, load.into, key)
@@ -260,9 +293,9 @@ def _check_slots(flat: Flat) -> None:
         for name, path in node.fields.items():
             _require(flat.parameters, path, NODE_SLOTS[name])
     for conductor in flat.conductors:
-        slots = KINDS[conductor.kind].slots if conductor.recipe is None else {}
+        slots = KINDS[conductor.kind].slots
         for name, path in conductor.fields.items():
-            _require(flat.parameters, path, slots[name] if slots else "1" if name.endswith(".emissivity") else "m^2")
+            _require(flat.parameters, path, slots.get(name, "1" if name.endswith(".emissivity") else "m^2"))
         if conductor.emissivity:
             _require(flat.parameters, conductor.emissivity, "1")
     for load in flat.loads:

@@ -5,6 +5,7 @@ To add a kind: write one recipe below, add one line to KINDS, one test, and one 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 
 from thermid.dual import Number, value_of
 from thermid.errors import DeckError
-from thermid.model.curves import Curve, evaluate
+from thermid.model.curves import Curve, evaluate, value_and_slope
 from thermid.physics import conduction, contact, convection, radiation
+from thermid.physics.constants import STEFAN_BOLTZMANN
 
 __all__ = ["ANCHOR", "KINDS", "Kind", "Law", "law_conductance"]
 
@@ -25,6 +27,8 @@ ANCHOR: Final = 300.0
 ACCOMMODATION: Final = 0.9
 """Thermal accommodation of air and heavier gases at surfaces of equipment, where none is given: Springer, Advances in Heat Transfer 7
 (1971) 163, has 0.87 to 0.97. Helium and hydrogen need their own, 0.3 to 0.5. [-]"""
+ROOM: Final = 293.15
+"""Temperature at which the radiation of a lead is made linear. [K]"""
 SMOOTHING: Final = 0.01
 """Temperature difference below which a power law is smoothed, so that its derivative stays finite at zero. [K]"""
 
@@ -35,10 +39,12 @@ class Law:
 
     Parameters
     ----------
-    form : str                      linear, power, radiation, flow, table, gas (at rest, rarefied) or natural (convection by tables).
+    form : str                      linear, power, radiation, flow, table, gas (at rest, rarefied), natural (convection by tables) or
+                                    potential (conduction by the integral of a conductivity).
     coefficients : tuple of Number  What the form needs, the conductance-like one first.
     medium : str                    'solid', 'radiation' or 'gas' (falls with pressure) or 'mixed' (an effective value, gas and radiation);
-                                    'rest' (gas in a gap) and 'correlation' are written out where the gas is known.
+                                    'rest' (gas in a gap) and 'correlation' are written out where the gas is known; 'fin' has conductances
+                                    in air, bare, and with radiation alone where that is known.
     curve : Curve or None           For tables.
     """
 
@@ -63,6 +69,8 @@ class Kind:
     needs_curve : bool          Whether a table must be given.
     optional : frozenset        Fields that may be given beside an alternative.
     words : frozenset           Fields that are names and no numbers.
+    loss : callable or None     Recipe of what each end loses to the node named by ``to``.
+    tabulated : str             Field that may be a table over temperature.
     """
 
     recipe: Callable[[Fields], Law | tuple[Law, ...]]
@@ -71,6 +79,8 @@ class Kind:
     needs_curve: bool = False
     optional: frozenset[str] = frozenset()
     words: frozenset[str] = frozenset()
+    loss: Callable[[Fields], Law] | None = None
+    tabulated: str = ""
 
 
 def _from_resistance(resistance: Number) -> Number:
@@ -89,6 +99,8 @@ def _conduction(f: Fields) -> Law:
         raise DeckError(
             "a zero thickness is a zero resistance, which would make two nodes one. Merge them, or give a thickness above zero."
         )
+    if "conductivity" not in f:  # a table over temperature, integrated: the area over the length is left
+        return Law("potential", (f["area"] / f["thickness"],))
     return Law("linear", (conduction.slab_conductance(f["conductivity"], f["area"], f["thickness"]),))
 
 
@@ -135,7 +147,39 @@ def _radiation(f: Fields) -> Law:
 
 
 def _flow(f: Fields) -> Law:
-    return Law("flow", (f["mass_flow"] * f["specific_heat"],))
+    mass = f["mass_flow"] if "mass_flow" in f else f["volume_flow"] * f["density"]
+    return Law("flow", (mass * f["specific_heat"],))
+
+
+def _lead(f: Fields) -> Law:
+    """Return what a lead carries from end to end."""
+    return _fin(f, 0)
+
+
+def _lead_loss(f: Fields) -> Law:
+    """Return what a lead loses from one end to its surroundings."""
+    return _fin(f, 1)
+
+
+def _fin(f: Fields, which: int) -> Law:
+    """Return one conductance of a lead's two-port in air, bare, and with radiation alone where that is known; radiation as at ROOM."""
+    if not value_of(f["length"]) > 0.0:
+        raise DeckError("a lead needs a length above zero.")
+    section = 0.25 * math.pi * f["diameter"] ** 2 if "diameter" in f else f["cross_section"]
+    if not value_of(section) * value_of(f["conductivity"]) > 0.0:
+        raise DeckError("a lead needs a cross-section and a conductivity above zero.")
+    round_ = math.pi * f["diameter"] if "diameter" in f else 2.0 * (math.pi * section) ** 0.5
+    shine = 4.0 * STEFAN_BOLTZMANN * ROOM**3 * f["emissivity"] if "emissivity" in f else 0.0
+
+    def port(htc: Number) -> Number:
+        found = conduction.fin_conductances(htc, f.get("perimeter", round_), f["conductivity"], section, f["length"])
+        out: Number = f.get("count", 1.0) * found[which]
+        return out
+
+    bare = port(0.0)
+    if "effective_htc" in f:
+        return Law("linear", (port(f["effective_htc"]), bare, *((port(shine),) if "emissivity" in f else ())), "fin")
+    return Law("linear", (port(f.get("htc", 0.0) + shine), bare, port(shine)), "fin")
 
 
 def _table(f: Fields) -> Law:
@@ -150,6 +194,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         _conduction,
         (_ALL({"conductivity", "area", "thickness"}), _ALL({"conductance"}), _ALL({"resistance"})),
         {"conductivity": "W/(m K)", **_AREA, "thickness": "m", "conductance": "W/K", "resistance": "K/W"},
+        tabulated="conductivity",
     ),
     "contact": Kind(
         _contact,
@@ -176,7 +221,20 @@ KINDS: Final[Mapping[str, Kind]] = {
     "radiation": Kind(
         _radiation, (_ALL({"emissivity", "area"}), _ALL({"exchange_factor", "area"})), {"emissivity": "1", "exchange_factor": "1", **_AREA}
     ),
-    "flow": Kind(_flow, (_ALL({"mass_flow", "specific_heat"}),), {"mass_flow": "kg/s", "specific_heat": "J/(kg K)"}),
+    "flow": Kind(
+        _flow,
+        (_ALL({"mass_flow", "specific_heat"}), _ALL({"volume_flow", "density", "specific_heat"})),
+        {"mass_flow": "kg/s", "specific_heat": "J/(kg K)", "volume_flow": "m^3/s", "density": "kg/m^3"},
+    ),
+    "lead": Kind(
+        _lead,
+        (_ALL({"conductivity", "length", "diameter"}), _ALL({"conductivity", "length", "cross_section"})),
+        {"conductivity": "W/(m K)", "length": "m", "diameter": "m", "cross_section": "m^2", "perimeter": "m", "count": "1"}
+        | {"htc": "W/(m^2 K)", "effective_htc": "W/(m^2 K)", "emissivity": "1"},
+        optional=_ALL({"perimeter", "count", "htc", "effective_htc", "emissivity"}),
+        words=_ALL({"to"}),
+        loss=_lead_loss,
+    ),
     "table": Kind(_table, (_ALL({"scale"}), _ALL()), {"scale": "1"}, needs_curve=True),
 }
 
@@ -206,6 +264,10 @@ def law_conductance(
         film = 0.5 * (hot + cold)
         k, root = (evaluate(each, film) for each in curve.film)
         return np.asarray(c[0] * k * evaluate(curve, c[1] * root * difference * (difference**2 + SMOOTHING**2) ** -0.375))
+    if form == "potential" and curve is not None:
+        (first, slope), second = value_and_slope(curve, hot), evaluate(curve.film[0], cold)
+        apart = difference != 0.0
+        return np.asarray(c[0] * np.where(apart, (first - second) / np.where(apart, difference, 1.0), slope))
     if form == "table" and curve is not None:
         return np.asarray(c[0] * evaluate(curve, difference if curve.over == "difference" else 0.5 * (hot + cold)))
     return np.broadcast_to(np.asarray(c[0], dtype=float), np.shape(hot))

@@ -21,7 +21,7 @@ def used_offers(model: Model, part: str) -> set[str]:
         ends += [load.into, load.sensor]
     for surface in model.surfaces.values():
         ends += [surface.of, surface.to, surface.radiates_to]
-    ends += [j.gap_to for j in model.joints.values()]
+    ends += [j.gap_to for j in model.joints.values()] + [c.words["to"] for c in model.conductors.values() if "to" in c.words]
     for inner in model.submodels.values():
         ends += inner.bind.values()
     ends += model.offers

@@ -92,8 +92,7 @@ class _View:
 
     def capacitance(self, node: FlatNode) -> float:
         """Return m c or C, zero for a massless node. [J/K]"""
-        f = {name: self.values[path] for name, path in node.fields.items()}
-        return float(f["capacitance"] if "capacitance" in f else f["mass"] * f["specific_heat"]) if f else 0.0
+        return float(node.capacitance(self.values) or 0.0)
 
     def power(self, load: FlatLoad) -> float:
         """Return the heat that a load gives, averaged over its cycle; a controlled heater at full power. [W]"""

@@ -61,11 +61,18 @@ class Points(_Strict):
     points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
 
 
+class Property(_Strict):
+    """A property over temperature; a third text of a point is its slope."""
+
+    points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
+
+
 class NodeTable(_Strict):
-    """A node: mass and specific_heat, or capacitance, or nothing."""
+    """A node: mass and specific_heat or enthalpy, or capacitance, or nothing."""
 
     mass: Value | None = None
-    specific_heat: Value | None = None
+    specific_heat: Value | Property | None = None
+    enthalpy: Property | None = None
     capacitance: Value | None = None
     reference_point: bool = False
     test_only: bool = False
@@ -190,7 +197,8 @@ def _conductor_table() -> type[BaseModel]:
     """Return the conductor's table with the fields of every kind, so that a new kind needs no line here."""
     names = {slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots}
     fields: dict[str, Any] = {"kind": (Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")], ...), "between": (tuple[str, str], ...)}
-    fields |= {name: (Value | PowerLaw | Correlated | None if name == "htc" else Value | None, None) for name in sorted(names)}
+    shaped: dict[str, Any] = {"htc": Value | PowerLaw | Correlated | None, "conductivity": Value | Property | None}
+    fields |= {name: (shaped.get(name, Value | None), None) for name in sorted(names)}
     return create_model(
         "ConductorTable",
         __base__=_Strict,
@@ -198,6 +206,7 @@ def _conductor_table() -> type[BaseModel]:
         table=(Points | None, None),
         takes=(list[str], []),
         gas=(str, ""),
+        to=(str, ""),
         test_only=(bool, False),
         **fields,
     )

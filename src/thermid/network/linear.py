@@ -79,7 +79,7 @@ def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
     """
     numbers = numbers or network.numbers()
     crooked = [row.name for row in numbers.conductors if row.form not in ("linear", "flow") or row.signal]
-    crooked += [row.name for row in numbers.loads if row.form != "signal"]
+    crooked += [row.name for row in numbers.loads if row.form != "signal"] + list(network.stores)
     if crooked:
         raise SolverError(
             f"'{crooked[0]}' is not linear, so there is no one matrix. Ask for the time constants at a temperature instead.", network.title

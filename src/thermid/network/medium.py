@@ -208,6 +208,8 @@ class Media:
         if law.medium in ("solid", "radiation"):
             return (row(law.form, law.coefficients),)
         state = self._state(c.gas)
+        if law.medium == "fin":
+            return self._fin(c, law, state)
         if law.medium in ("rest", "correlation"):
             at = self._gas(c.gas, c.where)
             if at.pressure == 0.0:
@@ -245,13 +247,44 @@ class Media:
             radiation = (ConductorRow(c.path, "radiation", c.ends, (share * kept[0],), None, at.named("rest")),)
         return *thinned(c, law, fields["area"], at), *radiation
 
+    def _fin(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
+        """Return the rows of a lead's conductance: that in air, and that without, each for its share of the gas."""
+        air, bare, *radiating = law.coefficients
+
+        def row(conductance: Number, signal: str = "") -> ConductorRow:
+            return ConductorRow(c.path, "linear", c.ends, (conductance,), None, signal)
+
+        if "to" not in c.words:
+            return (row(bare),)
+        if state == "air" and self._environment(c.gas).gas == "air":
+            return (row(air),)
+        if not (radiating or self.as_printed):
+            raise self._unknown_share(c)
+        left = bare if self.as_printed else radiating[0]
+        if state == "vacuum":
+            return (row(left),)
+        if self._environment(c.gas).gas != "air":
+            raise ScenarioError(
+                f"the coefficient of '{c.path}' was found in air and does not hold in {self._environment(c.gas).gas}.", c.where
+            )
+        if state == "jumping":
+            key = self._key(c.gas)
+            return row(air, f"gas {key}"), row(left, f"no gas {key}")
+        at = self._gas(c.gas, c.where)
+        share = (1.0, 1.0) if at.key else (at.natural, 1.0 - at.natural)
+        return row(share[0] * air, at.named("natural")), row(share[1] * left, at.named("rest"))
+
+    @staticmethod
+    def _unknown_share(c: FlatConductor) -> ScenarioError:
+        return ScenarioError(
+            f"the coefficient of '{c.path}' is effective: it contains radiation, which vacuum does not take away. "
+            "Give the surface's emissivity, "
+            "or ask for vacuum as printed (--as-printed), which sets it to zero and is an upper bound.",
+            c.where,
+        )
+
     def _kept(self, c: FlatConductor, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[Number, ...]:
         """Return the radiation that an effective coefficient leaves without gas."""
         if emissivity is None:
-            raise ScenarioError(
-                f"the coefficient of '{c.path}' is effective: it contains radiation, which vacuum does not take away. "
-                "Give the surface's emissivity, "
-                "or ask for vacuum as printed (--as-printed), which sets it to zero and is an upper bound.",
-                c.where,
-            )
+            raise self._unknown_share(c)
         return (radiation_coefficient(emissivity, fields["area"]),)

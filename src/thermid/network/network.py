@@ -12,6 +12,7 @@ from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ThermidError
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.model import Model
+from thermid.model.stores import Store
 from thermid.model.takes import exposed_area
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import Media
@@ -58,6 +59,7 @@ class Network:
     nodes : tuple of str        Nodes whose temperature is unknown, in order; the kernel's order.
     boundaries : tuple of str   Nodes whose temperature is given: the model's needs, then prescribed nodes.
     media : Media               What each gas does at the scenario's pressure.
+    stores : dict               Node -> how it stores heat, where that changes with temperature.
     """
 
     title: str
@@ -66,6 +68,7 @@ class Network:
     boundaries: tuple[str, ...]
     media: Media
     prescribed: tuple[str, ...] = ()
+    stores: Mapping[str, Store] = field(default_factory=dict)
     _static: dict[str, Any] = field(default_factory=dict, repr=False)
     _depends: dict[tuple[str, ...], _Reached] = field(default_factory=dict, repr=False)
 
@@ -96,7 +99,7 @@ class Network:
         values = self.flat.parameters.evaluate(overrides, changed.paths, kept.get("values"))
         capacitances, conductors, loads = (dict(kept.get(k, {})) for k in ("capacitances", "conductors", "loads"))
         for node in changed.nodes:
-            capacitances[node.path] = _capacitance(node.fields, values, node.where)
+            capacitances[node.path] = _capacitance(node, values)
         for c in changed.conductors:
             conductors[c.path] = self._rows(c, values)
         for load in changed.loads:
@@ -147,13 +150,15 @@ class Network:
         return tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
 
 
-def _capacitance(fields: Mapping[str, str], values: Mapping[str, Any], where: str) -> Number | None:
+def _capacitance(node: FlatNode, values: Mapping[str, Any]) -> Number | None:
     """Return m c or C, or None for a massless node. [J/K]"""
-    if not fields:
+    found: Number | None = node.capacitance(values)
+    if found is None:
         return None
-    found: Number = values[fields["capacitance"]] if "capacitance" in fields else values[fields["mass"]] * values[fields["specific_heat"]]
     if not value_of(found) > 0 or not np.isfinite(value_of(found)):
-        raise DeckError("a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out.", where)
+        raise DeckError(
+            "a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out.", node.where
+        )
     return found
 
 
@@ -229,7 +234,8 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     nodes = tuple(n.path for n in flat.nodes if n.path not in driven)
     if not nodes:
         raise DeckError("there is no node left whose temperature is unknown.", model.title)
-    network = Network(model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven)
+    stores = {n.path: n.store for n in flat.nodes if n.store is not None and n.path in nodes}
+    network = Network(model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven, stores)
     network.numbers()
     return network
 

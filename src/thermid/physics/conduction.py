@@ -11,6 +11,7 @@ from thermid.physics._number import Number, plain
 __all__ = [
     "adiabatic_fin_conductance",
     "cylinder_conductance",
+    "fin_conductances",
     "fin_parameter",
     "infinite_fin_conductance",
     "slab_conductance",
@@ -155,3 +156,41 @@ def adiabatic_fin_conductance(htc: Number, perimeter: Number, conductivity: Numb
     """
     decay = fin_parameter(htc, perimeter, conductivity, cross_section)
     return infinite_fin_conductance(htc, perimeter, conductivity, cross_section) * plain(np.tanh(decay * length))
+
+
+SHORT = 0.02
+"""(m L)^2 below which the two-port of a fin is taken from its series, which is right to 1e-13 there and has no root in it. [-]"""
+
+
+def fin_conductances(htc: Number, perimeter: Number, conductivity: Number, cross_section: Number, length: Number) -> tuple[Number, Number]:
+    """Fin between two given temperatures: conductance from end to end, and from each end to the air [W/K].
+
+    Both ends of a fin of length L see k A m / sinh(m L) to each other and k A m tanh(m L / 2) to the air, exactly, whatever
+    the temperatures of ends and air. Written in powers alone, so that numbers with derivatives pass.
+
+    Parameters
+    ----------
+    htc, perimeter, conductivity, cross_section : float   As in `fin_parameter`.
+    length : float                                        Length of the fin. [m]
+
+    References
+    ----------
+    Incropera, 6th ed., Section 3.6, Table 3.4, case C (given temperature at the tip), Eq. 3.77.
+
+    Examples
+    --------
+    The copper rod of Incropera Example 3.9, 1 m long and with its tip at the air's temperature: 8.3 W as the endless one.
+
+    >>> through, side = fin_conductances(100.0, 3.14159 * 0.005, 398.0, 3.14159 * 0.005**2 / 4, 1.0)
+    >>> round(75 * (through + side), 1)
+    8.3
+    """
+    slab = slab_conductance(conductivity, cross_section, length)
+    square = htc * perimeter * length**2 / (conductivity * cross_section)
+    if getattr(square, "value", square) < SHORT:
+        through = 1.0 - square * (1 / 6 - square * (7 / 360 - square * (31 / 15120 - square * (127 / 604800))))
+        side = square * (1 / 2 - square * (1 / 24 - square * (1 / 240 - square * (17 / 40320 - square * (31 / 725760)))))
+        return slab * through, slab * side
+    root = square**0.5
+    decay = math.e ** (-root)
+    return slab * (2.0 * root * decay / (1.0 - decay * decay)), slab * (root * (1.0 - decay) / (1.0 + decay))

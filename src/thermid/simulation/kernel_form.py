@@ -18,7 +18,7 @@ __all__ = ["CONDUCTORS", "LOADS", "break_times", "ending", "ints", "kernel_input
 Array = NDArray[np.float64]
 
 CONDUCTORS = {"linear": _kernel.LINEAR, "power": _kernel.POWER, "radiation": _kernel.RADIATION, "flow": _kernel.FLOW}
-CONDUCTORS |= {"gas": _kernel.GAS, "natural": _kernel.NATURAL}
+CONDUCTORS |= {"gas": _kernel.GAS, "natural": _kernel.NATURAL, "potential": _kernel.POTENTIAL}
 LOADS = {
     "signal": _kernel.SIGNAL,
     "polynomial": _kernel.POLY,

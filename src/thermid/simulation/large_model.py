@@ -52,6 +52,8 @@ def refusal(engine: Engine) -> str:
     for form, a, _, places, curve, name in s["conductors"]:
         if form == "flow":
             return f"'{name}' carries heat one way"
+        if name.removesuffix(" enthalpy") in engine.wiring.network.stores and name.endswith(" enthalpy"):
+            return f"the specific heat of '{name.removesuffix(' enthalpy')}' changes with temperature"
         if any(follows[p] >= 0 for p in places[1:]):
             return f"the {'exponent' if form == 'power' else 'pressure'} of '{name}' changes in time"
         if curve is not None and curve.over == "difference" and a >= n:

@@ -52,9 +52,7 @@ class Run:
 
     def time_constants(self, temperatures: Array) -> Array:
         """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
-        index = self._index(self.all_nodes())
-        kept = self.assembled.reduced.nodes
-        at = np.array([temperatures[index[n]] for n in kept])
+        at = np.array(self.assembled.reduced.states(dict(zip(self.all_nodes(), temperatures, strict=True))), dtype=float)
         return self.engine.time_constants(self.assembled, at, self.answer.end)
 
     def flows(self, times: Array, temperatures: Array) -> dict[str, Array]:
@@ -71,9 +69,14 @@ class Run:
         out = []
         at = self.traces.temperature
         numbers = self.assembled.numbers
+        plain = {r.name for r in numbers.conductors if r.form == "table"} | {r.name for r in numbers.loads}
         rows = [(r.name, r.curve, r.ends) for r in numbers.conductors] + [(r.name, r.curve, (r.sensor, r.sensor)) for r in numbers.loads]
+        rows += [
+            (c.path, c.curve.film[1], (e, e)) for c in self.network.flat.conductors if c.curve is not None and c.curve.film for e in c.ends
+        ]
+        rows += [(node, store.given, (node, node)) for node, store in self.network.stores.items()]
         for name, curve, (a, b) in rows:
-            if curve is None or curve.d is None or curve.film:
+            if curve is None or curve.film or (curve.d is None and name in plain):
                 continue
             seen = at(a) - at(b) if curve.over == "difference" else 0.5 * (at(a) + at(b))
             beyond = (seen < curve.x[0]) | (seen > curve.x[-1])
@@ -86,9 +89,8 @@ class Run:
         return (*out, *outside(self))
 
     def _columns(self, temperatures: Array) -> Array:
-        index = self._index(self.all_nodes())
-        order = [index[n] for n in (*self.assembled.reduced.nodes, *self.network.boundaries)]
-        return np.ascontiguousarray(temperatures[:, order])
+        by_node = dict(zip(self.all_nodes(), temperatures.T, strict=True))
+        return np.column_stack([*self.assembled.reduced.states(by_node), *(by_node[b] for b in self.network.boundaries)])
 
     def heat_balance(self) -> HeatBalance:
         """Return where the heat went, by the integrator's own weights."""

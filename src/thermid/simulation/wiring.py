@@ -14,7 +14,8 @@ from thermid.errors import ScenarioError, nearest
 from thermid.model.curves import Curve, slopes
 from thermid.model.kinds import law_conductance
 from thermid.model.signal import Constant, Signal, literal
-from thermid.network.eliminate import Reduced, eliminable, reduce_network
+from thermid.model.stores import Store
+from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow, LoadRow
 from thermid.simulation.inputs import load_inputs, normalised, read_schedule, scheduled
@@ -171,7 +172,7 @@ class Wiring:
     def assembled_at(self, given: Mapping[str, Number], free: int = 0) -> Assembled:
         """Return the numbers at values of some free names; `free` is the length of their gradients, zero for none. [SI]"""
         numbers = self._numbers({p: given[p] for p in self.parameters if p in given})
-        reduced = reduce_network(self.network, self._marked(numbers), self.gone)
+        reduced = with_stores(reduce_network(self.network, self._marked(numbers), self.gone), self.network.stores)
         return self._build(numbers, reduced, given, free)
 
     def _build(self, numbers: Numbers, reduced: Reduced, given: Mapping[str, Number], free: int) -> Assembled:
@@ -179,7 +180,12 @@ class Wiring:
         if not self._structure:
             self._structure = self._lay_out(numbers, reduced, offsets, given)
         coefficients = self._coefficients(numbers, reduced, offsets, given)
-        initial = [self._initial_of(n, offsets, given) for n in reduced.nodes]
+        initial = [
+            _level(reduced.stored[n][1], self._initial_of(reduced.stored[n][0], offsets, given))
+            if n in reduced.stored
+            else self._initial_of(n, offsets, given)
+            for n in reduced.nodes
+        ]
         start = np.array([value_of(v) for v in initial])
         gradient = np.array([gradient_of(v, free) for v in initial]).reshape(len(initial), free)
         jacobian = _csr(coefficients, free) if free else None
@@ -324,6 +330,15 @@ class Wiring:
         signal = self.signals[f"boundary {name}"]
         varying = np.zeros(times.shape) if isinstance(signal, Constant) else signal.at(times)
         return varying + value_of(offsets[name])
+
+
+def _level(store: Store, kelvin: Number) -> Number:
+    """Return the level of a store at an initial temperature, derivatives and members carried along. [K]"""
+    many = getattr(kelvin, "values", None)
+    if many is not None:
+        return type(kelvin)(store.level(many))  # type: ignore[call-arg,arg-type]  # members of an ensemble
+    plain = value_of(kelvin)
+    return float(store.level(plain)) + (float(store.share(plain)) * (kelvin - plain) if isinstance(kelvin, Dual) else 0.0)
 
 
 def _csr(values: Sequence[Number], free: int) -> Csr:

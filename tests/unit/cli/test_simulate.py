@@ -236,3 +236,17 @@ def test_a_run_that_cannot_end_is_the_solvers(call: Call, tmp_path: Path) -> Non
     said = call("simulate", deck, "--boundary", "air=20", "--for", "1 [h]", "--json")
     assert said.code == 3
     assert "runs away" in said.object["message"]
+
+
+def test_as_flown_leaves_out_what_is_for_the_test_only(call: Call, tmp_path: Path) -> None:
+    deck = tmp_path / "wired.toml"
+    deck.write_text(
+        'title = "wired"\nneeds = ["air"]\n[nodes]\nbox = { capacitance = "100 [J/K]" }\n[surfaces]\n'
+        'skin = { of = "box", to = "air", area = "0.02 [m^2]", htc = "5 [W/(m^2 K)]" }\n[conductors]\n'
+        'leads = { kind = "lead", between = ["box", "air"], conductivity = "390 [W/(m K)]", diameter = "1 [mm]", length = "0.3 [m]", '
+        'htc = "20 [W/(m^2 K)]", to = "air", count = 4, test_only = true }\n[loads]\nheat = { into = "box", power = "1 [W]" }\n'
+    )
+    run = ["simulate", deck, "--boundary", "air=20", "--for", "5 [h]", "--json"]
+    bench, flown = (call(*run, *more).object["nodes"]["box"]["final_C"] for more in ([], ["--as-flown"]))
+    assert flown == pytest.approx(30.0, abs=1e-3)
+    assert bench < 29.6

@@ -151,6 +151,11 @@ def test_open_paths_are_fine(part: Build) -> None:
         ({"kind": "radiation", "exchange_factor": 0.2, "area": "0.1 [m^2]"}, 0.2 * 5.670374419e-8 * 0.1),
         ({"kind": "gas", "area": "0.1 [m^2]", "gap": "1 [mm]"}, 0.026358 * 0.1 / 0.001),
         ({"kind": "flow", "mass_flow": "0.5 [g/s]", "specific_heat": "1006 [J/(kg K)]"}, 0.503),
+        ({"kind": "flow", "volume_flow": "30 [l/min]", "density": "1.2 [kg/m^3]", "specific_heat": "1006 [J/(kg K)]"}, 5e-4 * 1.2 * 1006),
+        (
+            {"kind": "lead", "conductivity": "390 [W/(m K)]", "length": "0.5 [m]", "cross_section": "0.25 [mm^2]", "count": 3},
+            3 * 390 * 5e-7,
+        ),
         ({"kind": "table", "scale": 3, "table": {"points": [["0 [degC]", "1 [W/K]"], ["50 [degC]", "2 [W/K]"]]}}, 3.0),
     ],
 )
