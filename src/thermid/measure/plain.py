@@ -11,7 +11,7 @@ import numpy as np
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure.channel import FloatArray
 from thermid.measure.columns import decimal_sign, name_and_unit, numbers, read_times
-from thermid.measure.textfile import Cells, read_cells
+from thermid.measure.textfile import Cells, read_bytes, read_cells
 from thermid.units import require, unit
 
 __all__ = ["PlainTable", "read_plain"]
@@ -131,4 +131,4 @@ class PlainTable:
 
 def read_plain(path: str | Path, time: str | None = None) -> PlainTable:
     """Return a plain table of a file: commas, semicolons or tabs, plain or gzip; lines that start with '#' are comments."""
-    return PlainTable(read_cells(path, None), time)
+    return PlainTable(read_cells(read_bytes(Path(path)), Path(path).name, None), time)
