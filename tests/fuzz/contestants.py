@@ -17,6 +17,7 @@ from unit.kernel.reference import Net
 
 STATUS = ("OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER")
 TIGHT = {"atol": 1e-9, "rtol": 1e-10, "input_atol": 1e-7}
+NOT_ASKED = "not asked"
 NAMES = {getattr(k, name): name for name in STATUS}
 
 
@@ -151,8 +152,9 @@ def _parts(count: int) -> list[int]:
 
 
 def _public(case: Case, method: str) -> Outcome:
-    if {"t0", "t_end", "breaks"} & set(case.options) or case.times[0] != 0.0:
-        return Outcome("refused", None, "not asked")
+    gases = any(row[0] in (k.GAS, k.NATURAL) for row in case.net.conductors)  # a deck has no word for tables of gases
+    if gases or {"t0", "t_end", "breaks"} & set(case.options) or case.times[0] != 0.0:
+        return Outcome("refused", None, NOT_ASKED)
     try:
         o = {"tolerance": "atol", "relative": "rtol", "input_tolerance": "input_atol", "max_step": "max_step", "max_steps": "max_steps"}
         options = td.Options(method=method, **{name: case.options[key] for name, key in o.items() if key in case.options})

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fuzz import crooked, exact
-from fuzz.contestants import CONTESTANTS, TIGHT, Outcome
+from fuzz.contestants import CONTESTANTS, NOT_ASKED, TIGHT, Outcome
 from fuzz.networks import Case, draw
 from thermid import _kernel as k
 
@@ -87,6 +87,8 @@ def _fault(case: Case, who: str, found: Outcome, knows: str, real: np.ndarray | 
     """Return what is wrong; empty when nothing is."""
     if found.status == "DIFFERS":
         return found.why
+    if found.why == NOT_ASKED:
+        return ""
     if found.status != "OK" or found.traces is None:
         if found.status == "refused" and not found.why:
             return "refused without a word"

@@ -99,8 +99,27 @@ class Draw:
         elif kind == k.TABLE_DIFF:
             x = np.array([-200.0, -20.0, 0.0, 20.0, 200.0])
             net.link(kind, a, b, net.coef(g), table=net.table(x, self.rng.uniform(0.2, 2, 5), np.zeros(5)))
+        elif kind == k.GAS:
+            net.link(kind, a, b, net.coef(g), net.coef(self.log(1e-3, 1e4), self.pressure()), table=self.over_film())
+        elif kind == k.NATURAL:
+            rise, slope = self.rng.uniform(0.0, 4.0, 2), self.rng.uniform(0.0, 0.2, 3)
+            nusselt = net.table([-40.0, -2.0, 2.0, 40.0], [1 + rise[0], 0.4, 0.4, 1 + rise[1]], [-slope[0], -slope[1], slope[1], slope[2]])
+            self.over_film()
+            self.over_film()
+            net.link(kind, a, b, net.coef(g), net.coef(self.log(0.01, 10.0), self.pressure()), table=nusselt)
         else:
             net.link(kind, a, b, net.coef(g))
+
+    def over_film(self) -> int:
+        """Table of a property of a gas over its film temperature."""
+        return self.net.table([200.0, 300.0, 400.0], self.rng.uniform(0.5, 2.0, 3), self.rng.uniform(-3e-3, 3e-3, 3))
+
+    def pressure(self) -> int:
+        """What a coefficient follows when the gas is pumped out or let in; most often nothing."""
+        if self.chance(0.6):
+            return -1
+        times, parts = np.cumsum(self.rng.uniform(1.0, 2000.0, 4)), np.exp(self.rng.uniform(-8.0, 0.0, 4))
+        return self.net.input(self.pick(k.SAMPLED_LINEAR, k.SAMPLED_HOLD), times, parts)
 
     def heater(self, watts: float, node: int | None = None) -> None:
         n = len(self.net.capacity)
@@ -111,13 +130,19 @@ def _span(d: Draw) -> np.ndarray:
     return np.linspace(0.0, d.log(10.0, 20_000.0), int(d.rng.integers(2, 30)))
 
 
-CURVED = (k.LINEAR, k.POWER, k.RADIATION, k.TABLE_MEAN, k.TABLE_DIFF, k.FLOW)
+def _on_jumps(d: Draw, times: np.ndarray) -> np.ndarray:
+    """Some outputs exactly where inputs jump or bend: what has no capacitance shows the new value there."""
+    knots = [t for _, a, b in d.net.inputs if len(b) for t in a if times[0] < t < times[-1]]
+    return np.unique(np.concatenate((times, knots[:5]))) if d.chance(0.5) else times
+
+
+CURVED = (k.LINEAR, k.POWER, k.RADIATION, k.TABLE_MEAN, k.TABLE_DIFF, k.GAS, k.NATURAL)
 
 
 def plain(d: Draw) -> dict[str, Any]:
     """Ordinary sizes, every law, every input."""
     d.nodes(int(d.rng.integers(1, 8)))
-    d.tree(CURVED[:5])
+    d.tree(CURVED)
     if d.chance(0.3):
         d.link(k.FLOW, 0, -1, d.log(0.02, 1.0))
     for _ in range(int(d.rng.integers(3))):
@@ -138,7 +163,7 @@ def extreme(d: Draw) -> dict[str, Any]:
 def stiff(d: Draw) -> dict[str, Any]:
     """Every law, capacitances over eight decades, conductances over five."""
     d.nodes(int(d.rng.integers(2, 7)), 0.2, lambda: d.log(1e-4, 1e4))
-    d.tree(CURVED[:5], lambda: d.log(1e-3, 100.0))
+    d.tree(CURVED, lambda: d.log(1e-3, 100.0))
     d.heater(float(d.rng.uniform(0, 10)))
     return {}
 
@@ -265,6 +290,6 @@ def draw(seed: int) -> Case:
     d = Draw(np.random.default_rng([20, seed]))
     family = list(FAMILIES)[seed % len(FAMILIES)]
     more = FAMILIES[family](d)
-    times = more.pop("times") if "times" in more else _span(d)
+    times = more.pop("times") if "times" in more else _on_jumps(d, _span(d))
     options = {"max_steps": 20_000} | more.pop("options", {})
     return Case(seed, family, d.net, times, options, **more)

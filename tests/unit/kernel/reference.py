@@ -12,6 +12,7 @@ import numpy as np
 from thermid import _kernel as k
 
 SMOOTH2 = 1e-4
+ANCHOR = 300.0
 
 
 @dataclass
@@ -158,6 +159,13 @@ class Net:
             return g * self.look_up(table, (ta + tb) / 2) * d
         if kind == k.TABLE_DIFF:
             return g * self.look_up(table, d) * d
+        if kind == k.GAS:  # resistances of the gas as a continuum and of molecules that meet the walls alone, one behind the other
+            mean = (ta + tb) / 2
+            return g * d / (1 / self.look_up(table, mean) + math.sqrt(mean / ANCHOR) / c[slots[1]])
+        if kind == k.NATURAL:  # Nu over signed Ra^(1/4); conductivity and Ra^(1/4) for 1 K over film temperature
+            mean, root = (ta + tb) / 2, d / (d * d + SMOOTH2) ** 0.375
+            nusselt = self.look_up(table, c[slots[1]] * self.look_up(table + 2, mean) * root)
+            return g * d * self.look_up(table + 1, mean) * nusselt
         return g * d
 
     def power(self, row: tuple[int, int, list[int], int, int], temperatures: np.ndarray, c: list[float], on: bool = False) -> float:
