@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "linear.hpp"
+
 namespace thermid {
 
 namespace {
@@ -143,34 +145,46 @@ void Cursor::advance(double t) {
     base_ = base;
 }
 
-void Cursor::move(const double* t, int rows, double* sums, int stride) {
-    // As above, in registers: most often every time is a knot.
-    const Input::Segment* seg = in_->seg.data();
-    const int m = static_cast<int>(in_->seg.size());
-    int k = seg_;
-    double from = from_, next = next_, u = u_, s = s_;
-    Integrals base = base_;
+namespace {
+
+struct Stand {
+    int k;
+    double from, next, u, s;
+    Integrals base;
+};
+
+// As Cursor::move, to many times in registers: most often every time is a knot.
+THERMID_CLONES void march(const Input::Segment* seg, int m, Stand& at, const double* t, int rows, double* sums, int stride) {
+    Stand x = at;
     for (int r = 0; r < rows; ++r) {
-        while (next <= t[r]) {
-            base.append_line(next - from, u, s);
-            from = next;
-            ++k;
-            u = seg[k].u;
-            s = seg[k].s;
-            next = k + 1 < m ? seg[k + 1].t : std::numeric_limits<double>::infinity();
+        while (x.next <= t[r]) {
+            x.base.append_line(x.next - x.from, x.u, x.s);
+            x.from = x.next;
+            ++x.k;
+            x.u = seg[x.k].u;
+            x.s = seg[x.k].s;
+            x.next = x.k + 1 < m ? seg[x.k + 1].t : std::numeric_limits<double>::infinity();
         }
-        Integrals here = base;
-        if (t[r] != from) here.append_line(t[r] - from, u, s);
+        Integrals here = x.base;
+        if (t[r] != x.from) here.append_line(t[r] - x.from, x.u, x.s);
         sums[r] = here.i1;
         sums[stride + r] = here.i2;
         sums[2 * stride + r] = here.i3;
     }
-    seg_ = k;
-    from_ = from;
-    next_ = next;
-    u_ = u;
-    s_ = s;
-    base_ = base;
+    at = x;
+}
+
+}  // namespace
+
+void Cursor::move(const double* t, int rows, double* sums, int stride) {
+    Stand at{seg_, from_, next_, u_, s_, base_};
+    march(in_->seg.data(), static_cast<int>(in_->seg.size()), at, t, rows, sums, stride);
+    seg_ = at.k;
+    from_ = at.from;
+    next_ = at.next;
+    u_ = at.u;
+    s_ = at.s;
+    base_ = at.base;
 }
 
 double StepInput::project(const Input& input, double t, double end, int& hint) {

@@ -16,8 +16,8 @@ struct Integrals {
     }
     void append_line(double length, double u, double slope) {
         const double l2 = length * length;
-        append(length, length * (u + 0.5 * slope * length), l2 * (0.5 * u + slope * length / 6.0),
-               l2 * length * (u / 6.0 + slope * length / 24.0));
+        append(length, length * (u + 0.5 * slope * length), l2 * (0.5 * u + slope * length * (1.0 / 6.0)),
+               l2 * length * (u * (1.0 / 6.0) + slope * length * (1.0 / 24.0)));
     }
 };
 
