@@ -106,6 +106,8 @@ if TYPE_CHECKING:
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.page import report as report
+    from thermid.reporting.structures_page import Structure as Structure
+    from thermid.reporting.structures_page import structures_report as structures_report
     from thermid.reporting.study_page import study_report as study_report
     from thermid.reporting.trust import picture as picture
     from thermid.simulation.block_solution import BlockSolution as BlockSolution
@@ -233,6 +235,8 @@ _PUBLIC = {
     "HoldQuestion": "qualify.holdfile",
     "report": "reporting.page",
     "study_report": "reporting.study_page",
+    "structures_report": "reporting.structures_page",
+    "Structure": "reporting.structures_page",
     "picture": "reporting.trust",
     "compare_htc": "physics.htc",
     "HtcComparison": "physics.htc",

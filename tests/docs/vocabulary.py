@@ -126,6 +126,7 @@ def by_heading() -> dict[str, Names]:
         "Channel of a log": _of(CHANNEL_KEYS, ERROR_UNITS | SENSOR_UNITS),
         "Preparation": _of(STEPS),
         "Stage": _model(campaign_schema.StageTable, CAMPAIGN_UNITS),
+        "Steady point": _model(campaign_schema.SteadyTable, {"start": "s", "end": "s", "tau": "s", "limit": "K/s"}),
         "Inheritance": _model(campaign_schema.InheritTable),
         "Reading": _model(campaign_schema.ReadingTable),
         "Local value": _model(campaign_schema.LocalTable, LOCAL_UNITS),

@@ -77,12 +77,23 @@ class PriorTable(_Strict):
     sd: str
 
 
+class SteadyTable(_Strict):
+    """A settled stretch of a log, fitted as a steady point."""
+
+    record: str
+    start: str = "start"
+    end: str = "end"
+    tau: str | None = None
+    limit: str = "1 [K/h]"
+
+
 class StageTable(_Strict):
     """One level of aggregation."""
 
     name: str
     model: str
     records: list[str]
+    steady: dict[str, SteadyTable] = {}
     free: list[str] = []
     freeze: list[str] = []
     bind: dict[str, str | dict[str, str]] = {}

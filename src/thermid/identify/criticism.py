@@ -193,9 +193,11 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
     traces = tuple(_traces(fit))
     wanted = any(not t.quiet for t in traces) if elements is None else elements
+    if not wanted:
+        return Criticism(fit.stage, traces, ())
     modes: Modes = {}
     old = _likelihood(fit, modes)
-    tried = [_tried(fit, old, m, modes) for m in missing_elements(fit, fit.request)] if wanted else []
+    tried = [_tried(fit, old, m, modes) for m in missing_elements(fit, fit.request)]
     return Criticism(fit.stage, traces, tuple(sorted(tried, key=lambda c: -c.evidence)))
 
 
@@ -206,7 +208,7 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
     powers = {}
     for e in fit.experiments:
         times = np.linspace(0.0, e.scenario.seconds, 301)
-        run = simulate(fit.fitted_model, e.scenario, times=times)
+        run = simulate(fit.fitted_model, e.bare, times=times)
         powers[e.record.name] = times, np.sum([np.broadcast_to(p, times.shape) for p in run.load_powers.values()] or [0.0 * times], axis=0)
     for b in fit.blocks:
         at, watts = powers[b.record]

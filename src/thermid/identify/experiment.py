@@ -97,6 +97,11 @@ class Experiment:
     loose: tuple[str, ...] = ()
     tips: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def bare(self) -> Scenario:
+        """The scenario as it holds for the model without its sensors."""
+        return replace(self.scenario, initial={n: t for n, t in self.scenario.initial.items() if n not in self.tips})
+
 
 def first_reading(record: Record, name: str, window: float = 0.0) -> float:
     """Return the median of a channel's valid samples within `window` of its first one. [SI]

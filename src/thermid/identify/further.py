@@ -31,6 +31,8 @@ __all__ = ["Further"]
 
 Array = NDArray[np.float64]
 CONSTANT, MISFIT = "constant coefficients", "misfit"
+GUESSED = 0.25
+"""Shift by radiation that nobody has stated, from which it is spoken of. [K]"""
 FAR = (1.25, 10.0)
 """Ratio of differences, and kelvin of level, from which a coefficient is said to be used far from where it was found."""
 
@@ -104,6 +106,27 @@ class Further:
             sizes = {n: 0.0 if n in boundaries else misfit.get(n, other) for n in kept}
             out[MISFIT] = {n: np.full((self.ready.times.size + 1, 1), size) for n, size in sizes.items()}
         return out
+
+    def guessed(self, kept: Sequence[str], run: Solution, moves: Mapping[str, Array]) -> list[str]:
+        """Return a remark where radiation that nobody has stated shifts a temperature: any emissivity was taken as equally likely."""
+        if self.of_fit is None:
+            return []
+        bare = {p for p, c in constant_coefficients(self.ready.wiring.network).items() if not c.emissivity}
+        keys = list(self.of_fit.means)
+        own = np.array([self.of_fit.means[k] if k[1] == "level" and k[0] in bare else 0.0 for k in keys])
+        if not own.any():
+            return []
+        shifts = {n: float((self._moved(n, run, moves) @ own)[-2]) for n in kept}
+        worst = max(shifts, key=lambda n: abs(shifts[n]))
+        if abs(shifts[worst]) < GUESSED:
+            return []
+        surfaces = sorted({k[0] for k, size in zip(keys, own, strict=True) if size})
+        listed = ", ".join(surfaces[:3]) + (f" and {len(surfaces) - 3} more" if len(surfaces) > 3 else "")
+        return [
+            f"'{worst}' is shifted by {shifts[worst]:+.2g} K, and others less, for radiation that nobody has stated: any emissivity from 0 "
+            f"to 0.95 is taken as equally likely. Bare metal radiates less, and the shift then goes too far. Say the finish, or the "
+            f"emissivity, of {listed}."
+        ]
 
     def _moved(self, node: str, run: Solution, moves: Mapping[str, Array]) -> Array:
         """Return what a unit of every pattern does to a node, the fit's own response among it (times and settled, patterns). [K]"""

@@ -105,7 +105,8 @@ def predict(
         if settled:
             rest[n] = Band(n, ready.times[-1:], np.array([settled[n]]), shift[n][-1:], {c: v[-1:] for c, v in parts.items()}).final
     words = {s.cause: _words([n for t in spreads if t.cause == s.cause for n in t.names]) for s in spreads if s.names}
-    return Prediction(base.title, scenario.title, ready.times, bands, rest, {**words, **misfit.words}, tuple(run.warnings), found)
+    warnings = (*run.warnings, *misfit.guessed(kept, run, moves))
+    return Prediction(base.title, scenario.title, ready.times, bands, rest, {**words, **misfit.words}, warnings, found)
 
 
 def left_open(fit: Calibration) -> list[Spread]:

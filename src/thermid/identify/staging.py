@@ -16,6 +16,7 @@ from thermid.identify.campaignfile import CampaignSource, local_of, scenario_of
 from thermid.identify.inherit import counted_twice
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.selection import freed, priors_of
+from thermid.identify.steady_points import steady_points
 from thermid.identify.values import FittedValues
 from thermid.model.model import Model
 from thermid.model.resolve import parameter_table
@@ -58,6 +59,9 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
                 remarks += _held(part, name, values)
                 held.append(_prefixed(values.only([p for p in values.parameters if p not in hidden]).bare(), prefix))
     records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
+    scenario = scenario_of(stage.scenario, stage.name)
+    points, settled = steady_points(source, stage, records, scenario, where)
+    records = (*records, *points)
     free, frozen = freed(model, stage.free, stage.freeze, where, [p for values in handed for p in values.parameters])
     remarks += [line for values in handed for line in _frozen(values, frozen)]
     held += [values.only([p for p in values.parameters if p in frozen]).bare() for values in handed if frozen]
@@ -66,9 +70,9 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         model,
         records,
         tuple(free),
-        {"*": scenario_of(stage.scenario, stage.name)},
+        {"*": scenario, **settled},
         {n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(stage.local).items()},
-        record_local={r.name: source.local_of_record(r.name) for r in records},
+        record_local={r.name: source.local_of_record(r.name) for r in records if r.name not in settled},
         priors=priors_of(model, {p: t if isinstance(t, str) else (t.mean, t.sd) for p, t in stage.priors.items()}, where),
         inherited=tuple(handed),
         bias_priors=bias_priors,

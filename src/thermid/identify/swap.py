@@ -267,7 +267,7 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> list[To
 
 def _at_rest(done: Calibration, without: str) -> Scenario:
     """Return the last record of a fit with every input at its mean; loads of a part are left to its deck."""
-    given = done.experiments[-1].scenario
+    given = done.experiments[-1].bare
 
     def constant(signals: Mapping[str, Any], unit: str) -> dict[str, Any]:
         kept = {k: v for k, v in signals.items() if not without or not k.startswith(f"{without}.")}

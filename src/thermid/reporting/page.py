@@ -18,6 +18,7 @@ from thermid.reporting.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.diagram import diagram
 from thermid.reporting.extras import page_template
 from thermid.reporting.figures import Dots, Drawn
+from thermid.reporting.trust_section import trust
 
 if TYPE_CHECKING:
     from thermid.identify.residuals import Block
@@ -61,6 +62,7 @@ class StagePart:
     diagram: str
     traces: Traces
     tables: Mapping[str, Table]
+    trust: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ def report(
         coefficients=coefficients,
         others=others,
         overview=figures.overview(_dots(campaign), "overview") if campaign.stages else None,
-        stages=[_stage(f"stage-{k}", c) for k, c in enumerate(_fits(campaign), 1)],
+        stages=[_stage(f"stage-{k}", c, campaign) for k, c in enumerate(_fits(campaign), 1)],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
         data=origins.data(campaign),
         models=origins.models(campaign),
@@ -136,7 +138,7 @@ def _inline(svg: str) -> str:
     return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
 
 
-def _stage(key: str, c: Calibration) -> StagePart:
+def _stage(key: str, c: Calibration, campaign: Campaign) -> StagePart:
     samples = sum(s.samples for s in c.sensors.values())
     facts = (
         ("model", c.model.title),
@@ -160,7 +162,7 @@ def _stage(key: str, c: Calibration) -> StagePart:
         "held": origins.held(c),
     }
     picture = _inline(diagram(c.fitted_model, title=f"{c.stage}: the model with its fitted values"))
-    return StagePart(key, c.stage, c.model, facts, c.warnings, picture, _traces(c.blocks, f"{key}-trace"), shown)
+    return StagePart(key, c.stage, c.model, facts, c.warnings, picture, _traces(c.blocks, f"{key}-trace"), shown, trust(campaign, c))
 
 
 def _traces(blocks: Sequence[Block], key: str, models: Mapping[int, str] | None = None) -> Traces:

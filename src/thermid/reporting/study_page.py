@@ -56,6 +56,7 @@ def study_report(
         title=study.title,
         opening=[t for t in (study.subject, f"Intended use: {study.use}.", f"After: {study.document}." if study.document else "") if t],
         watermark=watermark,
+        headline="",
         tile=_tile(watermark),
         banners=banners,
         failed=len(failed),

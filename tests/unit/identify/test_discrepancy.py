@@ -129,6 +129,21 @@ def test_what_the_deck_knows_is_used() -> None:
     assert set(predict(exact, FAR).causes) == {"fit"}
 
 
+def test_radiation_that_nobody_has_stated_is_said_to_shift_too_far() -> None:
+    """Bare metal in a hot room: the guess makes it worse than no shift would, and says so; with the finish it is right and silent."""
+    truth, hot = lawful(0.25, 0.05), FAR.with_(loads={"heat": "4 [W]"})
+    end = simulate(truth, hot)["case"].final
+    known = calibrate(box({"surfaces/skin/emissivity": "0.05"}), bench(truth), [HTC, MASS])
+    guessed, told = (predict(c, hot) for c in (fitted(truth), known))
+    plain = predict(fitted(truth), hot, discrepancy=False)["case"].final.celsius
+    assert abs(guessed["case"].final.celsius - end) > abs(plain - end)
+    assert abs(told["case"].final.celsius - end) < 0.5 * abs(plain - end)
+    (warning,) = guessed.warnings
+    assert "for radiation that nobody has stated: any emissivity from 0 to 0.95 is taken as equally likely" in warning
+    assert warning.endswith("Say the finish, or the emissivity, of skin.")
+    assert told.warnings == ()
+
+
 def test_errors_of_other_values_count_what_the_coefficient_left_out() -> None:
     truth = lawful(0.25, 0.6)
     found = fitted(truth, noise=0.05, seed=2)
