@@ -89,6 +89,8 @@ if TYPE_CHECKING:
     from thermid.network.network import compile_network as compile_network
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
+    from thermid.qualify.ascent import AscentCheck as AscentCheck
+    from thermid.qualify.ascent import ascent_checks as ascent_checks
     from thermid.qualify.conduct import run_profile as run_profile
     from thermid.qualify.cycles import equivalent_cycles as equivalent_cycles
     from thermid.qualify.drivers import sobol_of as sobol_of
@@ -108,6 +110,9 @@ if TYPE_CHECKING:
     from thermid.reporting.page import report as report
     from thermid.reporting.study_page import study_report as study_report
     from thermid.reporting.trust import picture as picture
+    from thermid.simulation.ascent import Trajectory as Trajectory
+    from thermid.simulation.ascent import ascent_scenario as ascent_scenario
+    from thermid.simulation.ascent import read_trajectory as read_trajectory
     from thermid.simulation.block_solution import BlockSolution as BlockSolution
     from thermid.simulation.draws import draw as draw
     from thermid.simulation.engine import Options as Options
@@ -147,6 +152,11 @@ _PUBLIC = {
     "Weather": "measure",
     "read_weather": "measure",
     "pad_scenario": "simulation.pad",
+    "Trajectory": "simulation.ascent",
+    "read_trajectory": "simulation.ascent",
+    "ascent_scenario": "simulation.ascent",
+    "AscentCheck": "qualify.ascent",
+    "ascent_checks": "qualify.ascent",
     "Options": "simulation.engine",
     "simulate": "simulation.transient",
     "prepare": "simulation.simulator",
