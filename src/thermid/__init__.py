@@ -120,6 +120,8 @@ if TYPE_CHECKING:
     from thermid.simulation.ensemble import ensemble as ensemble
     from thermid.simulation.moisture import Moisture as Moisture
     from thermid.simulation.moisture import moisture as moisture
+    from thermid.simulation.orbit import eclipse_signal as eclipse_signal
+    from thermid.simulation.orbit import orbit_irradiation as orbit_irradiation
     from thermid.simulation.pad import pad_scenario as pad_scenario
     from thermid.simulation.scenario import Scenario as Scenario
     from thermid.simulation.scenario import load_scenario as load_scenario
@@ -155,6 +157,8 @@ _PUBLIC = {
     "Trajectory": "simulation.ascent",
     "read_trajectory": "simulation.ascent",
     "ascent_scenario": "simulation.ascent",
+    "orbit_irradiation": "simulation.orbit",
+    "eclipse_signal": "simulation.orbit",
     "AscentCheck": "qualify.ascent",
     "ascent_checks": "qualify.ascent",
     "Options": "simulation.engine",

@@ -123,7 +123,7 @@ def by_heading() -> dict[str, Names]:
         "Irradiation": _of(_plain(dataclasses.fields(td.Irradiation)), IRRADIATION_UNITS),
         "Site": _of(_plain(dataclasses.fields(td.Site)), {"latitude": "deg", "longitude": "deg", "altitude": "m", "timezone": "h"}),
         "Weather of a scenario": _of(surroundings.KEYS["weather"], {"max_gap": "s", "air_temperature": TEMPERATURE}),
-        "Sun of a scenario": _of(surroundings.KEYS["sun"], {"albedo": "1", "turbidity": "1"}),
+        "Sun of a scenario": _of(surroundings.KEYS["sun"], {"albedo": "1", "turbidity": "1", "sky": "deg"}),
         "Ascent of a scenario": _of(surroundings.KEYS["ascent"], ASCENT_UNITS),
         "Wind on a coefficient": _of(pad.WIND, {"length": "m", "calm": "W/(m^2 K)"}),
         "Signal": _of(
