@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
-from thermid.model.signal import Signal, Table
+from thermid.model.signal import Table
 from thermid.qualify.marks import Figure
 from thermid.simulation.scenario import Scenario
 
@@ -66,7 +66,7 @@ def ascent_checks(
     Parameters
     ----------
     scenario : Scenario     The ascent: its pressure, and the streams on its surfaces.
-    air : str               The gas whose pressure falls.
+    air : str               The gas whose pressure falls; a vented volume too.
     over : float            Time over which a decay is taken: sensors and tables scatter over less. [s]
     limits : dict           As `ASCENT_LIMITS`, or the project's own of these names.
 
@@ -76,7 +76,8 @@ def ascent_checks(
     """
     if air not in scenario.environment:
         raise ScenarioError(f"it has no gas '{air}'; there are {', '.join(scenario.environment) or 'none'}.", scenario.title)
-    pressure: Signal = scenario.environment[air].pressure
+    # that of a vented volume is worked out
+    pressure = scenario.media().signals().get(f"pressure {air}")
     if not isinstance(pressure, Table):
         raise ScenarioError(f"the pressure of '{air}' does not change; that is no ascent.", scenario.title)
     out = _decay(pressure, scenario.seconds, over, air, limits)

@@ -52,6 +52,15 @@ def test_a_project_has_limits_of_its_own() -> None:
     assert only.met is False
 
 
+def test_a_vented_bay_is_checked_by_its_own_pressure() -> None:
+    """A bay with a time constant of 5 s follows a ramp of 2 kPa/s 5 s behind, as fast as the ramp."""
+    bay = td.Environment(vented="ambient", time_constant="5 [s]")
+    (only,) = td.ascent_checks(curve((0, 101), (50, 1), (60, 0), environment={"bay": bay}), "bay")
+    assert only.what == "bay"
+    assert only.value == pytest.approx(2000.0, rel=0.01)
+    assert only.at > 20.0
+
+
 def test_no_ascent_is_said() -> None:
     with pytest.raises(ScenarioError, match="does not change"):
         td.ascent_checks(td.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]", duration="9 [s]"))
