@@ -89,6 +89,8 @@ if TYPE_CHECKING:
     from thermid.network.network import compile_network as compile_network
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
+    from thermid.qualify.ascent import AscentCheck as AscentCheck
+    from thermid.qualify.ascent import ascent_checks as ascent_checks
     from thermid.qualify.conduct import run_profile as run_profile
     from thermid.qualify.cycles import equivalent_cycles as equivalent_cycles
     from thermid.qualify.drivers import sobol_of as sobol_of
@@ -110,6 +112,9 @@ if TYPE_CHECKING:
     from thermid.reporting.structures_page import structures_report as structures_report
     from thermid.reporting.study_page import study_report as study_report
     from thermid.reporting.trust import picture as picture
+    from thermid.simulation.ascent import Trajectory as Trajectory
+    from thermid.simulation.ascent import ascent_scenario as ascent_scenario
+    from thermid.simulation.ascent import read_trajectory as read_trajectory
     from thermid.simulation.block_solution import BlockSolution as BlockSolution
     from thermid.simulation.draws import draw as draw
     from thermid.simulation.engine import Options as Options
@@ -117,6 +122,8 @@ if TYPE_CHECKING:
     from thermid.simulation.ensemble import ensemble as ensemble
     from thermid.simulation.moisture import Moisture as Moisture
     from thermid.simulation.moisture import moisture as moisture
+    from thermid.simulation.orbit import eclipse_signal as eclipse_signal
+    from thermid.simulation.orbit import orbit_irradiation as orbit_irradiation
     from thermid.simulation.pad import pad_scenario as pad_scenario
     from thermid.simulation.scenario import Scenario as Scenario
     from thermid.simulation.scenario import load_scenario as load_scenario
@@ -149,6 +156,13 @@ _PUBLIC = {
     "Weather": "measure",
     "read_weather": "measure",
     "pad_scenario": "simulation.pad",
+    "Trajectory": "simulation.ascent",
+    "read_trajectory": "simulation.ascent",
+    "ascent_scenario": "simulation.ascent",
+    "orbit_irradiation": "simulation.orbit",
+    "eclipse_signal": "simulation.orbit",
+    "AscentCheck": "qualify.ascent",
+    "ascent_checks": "qualify.ascent",
     "Options": "simulation.engine",
     "simulate": "simulation.transient",
     "prepare": "simulation.simulator",

@@ -44,6 +44,14 @@ SCENARIO_UNITS |= {"start": TEMPERATURE, "initial": TEMPERATURE, "duration": "s"
 GAS_UNITS = {"pressure": "Pa", "humidity": "1", "gravity": "m/s^2", "wind": "m/s", "time_constant": "s"}
 IRRADIATION_UNITS = dict.fromkeys(("direct", "diffuse", "albedo", "total", "infrared", "stream"), "W/m^2")
 IRRADIATION_UNITS |= {"sky": TEMPERATURE, "sky_view": "1"}
+ASCENT_UNITS = {
+    "pressure": "Pa",
+    "separation": "s",
+    "accommodation": "1",
+    "flow": "1",
+    "air_temperature": TEMPERATURE,
+    "walls": TEMPERATURE,
+}
 CAMPAIGN_UNITS = {"window": "s", "sd": ANY, "mean": ANY, "weights": "1", "knee": "1"}
 STUDY_UNITS = {"lowest": TEMPERATURE, "highest": TEMPERATURE, "tolerance": "K", "relative": "1", "accuracy": "K", "resolution": "K"}
 STUDY_UNITS |= {"range": TEMPERATURE, "conversion": "s"}
@@ -115,7 +123,8 @@ def by_heading() -> dict[str, Names]:
         "Irradiation": _of(_plain(dataclasses.fields(td.Irradiation)), IRRADIATION_UNITS),
         "Site": _of(_plain(dataclasses.fields(td.Site)), {"latitude": "deg", "longitude": "deg", "altitude": "m", "timezone": "h"}),
         "Weather of a scenario": _of(surroundings.KEYS["weather"], {"max_gap": "s", "air_temperature": TEMPERATURE}),
-        "Sun of a scenario": _of(surroundings.KEYS["sun"], {"albedo": "1", "turbidity": "1"}),
+        "Sun of a scenario": _of(surroundings.KEYS["sun"], {"albedo": "1", "turbidity": "1", "sky": "deg"}),
+        "Ascent of a scenario": _of(surroundings.KEYS["ascent"], ASCENT_UNITS),
         "Wind on a coefficient": _of(pad.WIND, {"length": "m", "calm": "W/(m^2 K)"}),
         "Signal": _of(
             dict.fromkeys([*_plain(dataclasses.fields(Table)), *_plain(dataclasses.fields(Sine)), "file", "column", "unit", "time"]),

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.document
 TESTS = Path(__file__).parents[1]
 ROWS = [f"K{k}" for k in range(1, 5)] + [f"A{k}" for k in range(1, 8)] + [f"B{k}" for k in range(1, 18)] + [f"N{k}" for k in range(1, 5)]
 ROWS += ["V1", "V2", "H1", "M1"]
-ROWS += ["A9", "A10", "A11", "W1"]
+ROWS += ["A9", "A10", "A11", "W1", "W3"]
 
 
 def named_after(names: list[str]) -> set[str]:

@@ -122,6 +122,19 @@ def test_06_swap(copy: Path) -> None:
     assert "refused: m_PrE: 'ele' has ports air, case, skin; its replacement has air" in said
 
 
+def test_07_pad(copy: Path) -> None:
+    said = run(copy / "07_pad" / "run.py")
+    assert (copy / "07_pad" / "weather.csv").read_text().startswith("# MADE UP")
+    # white walls by day: some kelvin above the air; a roof, that sees the sun overhead, more; the box above what is around it
+    walls, roof, box, air = (number(rf"^\s+{n}\s+end\s+\S+ degC\s+highest\s+(\S+)", said) for n in ("walls", "roof", "box", "ambient"))
+    assert air < walls < roof
+    assert walls < box
+    # at most 0.35 of what falls on 1 m^2 from straight above, 820 + 140 W/m^2
+    assert number(r"roof_out.sun: 0 to (\S+) W", said) == pytest.approx(0.35 * 960.0, rel=0.02)
+    assert number(r"roof_out.longwave: (\S+) to", said) < -40.0
+    assert 4.0 < number(r"warmer by up to (\S+) K", said) < 12.0
+
+
 @pytest.mark.slow
 def test_demo(copy: Path, tmp_path: Path) -> None:
     """The whole study, from logs to its page; what it finds is tested in test_sisnav."""
@@ -142,7 +155,7 @@ def test_demo(copy: Path, tmp_path: Path) -> None:
 def test_the_decks_of_all_lessons_are_without_errors(copy: Path) -> None:
     from thermid.model.modelfile import load_model
 
-    decks = [p for p in copy.glob("0*/*.toml") if p.name != "campaign.toml"]
+    decks = [p for p in copy.glob("0*/*.toml") if p.name not in ("campaign.toml", "pad.toml")]
     assert len(decks) >= 6
     for deck in decks:
         assert [f for f in load_model(deck).check() if f.severity == "error"] == [], deck.name

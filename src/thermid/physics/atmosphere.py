@@ -1,4 +1,4 @@
-"""The U.S. Standard Atmosphere 1976 up to 86 km."""
+"""The U.S. Standard Atmosphere 1976: its equations up to 86 km, its table above."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from thermid.errors import ScenarioError
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 
-__all__ = ["HIGHEST_ALTITUDE", "Air", "standard_atmosphere"]
+__all__ = ["HIGHEST_ALTITUDE", "Air", "standard_atmosphere", "upper_atmosphere"]
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,27 @@ GAS_CONSTANT = 8314.32 / 28.9644
 """Of the standard's dry air. [J/(kg K)]"""
 BASES = np.array([0.0, 11e3, 20e3, 32e3, 47e3, 51e3, 71e3])
 LAPSES = np.array([-6.5e-3, 0.0, 1.0e-3, 2.8e-3, 0.0, -2.8e-3, -2.0e-3])
+
+
+UPPER = np.array(
+    [
+        (86.0, 186.87, 3.7338e-1, 6.958e-6),
+        (90.0, 186.87, 1.8359e-1, 3.416e-6),
+        (95.0, 188.42, 7.5966e-2, 1.393e-6),
+        (100.0, 195.08, 3.2011e-2, 5.604e-7),
+        (105.0, 208.84, 1.4477e-2, 2.325e-7),
+        (110.0, 240.00, 7.1042e-3, 9.708e-8),
+        (115.0, 300.00, 4.0096e-3, 4.289e-8),
+        (120.0, 360.00, 2.5382e-3, 2.222e-8),
+        (130.0, 469.27, 1.2505e-3, 8.152e-9),
+        (140.0, 559.63, 7.2028e-4, 3.831e-9),
+        (150.0, 634.39, 4.5422e-4, 2.076e-9),
+        (160.0, 696.29, 3.0395e-4, 1.233e-9),
+        (180.0, 790.07, 1.5271e-4, 5.194e-10),
+        (200.0, 854.56, 8.4736e-5, 2.541e-10),
+    ]
+)
+"""Of the standard's Table I: altitude [km], temperature [K], pressure [Pa], density [kg/m^3]."""
 
 
 class Air(NamedTuple):
@@ -75,8 +96,8 @@ def standard_atmosphere(altitude: Any) -> Air:
     if z.size and (not np.isfinite(z).all() or z.max() > HIGHEST_ALTITUDE or z.min() < -5e3):
         worst = float(z.max()) if z.max() > HIGHEST_ALTITUDE else float(z.min())
         raise ScenarioError(
-            f"the standard atmosphere ends at {HIGHEST_ALTITUDE / 1e3:g} km, and {worst / 1e3:.4g} km was asked for. Above it give density "
-            "and pressure as a table, or f107 and ap for MSIS.",
+            f"the equations of the standard atmosphere end at {HIGHEST_ALTITUDE / 1e3:g} km, and {worst / 1e3:.4g} km was asked for. Above "
+            "it give pressure and density of the day as columns, or ask for the standard's mean table (upper = 'standard').",
             "atmosphere",
         )
     h = EARTH_RADIUS * z / (EARTH_RADIUS + z)
@@ -89,3 +110,37 @@ def standard_atmosphere(altitude: Any) -> Air:
         here = layer == k
         p[here] = pressures[k] * _ratio(above[here], temperatures[k], float(lapse))
     return Air(t, p, p / (GAS_CONSTANT * t))
+
+
+def upper_atmosphere(altitude: Any) -> Air:
+    """Return the standard atmosphere up to 200 km, above 86 km by its table, straight lines of the logarithm between its points.
+
+    Parameters
+    ----------
+    altitude : float or array   Above the sea, -5 to 200 km. [m]
+
+    Raises
+    ------
+    ScenarioError   Beyond its limits.
+
+    References
+    ----------
+    U.S. Standard Atmosphere, 1976, Table I. It is a mean over the cycle of the sun: at 120 km the air of a day may be some tens of per cent
+    thicker or thinner, at 200 km by a factor of two.
+
+    Examples
+    --------
+    >>> round(float(upper_atmosphere(112e3).density) * 1e8, 2)
+    7.0
+    """
+    z = np.asarray(altitude, dtype=float)
+    top = 1e3 * float(UPPER[-1, 0])
+    if z.size and not z.max() <= top:
+        raise ScenarioError(
+            f"the table of the standard atmosphere ends at {top / 1e3:g} km here, and {z.max() / 1e3:.4g} km was asked for.", "atmosphere"
+        )
+    low = standard_atmosphere(np.minimum(z, HIGHEST_ALTITUDE))
+    high = [np.interp(z, 1e3 * UPPER[:, 0], column) for column in (UPPER[:, 1], np.log(UPPER[:, 2]), np.log(UPPER[:, 3]))]
+    above = z > HIGHEST_ALTITUDE
+    made = (high[0], np.exp(high[1]), np.exp(high[2]))
+    return Air(*(np.where(above, h, own) for h, own in zip(made, low, strict=True)))

@@ -13,6 +13,7 @@ __all__ = [
     "SOLAR_CONSTANT",
     "cloudless_sky",
     "driving_rain",
+    "eclipse",
     "facing_sun",
     "ground_share",
     "molecular_heating",
@@ -145,6 +146,37 @@ def planet_share(altitude: float, tilt: float, radius: float = 6.371e6) -> float
     first = 0.5 - np.arcsin(min(root / (h * np.sin(angle)), 1.0)) / np.pi
     second = np.cos(angle) * np.arccos(np.clip(-root / np.tan(angle), -1.0, 1.0)) - root * edge
     return float(first + second / (np.pi * h**2))
+
+
+def eclipse(altitude: float, beta: float, radius: float = 6.371e6, attraction: float = 3.986004418e14) -> tuple[float, float]:
+    """Return the period of a circular orbit, and how long of it lies in the planet's shadow, a cylinder [s].
+
+    Parameters
+    ----------
+    altitude : float    [m]
+    beta : float        Between the plane of the orbit and the sun. [deg]
+    radius : float      Of the planet. [m]
+    attraction : float  Its mass times the constant of gravitation. [m^3/s^2]
+
+    Raises
+    ------
+    ScenarioError   When there is no such orbit.
+
+    References
+    ----------
+    Gilmore, Spacecraft Thermal Control Handbook, 2nd ed., section 2.1: cos(pi f) = sqrt(h^2 + 2 R h) / ((R + h) cos beta).
+
+    Examples
+    --------
+    >>> [round(t / 60, 1) for t in eclipse(400e3, 0.0)]
+    [92.4, 36.0]
+    """
+    if not (altitude > 0.0 and -90.0 <= beta <= 90.0):
+        raise ScenarioError(f"no orbit has an altitude of {altitude:g} m and the sun {beta:g} degrees beside it.", "orbit")
+    far = radius + altitude
+    period = float(2.0 * np.pi * np.sqrt(far**3 / attraction))
+    share = np.sqrt(altitude**2 + 2.0 * radius * altitude) / (far * max(float(np.cos(np.radians(beta))), 1e-12))
+    return period, period * float(np.arccos(min(share, 1.0)) / np.pi)
 
 
 def molecular_heating(density: Any, speed: Any, accommodation: float = 1.0) -> Array:

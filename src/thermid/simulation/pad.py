@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
 from thermid.measure import Weather
+from thermid.model.facing import Facing, degrees
 from thermid.model.signal import Constant, Signal, Table, literal, signal
 from thermid.network.irradiation import OpenSky
 from thermid.network.medium import Environment
 from thermid.physics.air import dry_air
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
-from thermid.physics.exposure import cloudless_sky, driving_rain
+from thermid.physics.exposure import cloudless_sky, driving_rain, sky_share
 from thermid.physics.moist import dew_point, vapour_pressure
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.site import Site, quiet
@@ -48,7 +49,7 @@ def pad_scenario(
     air: str = "ambient",
     air_temperature: Any = None,
     sun: bool = True,
-    sky: bool | str = True,
+    sky: bool | Mapping[str, float] = True,
     albedo: float = 0.2,
     turbidity: float | None = None,
     wind: Mapping[str, Mapping[str, Any]] | None = None,
@@ -66,8 +67,8 @@ def pad_scenario(
     air : str               The boundary that is the open air.
     air_temperature : Signal   In place of the weather's dry bulb. [K]
     sun : bool              Whether surfaces outdoors meet the sun.
-    sky : bool or str       Whether they meet a sky colder than the air; the name of a boundary gives that the sky's temperature, for
-                            surfaces that radiate to it.
+    sky : bool or dict      Whether they meet a sky colder than the air. For surfaces that radiate to a boundary of their own: boundary ->
+                            tilt; it gets the temperature of what a surface of that tilt sees, sky and ground. [deg]
     albedo : float          Of the ground. [-]
     turbidity : float       Of a sky without clouds, as in `Site.clear_sky`. [-]
     wind : dict             Coefficient -> ``length`` of its surface along the wind [m], ``calm`` value [W/(m^2 K)], and ``rain``: roof or
@@ -90,8 +91,8 @@ def pad_scenario(
     temperature = _temperature(weather, air_temperature, title, air)
     downward = _downward(weather, temperature) if sky else None
     fields["boundaries"] = {air: temperature, **others.pop("boundaries", {})}
-    if isinstance(sky, str) and downward is not None:
-        fields["boundaries"][sky] = Table(downward.times, (downward.values / STEFAN_BOLTZMANN) ** 0.25)
+    if isinstance(sky, Mapping) and downward is not None:
+        fields["boundaries"] |= {name: _seen(downward, temperature, tilt, title) for name, tilt in sky.items()}
         downward = None
     fields["environment"] = {air: _environment(place, weather), **others.pop("environment", {})}
     if sun or downward is not None:
@@ -181,6 +182,13 @@ def _downward(weather: Weather | None, air: Signal) -> Table:
     dew = weather[wet].values if wet == "dew_point" else dew_point(vapour_pressure(kelvin, np.maximum(weather[wet].values, 0.01)))
     cloud = np.interp(times, *weather["cloud"]) if "cloud" in weather else 0.0
     return Table(times, cloudless_sky(dew, cloud) * STEFAN_BOLTZMANN * kelvin**4)
+
+
+def _seen(downward: Table, air: Signal, tilt: float, title: str) -> Table:
+    """Return the temperature of what a surface of some tilt sees, sky and ground as warm as the air. [K]"""
+    share = sky_share(Facing(degrees(tilt, f"{title}, sky")).tilt)
+    seen = share * downward.values + (1.0 - share) * STEFAN_BOLTZMANN * air.at(downward.times) ** 4
+    return Table(downward.times, (seen / STEFAN_BOLTZMANN) ** 0.25)
 
 
 def wind_htc(speed: Any, length: float, temperature: Any, pressure: float, calm: float = 0.0) -> Array:

@@ -17,7 +17,7 @@ from thermid.units import TEMPERATURE
 
 __all__ = ["STEADY", "Scenario", "load_scenario"]
 
-SURROUNDINGS = ("site", "weather", "sun", "wind")
+SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent")
 """Tables of a scenario file that stand for boundaries, gases and radiation."""
 STEADY = "steady"
 """`start = "steady"`: the run starts where the inputs at its beginning would have settled."""
@@ -157,7 +157,8 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """Return the scenario of a TOML file.
 
     A signal may be a column of a log: ``{ file = "room.csv", column = "T_AMB", unit = "degC", time = "time_s" }``. Tables
-    `site`, `weather`, `sun` and `wind` make a time on the pad, as `pad_scenario` does.
+    `site`, `weather`, `sun` and `wind` make a time on the pad, as `pad_scenario` does, and `ascent` an ascent, as
+    `ascent_scenario` does.
 
     Raises
     ------

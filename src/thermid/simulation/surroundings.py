@@ -1,4 +1,4 @@
-"""Tables of a scenario file that make its surroundings: site, weather, sun and wind."""
+"""Tables of a scenario file that make its surroundings: site, weather, sun and wind of the ground, or an ascent."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from thermid.errors import ScenarioError, nearest
 from thermid.measure import read_weather
 from thermid.model.modelfile import resolve_inside
 from thermid.model.signal import literal
+from thermid.simulation.ascent import ascent_scenario, read_trajectory
 from thermid.simulation.pad import pad_scenario
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenario import Scenario, column_of
 from thermid.simulation.site import Site
+from thermid.units import TEMPERATURE
 
 __all__ = ["KEYS", "surrounded"]
 
@@ -20,6 +22,19 @@ KEYS: Mapping[str, tuple[str, ...]] = {
     "site": ("name", "latitude", "longitude", "altitude", "timezone"),
     "weather": ("file", "columns", "begin", "starts", "max_gap", "year", "time", "averaged", "air", "air_temperature"),
     "sun": ("shines", "sky", "albedo", "turbidity"),
+    "ascent": (
+        "file",
+        "columns",
+        "time",
+        "pressure",
+        "air",
+        "air_temperature",
+        "walls",
+        "separation",
+        "flow",
+        "accommodation",
+        "upper",
+    ),
 }
 
 
@@ -36,6 +51,14 @@ def surrounded(given: Mapping[str, Any], folder: Path, file: str) -> Scenario:
         for key in tables[name]:
             if key not in known:
                 raise ScenarioError(f"no '{key}' in {name}.{nearest(key, known)} It has {', '.join(known)}.", f"{file}, {name}.{key}")
+    duration = rest.pop("duration", None)
+    if isinstance(duration, str):
+        duration = literal(duration, "s", f"{file}, duration")
+    if tables["ascent"]:
+        clash = [name for name in ("site", "weather", "sun", "wind") if tables[name]]
+        if clash:
+            raise ScenarioError(f"a scenario stands on the ground or flies: it has {clash[0]} and ascent.", file)
+        return _ascent(tables["ascent"], rest, duration, folder, file)
     weather, sun = tables["weather"], tables["sun"]
     read = None
     if "file" in weather:
@@ -46,10 +69,20 @@ def surrounded(given: Mapping[str, Any], folder: Path, file: str) -> Scenario:
         k: sun[k] for k in ("sky", "albedo", "turbidity") if k in sun
     }
     options |= {"sun": sun["shines"]} if "shines" in sun else {}
-    duration = rest.pop("duration", None)
-    if isinstance(duration, str):
-        duration = literal(duration, "s", f"{file}, duration")
     return pad_scenario(_site(tables["site"], file), read, duration=duration, wind=tables["wind"] or None, **options, **rest)
+
+
+def _ascent(table: Mapping[str, Any], rest: Mapping[str, Any], duration: float | None, folder: Path, file: str) -> Scenario:
+    """Return an ascent."""
+    where = f"{file}, ascent"
+    path = resolve_inside(folder, table["file"], where) if "file" in table else None
+    trajectory = read_trajectory(path, table.get("columns"), time=table.get("time")) if path else None
+    options = {k: table[k] for k in ("air", "separation", "flow", "accommodation", "upper") if k in table}
+    for name, slot in (("pressure", "Pa"), ("air_temperature", TEMPERATURE)):
+        if name in table:
+            options[name] = column_of(table[name], folder, slot, f"{where}.{name}")
+    walls = {k: column_of(v, folder, TEMPERATURE, f"{where}.walls.{k}") for k, v in table.get("walls", {}).items()}
+    return ascent_scenario(trajectory, duration=duration, walls=walls, **options, **rest)
 
 
 def _site(table: Mapping[str, Any], file: str) -> Site | None:

@@ -48,5 +48,5 @@ def test_ambiance_agrees_where_it_is_installed() -> None:
 
 @pytest.mark.parametrize("altitude", [86001.0, 2e5, -6e3, np.nan])
 def test_beyond_its_limits_it_is_refused(altitude: float) -> None:
-    with pytest.raises(ScenarioError, match="ends at 86 km"):
+    with pytest.raises(ScenarioError, match="end at 86 km"):
         standard_atmosphere(np.array([0.0, altitude]))

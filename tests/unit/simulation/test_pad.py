@@ -104,9 +104,11 @@ def test_a_boundary_may_be_the_sky(weather: td.Weather) -> None:
     deck = {"title": "skin", "needs": ["ambient", "above"], "nodes": {"skin": {"capacitance": "9 [kJ/K]"}}}
     face = {"of": "skin", "to": "ambient", "area": "2 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0.9, "radiates_to": "above"}
     roof = td.model_from_dict(deck | {"surfaces": {"face": face | {"absorptance": 0.3, "facing": {"tilt": 0}}}})
-    apart = td.simulate(roof, td.pad_scenario(SITE, weather, sky="above", start="25 [degC]"))
+    apart = td.simulate(roof, td.pad_scenario(SITE, weather, sky={"above": 0}, start="25 [degC]"))
     joined = td.simulate(skin(facing={"tilt": 0}), td.pad_scenario(SITE, weather, start="25 [degC]"))
     assert apart["above"].at(0.0) == pytest.approx((400.0 / STEFAN_BOLTZMANN) ** 0.25 - 273.15)
+    wall = td.pad_scenario(SITE, weather, sky={"above": 90}).boundaries["above"]
+    assert wall.at(np.zeros(1))[0] == pytest.approx((200.0 / STEFAN_BOLTZMANN + 0.5 * 298.15**4) ** 0.25)
     # the tables between hours bend differently, in temperature and in its fourth power
     assert np.abs(apart["skin"].kelvin - joined["skin"].kelvin).max() < 0.02
 
