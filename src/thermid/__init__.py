@@ -93,6 +93,8 @@ if TYPE_CHECKING:
     from thermid.qualify.ascent import ascent_checks as ascent_checks
     from thermid.qualify.conduct import run_profile as run_profile
     from thermid.qualify.cycles import equivalent_cycles as equivalent_cycles
+    from thermid.qualify.deliver import check_delivery as check_delivery
+    from thermid.qualify.deliver import deliver as deliver
     from thermid.qualify.drivers import sobol_of as sobol_of
     from thermid.qualify.hold import Hold as Hold
     from thermid.qualify.hold import hold as hold
@@ -105,6 +107,8 @@ if TYPE_CHECKING:
     from thermid.qualify.profiles import load_profile as load_profile
     from thermid.qualify.profiles import profile_names as profile_names
     from thermid.qualify.profiles import profile_of as profile_of
+    from thermid.qualify.reduce import Reduction as Reduction
+    from thermid.qualify.reduce import reduce as reduce
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.page import report as report
@@ -247,6 +251,10 @@ _PUBLIC = {
     "Hold": "qualify.hold",
     "load_hold": "qualify.holdfile",
     "HoldQuestion": "qualify.holdfile",
+    "reduce": "qualify.reduce",
+    "Reduction": "qualify.reduce",
+    "deliver": "qualify.deliver",
+    "check_delivery": "qualify.deliver",
     "report": "reporting.page",
     "study_report": "reporting.study_page",
     "structures_report": "reporting.structures_page",

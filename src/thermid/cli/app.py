@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from thermid.cli import credibility as recording
+from thermid.cli import deliver as delivering
 from thermid.cli import exchange, log, predict, trust
 from thermid.cli import hold as holding
 from thermid.cli import swap as replacing
@@ -305,6 +306,7 @@ replacing.register(app)
 recording.register(app)
 trust.register(app)
 holding.register(app)
+delivering.register(app)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,8 @@ def draw_hold(figure: Figure, found: Hold) -> None:
         )
     for k, p in enumerate(passed):
         dash = DASHES[k % len(DASHES)]
-        (line,) = axis.plot(*_steps(p, found, length), color=SERIES[k % len(SERIES)], linewidth=1.8, label=f"{p.name}, {p.limit:g} degC")
+        label, colour = f"{p.name}, {p.limit:g} degC", SERIES[k % len(SERIES)]
+        (line,) = axis.plot(*_steps(p, found, length), color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
         if dash:
             line.set_dashes(dash)
     top = min(105.0, max(115.0 * max(float(p.exceedance[-1]) for p in passed), 400.0 * (1.0 - found.confidence)))

@@ -1,0 +1,179 @@
+"""`deliver`: a model as others get it: decks, values, a reduced deck, scenarios, and what must come out, checked from the folder itself."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.errors import DeckError
+from thermid.identify.values import FittedValues
+from thermid.model.model import Model
+from thermid.model.modelfile import load_model, save_model
+from thermid.qualify.campaign_runs import digest
+from thermid.qualify.macro import assumed
+from thermid.qualify.reduce import Reduction, reduce
+from thermid.simulation.scenario import Scenario, load_scenario
+from thermid.simulation.simulator import network_for
+from thermid.simulation.solution import Solution
+from thermid.simulation.transient import simulate
+
+__all__ = ["check_delivery", "deliver"]
+
+SAME = 1e-6
+"""Difference up to which a repeated run is the same. [K]"""
+CHECK_TIMES = 5
+"""Times at which temperatures are written down, equally spaced, the end among them."""
+
+
+def deliver(
+    model: Model,
+    scenarios: Sequence[str | os.PathLike[str]],
+    to: str | os.PathLike[str],
+    *,
+    values: Sequence[FittedValues] = (),
+    nodes: int | None = None,
+    within: str | float | None = None,
+    keep: Sequence[str] = (),
+    at: str = "",
+) -> Path:
+    """Write a delivery folder and return its `checks.json`: version, hashes, run record, temperatures to be met, deviations when reduced.
+
+    The folder holds ``full/`` (the model with its submodels as decks, values laid in), ``values/``, ``scenarios/`` and, where `nodes` or
+    `within` asks for one, ``reduced/``. Everything is loaded and run again from there before it is said to be done.
+
+    Parameters
+    ----------
+    model : Model                   With all its values laid over it.
+    scenarios : sequence of path    Scenario files.
+    to : path                       The folder, new or empty.
+    values : sequence               What fits found, for the record.
+    nodes, within, keep, at         As in `reduce`.
+
+    Raises
+    ------
+    DeckError       When the folder holds something, or what is in it does not give the same temperatures again.
+    ScenarioError   As in `reduce`.
+    """
+    folder = Path(to)
+    if folder.exists() and any(folder.iterdir()):
+        raise DeckError(f"the folder '{folder.name}' is not empty. A delivery is written once; give a new folder.")
+    given = {Path(s).name: load_scenario(s) for s in scenarios}
+    if not given:
+        raise DeckError("a delivery needs a scenario, to say what must come out.", model.title)
+    small = reduce(model, list(given.values()), nodes=nodes, within=within, keep=keep, at=at) if nodes or within is not None else None
+    for name in ("full", "scenarios", *(["values"] if values else []), *(["reduced"] if small is not None else [])):
+        (folder / name).mkdir(parents=True)
+    for path in map(Path, scenarios):
+        shutil.copyfile(path, folder / "scenarios" / path.name)
+    for v in values:
+        v.save(folder / "values" / f"{v.stage}.values.toml")
+    save_model(model, folder / "full" / "model.toml")
+    if small is not None:
+        save_model(small.inside, folder / "reduced" / "model.toml")
+    record = _record(model, given, small, at)
+    record["files"] = {str(p.relative_to(folder)): _hash(p) for p in sorted(folder.rglob("*.toml"))}
+    target = folder / "checks.json"
+    target.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    check_delivery(folder)
+    return target
+
+
+def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
+    """Return scenario -> largest difference between what a delivery says must come out and what does. [K]
+
+    Raises
+    ------
+    DeckError   When a file has changed since it was written, or a temperature is not met.
+    """
+    base = Path(folder)
+    try:
+        record = json.loads((base / "checks.json").read_text(encoding="utf-8"))
+        files, runs, watched = record["files"], record["runs"], record["reference_points"]
+    except (OSError, ValueError, KeyError) as error:
+        raise DeckError(f"'{base.name}' is no delivery: it has no checks.json with files and runs ({error}).") from None
+    for name, kept in files.items():
+        if not (base / name).is_file() or _hash(base / name) != kept:
+            raise DeckError(f"'{name}' is not the file that was delivered.", base.name)
+    model = load_model(base / "full" / "model.toml")
+    out = {}
+    for name, want in runs.items():
+        run = simulate(model, load_scenario(base / "scenarios" / name))
+        off = {p: np.abs(run[p].at(np.array(want["times_s"])) - want["temperatures_C"][p]).max() for p in watched}
+        worst = max(off, key=lambda p: off[p])
+        if not off[worst] <= SAME:
+            raise DeckError(f"'{worst}' is {off[worst]:.3g} K from what it must be in {name}.", base.name)
+        out[name] = float(off[worst])
+    return out
+
+
+def _record(model: Model, scenarios: Mapping[str, Scenario], small: Reduction | None, at: str) -> dict[str, Any]:
+    """Return what stands in checks.json, but for the hashes of the files."""
+    from datetime import UTC, datetime
+    from importlib.metadata import version
+
+    runs = {name: simulate(model, s) for name, s in scenarios.items()}
+    first = next(iter(runs.values()))
+    watched = _watched(model, next(iter(scenarios.values())))
+    taken = assumed(model)
+    return {
+        "schema": 1,
+        "title": model.title,
+        "watermark": f"demonstration, {len(taken)} assumed parameters" if taken else "",
+        "model": {"identity": model.identity(), "nodes": len(first.nodes), "assumed": list(taken)},
+        "reference_points": watched,
+        "written": {
+            "by": f"thermid {version('thermid')}",
+            "numpy": version("numpy"),
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            "at": datetime.now(UTC).isoformat(timespec="seconds"),
+        },
+        "runs": {name: _run(scenarios[name], run, watched) for name, run in runs.items()},
+        **({"reduced": _reduced(small, at or model.title)} if small is not None else {}),
+    }
+
+
+def _watched(model: Model, scenario: Scenario) -> list[str]:
+    """Return the reference points, or every node where none is marked."""
+    network = network_for(model, scenario)
+    return [n.path for n in network.flat.nodes if n.reference_point] or list(network.nodes)
+
+
+def _run(scenario: Scenario, run: Solution, watched: Sequence[str]) -> dict[str, Any]:
+    times = np.linspace(0.0, scenario.seconds, CHECK_TIMES)
+    balance = run.heat_balance()
+    heat = {"loads_J": balance.loads, "boundaries_J": balance.boundaries, "stored_J": balance.stored, "residual": balance.relative}
+    return {
+        "title": scenario.title,
+        "identity": digest(scenario),
+        "times_s": times.tolist(),
+        "temperatures_C": {p: run[p].at(times).tolist() for p in watched},
+        "highest_C": {p: run[p].highest for p in watched},
+        "heat_balance": heat,
+    }
+
+
+def _reduced(small: Reduction, part: str) -> dict[str, Any]:
+    return {
+        "part": part,
+        "identity": small.model.identity(),
+        "masses": list(small.masses),
+        "nodes": list(small.nodes),
+        "deviations": [
+            {"scenario": d.scenario, "node": d.node, "largest_K": d.largest, "time_s": d.time, "final_K": d.final} for d in small.deviations
+        ],
+        "largest_K": {n: d.largest for n, d in small.by_node().items()},
+        "remarks": list(small.remarks),
+    }
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
