@@ -96,6 +96,8 @@ if TYPE_CHECKING:
     from thermid.qualify.hold import hold as hold
     from thermid.qualify.holdfile import HoldQuestion as HoldQuestion
     from thermid.qualify.holdfile import load_hold as load_hold
+    from thermid.qualify.forecast import Forecast as Forecast
+    from thermid.qualify.forecast import forecast as forecast
     from thermid.qualify.macro import assumed as assumed
     from thermid.qualify.macro import macro_model as macro_model
     from thermid.qualify.profile_run import ProfileRun as ProfileRun
@@ -105,6 +107,8 @@ if TYPE_CHECKING:
     from thermid.qualify.profiles import profile_of as profile_of
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
+    from thermid.qualify.stabilisation import Stability as Stability
+    from thermid.qualify.stabilisation import stability as stability
     from thermid.reporting.page import report as report
     from thermid.reporting.study_page import study_report as study_report
     from thermid.reporting.trust import picture as picture
@@ -231,6 +235,10 @@ _PUBLIC = {
     "Hold": "qualify.hold",
     "load_hold": "qualify.holdfile",
     "HoldQuestion": "qualify.holdfile",
+    "stability": "qualify.stabilisation",
+    "Stability": "qualify.stabilisation",
+    "forecast": "qualify.forecast",
+    "Forecast": "qualify.forecast",
     "report": "reporting.page",
     "study_report": "reporting.study_page",
     "picture": "reporting.trust",
