@@ -100,6 +100,8 @@ if TYPE_CHECKING:
     from thermid.qualify.hold import hold as hold
     from thermid.qualify.holdfile import HoldQuestion as HoldQuestion
     from thermid.qualify.holdfile import load_hold as load_hold
+    from thermid.qualify.forecast import Forecast as Forecast
+    from thermid.qualify.forecast import forecast as forecast
     from thermid.qualify.macro import assumed as assumed
     from thermid.qualify.macro import macro_model as macro_model
     from thermid.qualify.profile_run import ProfileRun as ProfileRun
@@ -111,6 +113,8 @@ if TYPE_CHECKING:
     from thermid.qualify.reduce import reduce as reduce
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
+    from thermid.qualify.stabilisation import Stability as Stability
+    from thermid.qualify.stabilisation import stability as stability
     from thermid.reporting.page import report as report
     from thermid.reporting.structures_page import Structure as Structure
     from thermid.reporting.structures_page import structures_report as structures_report
@@ -255,6 +259,10 @@ _PUBLIC = {
     "Reduction": "qualify.reduce",
     "deliver": "qualify.deliver",
     "check_delivery": "qualify.deliver",
+    "stability": "qualify.stabilisation",
+    "Stability": "qualify.stabilisation",
+    "forecast": "qualify.forecast",
+    "Forecast": "qualify.forecast",
     "report": "reporting.page",
     "study_report": "reporting.study_page",
     "structures_report": "reporting.structures_page",

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from thermid.errors import RecordError, nearest
-from thermid.measure.amounts import amount, duration_text
+from thermid.measure.amounts import duration_text
 from thermid.measure.channel import Channel, FloatArray
 from thermid.measure.steady import FEWEST, correlation_factor
 
 if TYPE_CHECKING:
     from thermid.measure.record import Record
 
-__all__ = ["RULES", "ChannelStability", "StabilityRule", "channel_stability", "resolution_of", "rule_of"]
+__all__ = ["RULES", "ChannelStability", "StabilityRule", "channel_stability", "resolution_of", "rule_of", "since_when"]
 
 HOUR: Final = 3600.0
 SHORTEST: Final = 300.0
@@ -240,8 +240,3 @@ def since_when(record: Record, name: str, rule: StabilityRule, since: float = -n
             break
         earliest = float(at)
     return earliest
-
-
-def seconds_of(given: str | float, what: str) -> float:
-    """Return a time [s]."""
-    return amount(given, "s", what)

@@ -1,0 +1,341 @@
+"""Where a temperature will end, and when a rule of stability will hold, said while the test is still running - or declined."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import RecordError, ScenarioError
+from thermid.measure.amounts import amount, duration_text, positive_seconds, seconds
+from thermid.measure.prepare import stretch
+from thermid.measure.stability import StabilityRule, resolution_of, rule_of
+from thermid.physics.constants import ICE_POINT
+from thermid.qualify.approach import Approach, Mixture, approach
+
+if TYPE_CHECKING:
+    from thermid.measure.channel import Channel
+    from thermid.measure.record import Record
+    from thermid.model.model import Model
+    from thermid.simulation.scenario import Scenario
+
+__all__ = ["Estimate", "Forecast", "forecast"]
+
+Array = NDArray[np.float64]
+FEWEST: Final = 40
+"""Readings below which nothing is forecast."""
+REACH: Final = 10.0
+"""Without better knowledge a part may be this many times slower than the time that was watched."""
+GUARD: Final = 0.02
+"""Share of the change in the readings by which exponentials may miss them, where a slow part is to be excluded by them alone: a drift below
+that may be coefficients that grow with differences, or a hidden mass. [-]"""
+SLOW_SHARE: Final = 0.05
+"""Probability with which a slow part counts as not excluded."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A temperature with its interval. [K]"""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def error(self) -> float:
+        """Half of the interval. [K]"""
+        return 0.5 * (self.high - self.low)
+
+    def __str__(self) -> str:
+        """In Celsius."""
+        return f"{self.value - ICE_POINT:.2f} degC ({self.low - ICE_POINT:.2f} to {self.high - ICE_POINT:.2f})"
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """What a channel will do under conditions that stay as they are.
+
+    Parameters
+    ----------
+    record, channel : str       Where the readings came from.
+    start, now : float          Begin and end of the readings that were used. [s]
+    latest : float              Where it stands now. [K]
+    final : Estimate            Where it ends, with its interval, whether declined or not.
+    declined : str              Why the final temperature is not forecast; empty where it is.
+    within : float              Half of the interval that was asked for, at most. [K]
+    level : float               Probability of the interval.
+    slow : float                Time constant that the readings cannot exclude. [s]
+    rule : StabilityRule        Rule of stability.
+    holds : float or None       Time at which that rule will hold, as likely earlier as later; None where it is not to be seen. [s]
+    holds_late : float or None  The same with a probability of 95 %. [s]
+    by_model : bool             Whether time constants came from a model.
+    reference : float or None   Level of the reference at which all this holds. [K]
+    """
+
+    record: str
+    channel: str
+    start: float
+    now: float
+    latest: float
+    final: Estimate
+    declined: str
+    within: float
+    level: float
+    slow: float
+    rule: StabilityRule
+    holds: float | None
+    holds_late: float | None
+    by_model: bool
+    reference: float | None
+    _approach: Approach = field(repr=False)
+    _step: float = field(repr=False)
+
+    def reading(self, time: str | float, level: float | None = None) -> Estimate:
+        """Return what one reading at a later time will say, with the same probability or another.
+
+        Raises
+        ------
+        RecordError   When the time lies before the last reading that was used.
+        """
+        at = seconds(time, "time")
+        if at < self.now:
+            raise RecordError(f"{at:g} s lies before the last reading that was used, at {self.now:g} s.", f"{self.record}, {self.channel}")
+        return _estimate(_with_step(self._approach.at(at, reading=True), self._step), level or self.level)
+
+    @property
+    def saved(self) -> float | None:
+        """Time that need not be waited until the rule holds; None where that is not to be seen. [s]"""
+        return None if self.holds is None else max(self.holds - self.now, 0.0)
+
+    @property
+    def drift(self) -> float:
+        """Drift that the readings cannot tell from none. [K/s]"""
+        rates = self._approach.rate(self.now)
+        mean = float(self._approach.weights @ rates)
+        spread = float(np.sqrt(self._approach.weights @ (rates - mean) ** 2))
+        return 2.0 * max(spread, self._approach.noise / max(self.now - self.start, 1.0))
+
+    def as_object(self) -> dict[str, Any]:
+        """Return it as JSON holds it."""
+        final = self.final
+        return {
+            "channel": self.channel,
+            "from": self.start,
+            "now": self.now,
+            "latest_C": self.latest - ICE_POINT,
+            "final_C": None if self.declined else final.value - ICE_POINT,
+            "interval_C": [final.low - ICE_POINT, final.high - ICE_POINT],
+            "level": self.level,
+            "declined": self.declined or None,
+            "slow": self.slow,
+            "rule": self.rule.name,
+            "holds": self.holds,
+            "holds_late": self.holds_late,
+            "saved": self.saved,
+            "by_model": self.by_model,
+        }
+
+    def _risk(self) -> str:
+        """Return what may be wrong with the final temperature."""
+        often = f"{100 * (1 - self.level):.3g} of 100 such forecasts end outside"
+        if self.by_model:
+            return f"{often}, if the model has every slow part"
+        far = duration_text(REACH * (self.now - self.start))
+        return (
+            f"{often}. A part slower than {far} that drifts by less than {3600.0 * self.drift:.2g} K/h cannot be seen; it would add "
+            "that drift times its time constant"
+        )
+
+    def __str__(self) -> str:
+        """The forecast in words, with what it saves and risks."""
+        watched = duration_text(self.now - self.start)
+        head = f"{self.channel} of {self.record}: {self.latest - ICE_POINT:.2f} degC after {watched}"
+        lines = [head]
+        if self.declined:
+            lines.append(f"  final temperature: declined. {self.declined}")
+        else:
+            at = "" if self.reference is None else f" with the reference at {self.reference - ICE_POINT:.2f} degC"
+            lines.append(f"  final temperature: {self.final}{at}, {100 * self.level:g} % interval")
+            lines.append(f"  risk: {self._risk()}")
+        if self.holds is None:
+            lines.append(f"  rule '{self.rule.name}': it is not to be seen when it will hold")
+        elif self.holds <= self.now:
+            lines.append(f"  rule '{self.rule.name}': holds by now")
+        else:
+            late = "" if self.holds_late is None else f", with 95 % by {duration_text(self.holds_late - self.start)}"
+            saved = "" if self.declined else f"; stopping now saves {duration_text(self.saved or 0.0)}"
+            lines.append(
+                f"  rule '{self.rule.name}': holds about {duration_text(self.holds - self.start)} after the beginning{late}{saved}"
+            )
+        return "\n".join(lines)
+
+
+def forecast(
+    record: Record,
+    channel: str = "",
+    *,
+    since: str | float = "start",
+    until: str | float = "end",
+    rule: str | StabilityRule = "3 C/h",
+    within: str | float = "1 [K]",
+    level: float = 0.95,
+    reference: str = "",
+    slowest: str | float | None = None,
+    model: Model | None = None,
+    scenario: Scenario | None = None,
+) -> Forecast:
+    """Return where a channel will end if conditions stay as they are, or why that cannot be said.
+
+    Parameters
+    ----------
+    record : Record
+    channel : str               The channel; not needed where the record has one temperature.
+    since, until : str or float The stretch to use, from the last change of conditions on, as in `Record.trim`.
+    rule : str                  Rule of stability that the test waits for.
+    within : str or float       Half of the interval, at most; a wider forecast is declined. [K]
+    level : float               Probability of the interval.
+    reference : str             Channel that the temperature follows, such as the air; its last level is taken to hold.
+    slowest : str or float      Longest time constant that the unit can have, where that is known; ten times the stretch otherwise. [s]
+    model, scenario             A model and the conditions of the stretch: its time constants in place of a search, trusted to 20 %.
+
+    Raises
+    ------
+    RecordError     When readings are too few, or a name does not fit.
+    ScenarioError   When a model comes without a scenario.
+    """
+    name = channel or _only(record)
+    inside, _ = stretch(record, since, until, f"{record.name}, forecast")
+    given = record.channel(name)
+    where = f"{record.name}, {name}"
+    if given.quantity != "temperature":
+        raise RecordError(f"it is a {given.quantity}; temperatures are forecast.", where)
+    keep = inside & given.valid
+    if np.count_nonzero(keep) < FEWEST:
+        raise RecordError(f"{np.count_nonzero(keep)} readings lie in the stretch; {FEWEST} are needed for a forecast.", where)
+    if not 0.5 <= level < 1.0:
+        raise RecordError(f"a level of {level:g} is none; give 0.5 to 0.99.", where)
+    times, kelvin = record.times[keep], given.values[keep]
+    span = float(times[-1] - times[0])
+    limit = positive_seconds(slowest, "slowest") if slowest is not None else REACH * span
+    known = _of_model(model, scenario)
+    room = None
+    if reference:
+        air = record.channel(reference)
+        room = (record.times[inside & air.valid], air.values[inside & air.valid])
+    found = approach(times, kelvin, limit, known, room)
+    asked = amount(within, "K", "within")
+    trusted = bool(known) or slowest is not None
+    guard = found if trusted else approach(times, kelvin, limit, known, room, GUARD)
+    final = _estimate(guard.at(float("inf")), level)
+    latest = found.at(found.now).mean
+    slow = guard.slowest(SLOW_SHARE)
+    declined = "" if final.error <= asked else _reason(final, asked, slow, span, bool(known), slowest is not None, level)
+    wanted = rule_of(rule)
+    holds, late = (None, None) if wanted.stored else (_holds(found, wanted, 0.5, span), _holds(found, wanted, 0.95, span))
+    stand = None if found.room is None else found.room.last
+    size = resolution_of(given)
+    return Forecast(
+        record.name,
+        name,
+        float(times[0]),
+        found.now,
+        latest,
+        final,
+        declined,
+        asked,
+        level,
+        slow,
+        wanted,
+        holds,
+        late,
+        bool(known),
+        stand,
+        found,
+        size,
+    )
+
+
+def _only(record: Record) -> str:
+    """Return the one temperature of a record.
+
+    Raises
+    ------
+    RecordError   When there are several, or none.
+    """
+    names = [c.name for c in record.channels.values() if _measured(c)]
+    if len(names) != 1:
+        raise RecordError(f"say which channel: {', '.join(names) or 'there is no temperature'}.", record.name)
+    return names[0]
+
+
+def _measured(channel: Channel) -> bool:
+    return channel.quantity == "temperature" and channel.role != "boundary"
+
+
+def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]:
+    """Return the time constants of a model under conditions. [s]"""
+    if model is None:
+        return ()
+    if scenario is None:
+        raise ScenarioError(
+            "a model's time constants belong to conditions: give the scenario of the stretch beside the model.", model.title
+        )
+    from thermid.simulation.transient import simulate
+
+    found = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=3600.0)).time_constants
+    return tuple(float(t) for t in found if np.isfinite(t))
+
+
+def _with_step(mixture: Mixture, step: float) -> Mixture:
+    """Return a mixture with the steps of the sensor in its spreads."""
+    return Mixture(mixture.weights, mixture.means, np.sqrt(mixture.spreads**2 + step**2 / 12.0))
+
+
+def _estimate(mixture: Mixture, level: float) -> Estimate:
+    return Estimate(mixture.quantile(0.5), mixture.quantile(0.5 - level / 2.0), mixture.quantile(0.5 + level / 2.0))
+
+
+def _reason(final: Estimate, within: float, slow: float, span: float, by_model: bool, known: bool, level: float) -> str:
+    """Return why a final temperature is declined."""
+    text = (
+        f"It could end anywhere from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC ({100 * level:g} %), wider than the "
+        f"+- {within:.3g} K asked for"
+    )
+    if by_model:
+        return f"{text}: the model's slow parts have not moved far enough to say where they go. Wait longer."
+    if slow > span:
+        return (
+            f"{text}: the readings of {duration_text(span)} cannot exclude a slow part with a time constant of {duration_text(slow)}, "
+            "such as a heavy mass behind a weak link, that has only begun to move. Wait longer, or give a model"
+            f"{'' if known else ', or the longest time constant that the unit can have (slowest)'}."
+        )
+    return f"{text}: the readings are too few or too noisy for {duration_text(span)} of watching. Wait longer."
+
+
+def _holds(found: Approach, rule: StabilityRule, share: float, span: float) -> float | None:
+    """Return the time at which the rule will hold with a probability, or None when it is further than a hundred stretches away. [s]"""
+    window = rule.window or 60.0
+
+    def sure(at: float) -> bool:
+        begin = max(at - window, found.start)
+        moved = np.einsum("pt,pt->p", found._terms(at) - found._terms(begin), found.means)
+        return float(found.weights @ (np.abs(moved) <= rule.rate * window)) >= share
+
+    if rule.window > found.now - found.start:
+        low = found.start + rule.window
+    else:
+        low = found.now
+    if sure(low):
+        return low
+    high = low + span
+    while not sure(high):
+        high = low + 2.0 * (high - low)
+        if high - low > 100.0 * span:
+            return None
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if sure(middle) else (middle, high)
+    return high

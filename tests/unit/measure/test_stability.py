@@ -1,0 +1,107 @@
+"""Rules of stability and rates of noisy readings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import RecordError
+from thermid.measure.channel import Channel
+from thermid.measure.stability import RULES, channel_stability, resolution_of, rule_of, since_when
+
+HOUR = 3600.0
+
+
+def record(rate, noise=0.05, step=0.0, span=4.0, every=10.0, seed=1, name="T"):
+    times = np.arange(0.0, span * HOUR, every)
+    values = 300.0 + rate / HOUR * times + noise * np.random.default_rng(seed).standard_normal(times.size)
+    if step:
+        values = np.round(values / step) * step
+    return td.Record.from_arrays("log", times, {name: Channel.of(name, values, resolution=step or None)})
+
+
+@pytest.mark.parametrize(
+    ("text", "rate", "window", "mark"),
+    [
+        ("3 C/h", 3.0, 0.0, "read"),
+        ("0.2 C/h over 5 h", 0.2, 5.0, "read"),
+        ("1 C over 5 h", 0.2, 5.0, "read"),
+        ("0.05 C/h over 6 h", 0.05, 6.0, "secondary"),
+        ("1 K/h", 1.0, 0.0, "memory"),
+        ("2 C/h", 2.0, 0.0, "memory"),
+        ("0.5 K/h over 30 min", 0.5, 0.5, "project"),
+        ("0.1 K/min", 6.0, 0.0, "project"),
+    ],
+)
+def test_rules_by_name_and_in_words(text, rate, window, mark):
+    rule = rule_of(text)
+    assert (rule.rate * HOUR, rule.window / HOUR, rule.mark) == (pytest.approx(rate), pytest.approx(window), mark)
+
+
+def test_rules_on_stored_heat():
+    assert rule_of("stored 5 %").mark == "memory"
+    assert rule_of("stored 3 %").rate == pytest.approx(0.03)
+    with pytest.raises(RecordError, match="readings alone do not show"):
+        channel_stability(record(0.0), "T", rule_of("stored 5 %"))
+
+
+@pytest.mark.parametrize("text", ["3 C", "fast", "0 K/h", "1 K over 0 h", "stored 0 %"])
+def test_what_is_no_rule(text):
+    with pytest.raises(RecordError, match=r"rule of stability|no length"):
+        rule_of(text)
+
+
+def test_every_rule_has_a_source_and_a_mark():
+    assert all(r.source and r.mark in ("read", "secondary", "memory") for r in RULES.values())
+
+
+@pytest.mark.parametrize(("rate", "verdict"), [(0.0, "stable"), (2.0, "stable"), (5.0, "not stable"), (-5.0, "not stable")])
+def test_verdicts_of_clear_rates(rate, verdict):
+    assert channel_stability(record(rate), "T", rule_of("3 C/h")).verdict == verdict
+
+
+def test_the_error_of_a_rate_holds_as_often_as_stated():
+    rule = rule_of("1 K/h over 1 h")
+    z = [(c.rate - 0.4 / HOUR) / c.error for c in (channel_stability(record(0.4, seed=s), "T", rule) for s in range(200))]
+    assert 0.9 <= np.mean(np.abs(z) < 2.0) <= 1.0
+
+
+def test_noise_asks_for_a_longer_window_and_a_short_log_cannot_tell():
+    quiet, loud = record(1.0, noise=0.01), record(1.0, noise=1.0)
+    rule = rule_of("3 C/h")
+    a, b = (channel_stability(r, "T", rule) for r in (quiet, loud))
+    assert a.verdict == b.verdict == "stable"
+    assert b.end - b.start > 2.0 * (a.end - a.start)
+    assert channel_stability(record(1.0, noise=1.0, span=0.1), "T", rule).verdict == "cannot tell"
+
+
+def test_a_coarse_sensor_that_stands_still_is_not_called_stable():
+    coarse = record(1.0, noise=0.0, step=0.5, span=0.2)
+    found = channel_stability(coarse, "T", rule_of("0.5 K/h"))
+    assert found.error * HOUR > 0.5
+    assert found.verdict == "cannot tell"
+
+
+def test_the_step_of_a_sensor_is_seen_in_its_readings():
+    r = record(1.0, noise=0.2, step=0.0625)
+    bare = Channel.of("T", r["T"].values)
+    assert resolution_of(bare) == pytest.approx(0.0625)
+    assert resolution_of(Channel.of("T", np.random.default_rng(1).standard_normal(100) + 300)) == 0.0
+
+
+def test_since_when_an_approach_is_stable():
+    times = np.arange(0.0, 6 * HOUR, 10.0)
+    values = 320.0 - 20.0 * np.exp(-times / 2000.0) + 0.02 * np.random.default_rng(2).standard_normal(times.size)
+    log = td.Record.from_arrays("log", times, {"T": values})
+    when = 2000.0 * np.log(20.0 / 2000.0 / (3.0 / HOUR))
+    assert since_when(log, "T", rule_of("3 C/h")) == pytest.approx(when, abs=700.0)
+    assert since_when(record(5.0), "T", rule_of("3 C/h")) is None
+
+
+def test_a_window_longer_than_the_log_and_a_power_are_refused():
+    with pytest.raises(RecordError, match="looks back over 5 h, and the readings go back"):
+        channel_stability(record(0.0), "T", rule_of("0.2 C/h over 5 h"))
+    power = td.Record.from_arrays("log", np.arange(100.0), {"P": Channel.of("P", np.ones(100), quantity="power", role="load")})
+    with pytest.raises(RecordError, match="holds for temperatures"):
+        channel_stability(power, "P", rule_of("3 C/h"))
