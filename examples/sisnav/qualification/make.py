@@ -1,0 +1,74 @@
+"""What the plan rests on, made from the study: `python examples/sisnav/qualification/make.py`.
+
+Writes the decks with convection and radiation apart, the values that the campaign on the virtual laboratory's logs found, and the logs of
+three environmental tests of the hidden unit, as its sensors would have read them. All of it is synthetic and says so.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent))
+
+import laboratory  # noqa: E402
+import structures  # noqa: E402
+
+import thermid as td  # noqa: E402
+
+EVERY = 300.0
+CHAMBER = {"offset": 0.4, "noise": 0.05}
+"""What the chamber's thermometers are off by, and scatter by. [K]"""
+RECORDS = {"thermal cycling": "cycling", "thermal vacuum": "vacuum", "humidity": "humidity"}
+
+
+def calibrated(folder: Path) -> None:
+    """Write decks and values, from the whole campaign on logs of the virtual laboratory."""
+    laboratory.main(folder)
+    structures.main(folder / "natural")
+    campaign = td.run_stages(folder / "natural" / "campaign.toml", data=folder)
+    decks = HERE / "decks"
+    decks.mkdir(exist_ok=True)
+    for name in laboratory.PARTS:
+        shutil.copy(folder / "natural" / f"{name}.toml", decks / f"{name}.toml")
+    found = campaign["m_Sd"].values
+    rounded = np.array([[float(f"{x:.7g}") for x in row] for row in found.covariance])
+    replace(found, covariance=rounded, weights=None).save(HERE / "m_Sd.values.toml")
+
+
+def logs() -> None:
+    """Write what the sensors would have read in the three tests: the hidden unit on the same fixture, in the same courses."""
+    from thermid.qualify.plan import load_plan
+    from thermid.qualify.trial import tried
+
+    plan = load_plan(HERE / "plan.toml")
+    hidden = td.macro_model(HERE / "fixture.toml", unit=laboratory.World.make().models["m_Sd"])
+    sensors = laboratory.TESTS["sd_all"].sensors
+    (HERE / "logs").mkdir(exist_ok=True)
+    for k, (test, name) in enumerate(RECORDS.items()):
+        (planned,) = (t for t in plan.tests if t.name == test)
+        trial = tried(plan, planned.model_copy(update={"log": None}))
+        scenario = trial.foresight.scenario
+        times = np.arange(0.0, scenario.seconds + 1.0, EVERY)
+        rng = np.random.default_rng([laboratory.SEED, k])
+        run = td.simulate(hidden, scenario, times=times)
+        columns = {c: laboratory.thermometer(c).read(times, run[f"unit.{n}"].kelvin, rng) for c, n in sensors.items()}
+        for column, boundary in (("T_SHROUD", "shroud"), ("T_PLATE", "plate")):
+            columns[column] = run[boundary].celsius + CHAMBER["offset"] + CHAMBER["noise"] * rng.standard_normal(times.size)
+        for load, watts in run.load_powers.items():
+            columns[laboratory.meter_of(load)] = np.round(np.broadcast_to(watts, times.shape), 3)
+        head = f"# {laboratory.REMARK.replace('laboratory.py', 'make.py')}\n" + ",".join(["time_s", *columns])
+        table = np.column_stack([times, *columns.values()])
+        np.savetxt(HERE / "logs" / f"{name}.csv", table, delimiter=",", header=head, comments="", fmt=["%.0f"] + ["%.2f"] * len(columns))
+
+
+if __name__ == "__main__":
+    with TemporaryDirectory() as made:
+        calibrated(Path(made))
+    logs()
