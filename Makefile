@@ -14,7 +14,7 @@ SANITIZED := tests/unit/kernel tests/unit/network tests/unit/simulation tests/un
 install = { command -v uv >/dev/null && uv pip install --quiet --python $(BIN)/python --require-hashes -r $(1); } \
 	|| $(BIN)/python -m pip install --disable-pip-version-check --quiet --require-hashes -r $(1)
 
-.PHONY: help setup setup-test demo test test-all bench lint sanitize format lengths lock clean
+.PHONY: help setup setup-test demo test test-all bench firmware bench-tools lint sanitize format lengths lock clean
 
 help:  ## what can be made
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
@@ -36,6 +36,12 @@ bench: setup-test  ## every benchmark beside the peers that are installed, the t
 	@for case in B1 B2 B3 B4 B5 B6; do $(BIN)/python benchmarks/run.py $$case --save benchmarks/results || exit 1; done
 	@$(BIN)/python benchmarks/table.py
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --benchmark-only tests/benchmarks
+
+firmware:  ## the firmware of the bench (needs avr-gcc), with its flash and RAM
+	@$(MAKE) --no-print-directory -C firmware
+
+bench-tools: firmware  ## the simulated bench that runs it (needs libsimavr)
+	@$(MAKE) --no-print-directory -C bench
 
 sanitize: setup-test  ## the tests that reach the kernel, with a kernel built under address and undefined behaviour sanitizers (gcc)
 	scripts/sanitize -m pytest -n 2 -m "not campaign" -rs -p no:cacheprovider $(SANITIZED)

@@ -19,7 +19,7 @@
 #include <simavr/sim_elf.h>
 #include <simavr/sim_time.h>
 
-enum { MOST = 16, BUS = 2, CYCLES_MS = 16000 };
+enum { MOST = 16, BUS = 4, CYCLES_MS = 16000 };
 enum { R_DDRB = 0x24, R_MCUSR = 0x54, R_TCCR1A = 0x80, R_ICR1 = 0x86, R_OCR1 = 0x88 };
 
 // ---- sensors ------------------------------------------------------------------------------------------------------------------------
@@ -293,7 +293,7 @@ static double duty(int k) {
     if (!(avr->data[R_DDRB] & (2 << k)) || !(avr->data[R_TCCR1A] & (k ? 0x20 : 0x80))) return 0.0;
     unsigned top = avr->data[R_ICR1] | avr->data[R_ICR1 + 1] << 8;
     unsigned at = avr->data[R_OCR1 + 2 * k] | avr->data[R_OCR1 + 2 * k + 1] << 8;
-    return top ? (double)at / top : 0.0;
+    return top ? (at + 1.0) / (top + 1.0) : 0.0;
 }
 
 static avr_cycle_count_t sample_duty(avr_t *a, avr_cycle_count_t when, void *param) {

@@ -9,12 +9,13 @@
 static uint16_t duties[2];
 static Reason latched, untold;
 
+static const uint16_t TOP = 999;
+static const uint8_t MODE = _BV(WGM11);  // with those of TCCR1B: fast PWM up to ICR1
+
 void heaters_begin() {
-    // phase correct PWM up to 1000, so that a duty of 0 is no pulse at all: 16 MHz / 64 / 2000 = 125 Hz
-    ICR1 = 1000;
-    OCR1A = OCR1B = 0;
-    TCCR1A = _BV(COM1A1) | _BV(COM1B1) | _BV(WGM11);
-    TCCR1B = _BV(WGM13) | _BV(CS11) | _BV(CS10);
+    ICR1 = TOP;
+    TCCR1A = MODE;
+    TCCR1B = _BV(WGM13) | _BV(WGM12) | _BV(CS11) | _BV(CS10);  // 16 MHz / 64 / 1000 = 250 Hz
     DDRB |= _BV(PB1) | _BV(PB2);
 }
 
@@ -24,8 +25,15 @@ Reason heaters_refuse() { return latched; }
 
 void heaters_set(uint8_t heater, uint16_t duty) {
     duties[heater] = duty;
-    if (heater) OCR1B = duty;
-    else OCR1A = duty;
+    uint8_t by_timer = heater ? _BV(COM1B1) : _BV(COM1A1);
+    if (duty == 0) {
+        // this PWM has no duty of zero: its pin is taken off it, and is low at once
+        TCCR1A &= ~by_timer;
+        return;
+    }
+    if (heater) OCR1B = duty - 1;
+    else OCR1A = duty - 1;
+    TCCR1A |= by_timer;
 }
 
 void heaters_clear() { latched = NONE; }
@@ -33,10 +41,6 @@ void heaters_clear() { latched = NONE; }
 void heaters_cut(Reason why) {
     heaters_set(0, 0);
     heaters_set(1, 0);
-    // the counter takes a new duty at its top; the pins go low now
-    TCCR1A = _BV(WGM11);
-    PORTB &= ~(_BV(PB1) | _BV(PB2));
-    TCCR1A = _BV(COM1A1) | _BV(COM1B1) | _BV(WGM11);
     if (why != SILENT) latched = why;  // a host that is heard again may heat
     untold = why;
 }

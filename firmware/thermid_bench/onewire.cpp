@@ -7,7 +7,7 @@
 #include <util/delay.h>
 
 // Open drain: the port's bit stays 0, the direction pulls low or lets go. Times are those of the data sheet of the DS18B20.
-static const uint8_t BIT = _BV(PD2);
+static const uint8_t BIT = _BV(PD4);
 
 static inline void low() { DDRD |= BIT; }
 static inline void release() { DDRD &= ~BIT; }

@@ -1,4 +1,4 @@
-// The 1-Wire bus on pin D2, with 4.7 kohm to 5 V.
+// The 1-Wire bus on pin D4, with 4.7 kohm to 5 V.
 #pragma once
 #include <stdint.h>
 

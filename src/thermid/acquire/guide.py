@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from thermid.acquire.logger import Logger
-from thermid.acquire.sensormap import Certificate, Sensor, save_sensor
+from thermid.acquire.sensormap import Sensor, save_sensor
 from thermid.errors import RecordError
+from thermid.measure.part import ICE, SensorCertificate
 
 __all__ = ["certificate_of", "ice_point", "tell_apart"]
 
@@ -89,8 +90,8 @@ def _warmed(log: Logger, roms: list[str], patience: float) -> str | None:
     return None
 
 
-def certificate_of(values: np.ndarray, resolution: float, when: str) -> Certificate:
-    """Return the certificate of readings in ice water [degC]: minus their mean, with the errors of bath, steps and noise.
+def certificate_of(values: np.ndarray, resolution: float, when: str) -> SensorCertificate:
+    """Return the certificate of readings in ice water [degC]: their mean, with the errors of bath, steps and noise.
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ def certificate_of(values: np.ndarray, resolution: float, when: str) -> Certific
         raise RecordError(f"it shows {mean:.2f} degC. Is it in the ice water? A good sensor is within {_FAR:g} K.", "ice point")
     # a quantised reading that does not move is uncertain by its step over sqrt(12), however long it is read
     error = sqrt(_BATH**2 + resolution**2 / 12.0 + (values.std() ** 2) / values.size)
-    return Certificate(-mean, error, when, "ice point")
+    return SensorCertificate(mean, error, ICE, when)
 
 
 def ice_point(log: Logger, path: Path, say: Callable[[str], object], confirm: Callable[[str], bool], readings: int = 120) -> list[Sensor]:
@@ -158,5 +159,5 @@ def ice_point(log: Logger, path: Path, say: Callable[[str], object], confirm: Ca
         old = log.sensors.get(rom, Sensor(rom, rom))
         made.append(Sensor(old.name, rom, given, old.note))
         save_sensor(path, made[-1])
-        say(f"{old.name}: {given.offset:+.3f} K +- {given.uncertainty:.3f} K is written")
+        say(f"{old.name}: it shows {given.offset:+.3f} K too much, +- {given.uncertainty:.3f} K; written")
     return made

@@ -40,7 +40,7 @@ def _rows(log: Logger) -> list[tuple[str, str, str, str, str]]:
         shown = f"FAULT {fault}" if fault else "-" if value is None else _value(source, value)
         sensor = log.sensors.get(source)
         if value is not None and not fault and sensor is not None and sensor.certificate is not None:
-            shown = _value(source, value + sensor.certificate.offset)
+            shown = _value(source, value - sensor.certificate.offset)
         forecast = trend.forecast() if trend is not None else None
         rows.append(
             (

@@ -9,31 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from thermid.errors import MissingDataError, RecordError, nearest
-from thermid.measure.amounts import amount
+from thermid.measure.part import ICE, SensorCertificate
 from thermid.measure.wire import rom_is_good
 
-__all__ = ["Certificate", "Sensor", "load_sensors", "save_sensor"]
+__all__ = ["Sensor", "load_sensors", "save_sensor"]
 
 _KEYS = ("rom", "note", "certificate")
-_CERTIFICATE_KEYS = ("offset", "uncertainty", "date", "method")
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """What a comparison with a reference said of a sensor.
-
-    Parameters
-    ----------
-    offset : float        To be added to the reading. [K]
-    uncertainty : float   Standard deviation of the offset. [K]
-    date : str            When.
-    method : str          How, such as 'ice point'.
-    """
-
-    offset: float
-    uncertainty: float
-    date: str = ""
-    method: str = ""
+_BROKEN = 5.0
 
 
 @dataclass(frozen=True)
@@ -44,13 +26,13 @@ class Sensor:
     ----------
     name : str                          Name of its channel.
     rom : str                           Its ROM, 16 hexadecimal digits, family first.
-    certificate : Certificate or None   What is known of its offset.
+    certificate : SensorCertificate or None   What is known of its offset.
     note : str                          Where it is glued.
     """
 
     name: str
     rom: str
-    certificate: Certificate | None = None
+    certificate: SensorCertificate | None = None
     note: str = ""
 
     def as_header(self) -> dict[str, Any]:
@@ -60,7 +42,7 @@ class Sensor:
             out["note"] = self.note
         if self.certificate is not None:
             c = self.certificate
-            out |= {"offset_K": c.offset, "uncertainty_K": c.uncertainty, "date": c.date, "method": c.method}
+            out |= {"offset_K": c.offset, "uncertainty_K": c.uncertainty, "at_K": c.at, "date": c.date}
         return out
 
 
@@ -107,20 +89,12 @@ def _sensor(name: str, table: object, where: str) -> Sensor:
     return Sensor(name, rom, None if given is None else _certificate(given, f"{where}.certificate"), str(table.get("note", "")))
 
 
-def _certificate(given: object, where: str) -> Certificate:
+def _certificate(given: object, where: str) -> SensorCertificate:
     """Return the certificate of one sensor."""
-    if not isinstance(given, Mapping) or not {"offset", "uncertainty"} <= set(given):
-        raise RecordError('it needs offset = "-0.12 [K]" and uncertainty = "0.05 [K]".', where)
-    for key in given:
-        if key not in _CERTIFICATE_KEYS:
-            raise RecordError(f"no key '{key}'; there are {', '.join(_CERTIFICATE_KEYS)}.{nearest(key, _CERTIFICATE_KEYS)}", where)
-    offset = amount(given["offset"], "K", f"{where}, offset")
-    error = amount(given["uncertainty"], "K", f"{where}, uncertainty")
-    if not error > 0:
-        raise RecordError(f"its uncertainty is {error:g} K; it must be above zero.", where)
-    if abs(offset) > 5.0:
-        raise RecordError(f"its offset is {offset:g} K; a sensor that is off by more than 5 K is broken.", where)
-    return Certificate(offset, error, str(given.get("date", "")), str(given.get("method", "")))
+    found = SensorCertificate.read(given, where)
+    if abs(found.offset) > _BROKEN:
+        raise RecordError(f"its offset is {found.offset:g} K; a sensor that is off by more than {_BROKEN:g} K is broken.", where)
+    return found
 
 
 def save_sensor(path: str | Path, sensor: Sensor) -> None:
@@ -138,13 +112,12 @@ def save_sensor(path: str | Path, sensor: Sensor) -> None:
     if sensor.certificate is not None:
         c = sensor.certificate
         made = tomlkit.table()
-        for key, value in (
-            ("offset", f"{c.offset:.4g} [K]"),
-            ("uncertainty", f"{c.uncertainty:.3g} [K]"),
-            ("date", c.date),
-            ("method", c.method),
-        ):
-            made[key] = value
+        made |= {
+            "offset": f"{c.offset:.4g} [K]",
+            "uncertainty": f"{c.uncertainty:.3g} [K]",
+            "at": f"{c.at - ICE:.4g} [degC]",
+            "date": c.date,
+        }
         table["certificate"] = made
     tables: Any = content["sensors"]
     for name in [name for name, each in tables.items() if each.get("rom") == sensor.rom and name != sensor.name]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from thermid.errors import RecordError
 from thermid.measure.benchclock import Heard, clocks
+from thermid.measure.part import SensorCertificate
 from thermid.measure.textfile import Cells
 from thermid.measure.wire import Line, crc16, parse_line
 
@@ -92,7 +93,14 @@ def bench_cells(data: bytes, file: str) -> Cells:
     made.power()
     header = tuple(made.header)
     return Cells(
-        file, header, made.texts, lines, (*of_clock, *notes), reasons=made.reasons, resolution=made.resolution, accuracy=made.accuracy
+        file,
+        header,
+        made.texts,
+        lines,
+        (*of_clock, *notes),
+        reasons=made.reasons,
+        resolution=made.resolution,
+        certificates=made.certificates,
     )
 
 
@@ -125,6 +133,8 @@ def _comment(log: _Log, body: str) -> None:
     if word == "session":
         log.walls[int(content["number"])] = str(content["wall"])
     else:
+        if "offset_K" in content:
+            content |= {key: float(content[key]) for key in ("offset_K", "uncertainty_K", "at_K")} | {"date": str(content["date"])}
         log.sensors[str(content["rom"])] = content
 
 
@@ -159,7 +169,7 @@ class _Columns:
         self.numbers: dict[str, np.ndarray] = {}
         self.reasons: dict[str, dict[str, list[int]]] = {}
         self.resolution: dict[str, str] = {}
-        self.accuracy: dict[str, str] = {}
+        self.certificates: dict[str, SensorCertificate] = {}
 
     def add(self, name: str, unit: str, values: np.ndarray, reasons: dict[str, list[int]]) -> None:
         """Add a column; NaN is an empty cell."""
@@ -189,12 +199,10 @@ class _Columns:
             reasons |= _not_real(values, np.array(sorted({row for rows in reasons.values() for row in rows}), dtype=int))
             if bits is not None:
                 self.resolution[name] = f"{2.0 ** (8 - bits)} [K]"
-            offset = float(known.get("offset_K", 0.0))
-            if offset:
-                values = np.round(values + offset, 9)
-                notes.append(f"{name}: {offset:+g} K of its certificate of {known.get('date', 'unknown date')} added")
-            if known.get("uncertainty_K"):
-                self.accuracy[name] = f"{float(known['uncertainty_K'])} [K]"
+            if "offset_K" in known:
+                paper = {key: float(known[f"{key}_K"]) for key in ("offset", "uncertainty", "at")}
+                self.certificates[name] = SensorCertificate(**paper, date=str(known["date"]))
+                notes.append(f"{name}: its certificate in the log, of {known['date']}, says {paper['offset']:+g} K")
         absent = sorted(set(range(self.rows)) - set(lines))
         if absent:
             reasons["no sample here"] = absent

@@ -81,7 +81,11 @@ def read_record(
         found = "one sample" if times.size == 1 else f"{times.size} samples of one stamp"
         raise RecordError(f"the log has {found}; a record needs two times.", cells.file)
     parsed = [numbers(column, sign) if place != at else times for place, column in enumerate(cells.columns)]
-    sensors = [worn(_channel(cells, each, parsed), each.part, each.certificate, f"{cells.file}, channels.{each.name}") for each in asked]
+    read = [(_channel(cells, each, parsed), each) for each in asked]
+    sensors = [
+        worn(made, each.part, each.certificate or cells.certificates.get(made.column), f"{cells.file}, channels.{each.name}")
+        for made, each in read
+    ]
     made = [each for each, _ in sensors]
     origin = _origin(cells, at, parsed, start)
     notes = [*cells.notes, *(note for _, said in sensors for note in said)] + (
@@ -147,7 +151,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         target=binding.target,
         gain=binding.gain,
         noise=sd(binding.noise, unit_text, quantity, f"{where}, noise"),
-        accuracy=sd(binding.accuracy or cells.accuracy.get(column), unit_text, quantity, f"{where}, accuracy"),
+        accuracy=sd(binding.accuracy, unit_text, quantity, f"{where}, accuracy"),
         resolution=sd(binding.resolution or cells.resolution.get(column), unit_text, quantity, f"{where}, resolution"),
         column=column,
         unit=unit_text,

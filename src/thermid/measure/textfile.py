@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from thermid.errors import MissingDataError, RecordError, nearest
+from thermid.measure.part import SensorCertificate
 
 __all__ = ["MISSING", "Cells", "is_number", "read_bytes", "read_cells"]
 
@@ -35,7 +36,8 @@ class Cells:
     notes : tuple of str             What a reader must know: encoding, separator, a dropped line.
     synthetic : bool                 Whether its first lines say so.
     reasons : mapping                Rows that are masked, by column and reason; of a log that names its faults.
-    resolution, accuracy : mapping   What the log itself says of a sensor, by column.
+    resolution : mapping             Step of a sensor, as text, where the log itself says it, by column.
+    certificates : mapping           The same for its certificate.
     """
 
     file: str
@@ -46,7 +48,7 @@ class Cells:
     synthetic: bool = False
     reasons: Mapping[str, Mapping[str, list[int]]] = field(default_factory=dict)
     resolution: Mapping[str, str] = field(default_factory=dict)
-    accuracy: Mapping[str, str] = field(default_factory=dict)
+    certificates: Mapping[str, SensorCertificate] = field(default_factory=dict)
 
     def where(self, row: int | None = None, column: str = "") -> str:
         """Return a place for a message: file, line, column."""

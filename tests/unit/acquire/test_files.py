@@ -10,8 +10,9 @@ import pytest
 from thermid.acquire.board import made_up_rom
 from thermid.acquire.guide import certificate_of
 from thermid.acquire.programme import load_programme
-from thermid.acquire.sensormap import Certificate, Sensor, load_sensors, save_sensor
+from thermid.acquire.sensormap import Sensor, load_sensors, save_sensor
 from thermid.errors import MissingDataError, RecordError, UnitError
+from thermid.measure.part import SensorCertificate
 
 A, B = made_up_rom(0), made_up_rom(1)
 GOOD = f'[sensors.T1]\nrom = "{A}"\n'
@@ -20,10 +21,10 @@ GOOD = f'[sensors.T1]\nrom = "{A}"\n'
 def test_a_map_survives_its_file(tmp_path: Path) -> None:
     path = tmp_path / "sensors.toml"
     path.write_text(f'# our bench\n[sensors.T1]\nrom = "{A}"  # the blue one\n')
-    save_sensor(path, Sensor("T2", B, Certificate(-0.125, 0.04, "2026-02-01", "ice point"), "on the cover"))
+    save_sensor(path, Sensor("T2", B, SensorCertificate(0.125, 0.04, date="2026-02-01"), "on the cover"))
     found = load_sensors(path)
     assert found[A] == Sensor("T1", A)
-    assert found[B] == Sensor("T2", B, Certificate(-0.125, 0.04, "2026-02-01", "ice point"), "on the cover")
+    assert found[B] == Sensor("T2", B, SensorCertificate(0.125, 0.04, date="2026-02-01"), "on the cover")
     assert "the blue one" in path.read_text()
     save_sensor(path, Sensor("T3", B))  # a new name for the same sensor
     assert [each.name for each in load_sensors(path).values()] == ["T1", "T3"]
@@ -39,10 +40,10 @@ def test_a_map_survives_its_file(tmp_path: Path) -> None:
         (f'[sensors.T1]\nrom = "{A[:-1]}{"0" if A[-1] != "0" else "1"}"\n', "a digit is mistyped"),
         (GOOD + f'[sensors.T2]\nrom = "{A}"\n', "is that of 'T1' too"),
         (GOOD + 'nota = "x"\n', "no key 'nota'.*Did you mean 'note'"),
-        (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\n', "it needs offset"),
+        (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\n', "needs its uncertainty"),
         (GOOD + '[sensors.T1.certificate]\noffset = "9 [K]"\nuncertainty = "1 [K]"\n', "is broken"),
         (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\nuncertainty = "0 [K]"\n', "above zero"),
-        (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\nuncertainty = "1 [K]"\nwho = "me"\n', "no key 'who'"),
+        (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\nuncertainty = "1 [K]"\nwho = "me"\n', "who"),
     ],
 )
 def test_a_wrong_map_is_refused(text: str, word: str, tmp_path: Path) -> None:
@@ -95,7 +96,7 @@ def test_a_duty_in_watts_is_refused(tmp_path: Path) -> None:
 
 def test_a_certificate_counts_bath_steps_and_noise() -> None:
     made = certificate_of(np.full(120, 0.25), 0.0625, "2026-02-01")
-    assert made.offset == -0.25
+    assert made.offset == 0.25
     assert made.uncertainty == pytest.approx(np.hypot(0.02, 0.0625 / np.sqrt(12)))
 
 

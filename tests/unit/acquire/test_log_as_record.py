@@ -66,14 +66,14 @@ def test_extreme_values_that_are_real_stay(tmp_path: Path) -> None:
 
 
 def test_the_map_in_the_header_names_and_corrects(tmp_path: Path) -> None:
-    made = Sheet().start().sensor(rom=A, name="T1", offset_K=-0.25, uncertainty_K=0.05, date="2026-02-01")
+    made = Sheet().start().sensor(rom=A, name="T1", offset_K=0.25, uncertainty_K=0.05, at_K=273.15, date="2026-02-01")
     for k in range(1, 5):
         made.say(float(k), 1000 * k, f"{A},320,ok").say(k + 0.1, 1000 * k, "H1,250,ok")
     path = made.save(tmp_path / "bench.log")
     record = td.read_record(path, {"T1": "T1", "heater1": {"command": "heater"}})
     np.testing.assert_allclose(record["T1"].values, 19.75 + 273.15)
     assert record["T1"].accuracy == pytest.approx(0.05)
-    assert any("-0.25 K of its certificate of 2026-02-01" in step for step in record.steps)
+    assert any("its certificate in the log, of 2026-02-01, says +0.25 K" in step for step in record.steps)
     np.testing.assert_allclose(record["heater1"].values, 0.25)
     with pytest.raises(NameNotFoundError, match="T1"):
         td.read_record(path, {"x": "T2"})
