@@ -13,6 +13,7 @@ import typer
 from thermid.cli import credibility as recording
 from thermid.cli import exchange, log, predict, trust
 from thermid.cli import hold as holding
+from thermid.cli import moisture as wetting
 from thermid.cli import swap as replacing
 
 if TYPE_CHECKING:
@@ -302,6 +303,7 @@ exchange.register(app)
 log.register(app)
 predict.register(app)
 replacing.register(app)
+wetting.register(app)
 recording.register(app)
 trust.register(app)
 holding.register(app)
