@@ -53,7 +53,7 @@ def _convecting_gaps(run: Run) -> tuple[str, ...]:
         highest *= value_of(distance) ** 3
         if highest > CONVECTS:
             out.append(
-                f"the gap of '{c.path}', {1e3 * value_of(distance):.4g} mm, reaches a Rayleigh number of {highest:.3g}: gas at rest is taken,"
-                f" and above {CONVECTS:.0f} it convects where the lower plate is the warmer one; between upright plates later, from some 1e4"
+                f"the gap of '{c.path}', {1e3 * value_of(distance):.4g} mm, reaches a Rayleigh number of {highest:.3g}: gas at rest is"
+                f" taken, and above {CONVECTS:.0f} it convects where the lower plate is the warmer one, between upright plates from some 1e4"
             )
     return tuple(out)
