@@ -52,8 +52,9 @@ def _convecting_gaps(run: Run) -> tuple[str, ...]:
         highest = float(np.max(run.network.media.buoyancy(c, 0.5 * (hot + cold), run.times) * np.abs(hot - cold), initial=0.0))
         highest *= value_of(distance) ** 3
         if highest > CONVECTS:
+            width = 1e3 * value_of(distance)
             out.append(
-                f"the gap of '{c.path}', {1e3 * value_of(distance):.4g} mm, reaches a Rayleigh number of {highest:.3g}: gas at rest is"
-                f" taken, and above {CONVECTS:.0f} it convects where the lower plate is the warmer one, between upright plates from some 1e4"
+                f"the gap of '{c.path}', {width:.4g} mm, reaches a Rayleigh number of {highest:.3g}: gas at rest is taken, and above"
+                f" {CONVECTS:.0f} it convects where the lower plate is the warmer one, between upright plates from some 1e4"
             )
     return tuple(out)
