@@ -14,6 +14,7 @@ from thermid.cli import credibility as recording
 from thermid.cli import deliver as delivering
 from thermid.cli import exchange, log, predict, trust
 from thermid.cli import hold as holding
+from thermid.cli import moisture as wetting
 from thermid.cli import swap as replacing
 
 if TYPE_CHECKING:
@@ -303,6 +304,7 @@ exchange.register(app)
 log.register(app)
 predict.register(app)
 replacing.register(app)
+wetting.register(app)
 recording.register(app)
 trust.register(app)
 holding.register(app)

@@ -5,8 +5,8 @@ Pressure, gravity, wind and kind belong to a named gas node: the ambient, a volu
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from thermid.model.flat import FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Signal, Sine, Table, literal, signal
 from thermid.network.irradiation import Irradiation, OpenSky
-from thermid.network.pressure import sampled, vented
+from thermid.network.pressure import levels_of, sampled, shares, stream, vented
 from thermid.network.rarefied import GasState, correlated, gap, thinned
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
 ONE_ATMOSPHERE = Constant(ATMOSPHERE)
+CALM = Constant(0.0)
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
 HIGHEST = 10.0 * ATMOSPHERE
@@ -48,7 +49,7 @@ class Environment:
     humidity : float        Relative, 0 to 1; no law uses it and it is kept for the record; `moisture` is given its own. [-]
     gravity : float, str    A number or a text with unit, as the wind and the time constant. [m/s^2]
     gas : str               air, N2, He, Ar, CO2 or H2.
-    wind : float            Speed along surfaces with a correlation, constant. [m/s]
+    wind : Signal           Speed along surfaces with a correlation; given as the pressure is. [m/s]
     sealed : bool           Whether the volume keeps its gas when the surroundings lose theirs.
     vented : str            Gas node that this volume is vented to; its own pressure is then that at the start.
     time_constant : float   Of the venting. [s]
@@ -58,7 +59,7 @@ class Environment:
     humidity: float = 0.5
     gravity: float = STANDARD_GRAVITY
     gas: str = "air"
-    wind: float = 0.0
+    wind: Any = CALM
     sealed: bool = False
     vented: str = ""
     time_constant: float = 0.0
@@ -66,7 +67,9 @@ class Environment:
     def __post_init__(self) -> None:
         """Turn a text into a signal, and refuse states that do not exist."""
         object.__setattr__(self, "pressure", signal(self.pressure, "Pa", "environment, pressure"))
-        for name, slot in (("humidity", "1"), ("gravity", "m/s^2"), ("wind", "m/s"), ("time_constant", "s")):
+        wind = Constant(float(self.wind)) if isinstance(self.wind, int | float) else signal(self.wind, "m/s", "environment, wind")
+        object.__setattr__(self, "wind", wind)
+        for name, slot in (("humidity", "1"), ("gravity", "m/s^2"), ("time_constant", "s")):
             given: Any = getattr(self, name)
             if isinstance(given, str):
                 object.__setattr__(self, name, literal(given, slot, f"environment, {name}"))
@@ -76,7 +79,7 @@ class Environment:
             raise ScenarioError("a pressure below zero does not exist.")
         if not self.samples().max() <= HIGHEST:
             raise ScenarioError(f"a pressure of {float(self.samples().max()):.4g} Pa lies beyond {HIGHEST:.4g} Pa, where gases are dilute.")
-        if not (self.gravity >= 0.0 and self.wind >= 0.0):
+        if not (self.gravity >= 0.0 and _extremes(self.wind).min() >= 0.0):
             raise ScenarioError("gravity and wind are sizes; give them without a sign.")
         if self.gas not in GASES:
             gas_named(self.gas, "environment")
@@ -85,14 +88,14 @@ class Environment:
         if bool(self.vented) != (self.time_constant > 0.0):
             raise ScenarioError("a vented volume has the gas node that it is vented to, and a time constant above zero.")
 
+    @property
+    def windy(self) -> bool:
+        """Whether there is wind at any time."""
+        return bool(_extremes(self.wind).max() > 0.0)
+
     def samples(self) -> Array:
         """Return the pressures that occur. [Pa]"""
-        p: Signal = self.pressure
-        if isinstance(p, Table):
-            return p.values
-        if isinstance(p, Sine):
-            return np.array([p.mean - p.amplitude, p.mean + p.amplitude])
-        return np.array([p.value])
+        return _extremes(self.pressure)
 
     def lowest(self) -> float:
         """Return the lowest pressure that occurs. [Pa]"""
@@ -101,6 +104,15 @@ class Environment:
     def natural(self, pressure: Any) -> Any:
         """Return how strong natural convection is beside that on the ground, (p/p0)^(1/2) (g/g0)^(1/4) [-]."""
         return (pressure / ATMOSPHERE) ** 0.5 * (self.gravity / STANDARD_GRAVITY) ** 0.25
+
+
+def _extremes(given: Signal) -> Array:
+    """Return values of a signal, its lowest and highest among them."""
+    if isinstance(given, Table):
+        return given.values
+    if isinstance(given, Sine):
+        return np.array([given.mean - abs(given.amplitude), given.mean + abs(given.amplitude)])
+    return np.array([given.value])
 
 
 @dataclass(frozen=True)
@@ -117,12 +129,15 @@ class Media:
     environments: Mapping[str, Environment] = field(default_factory=dict)
     as_printed: bool = False
     irradiation: Mapping[str, Irradiation | OpenSky] = field(default_factory=dict)
+    _streams: dict[str, tuple[Table, Array]] = field(default_factory=dict, repr=False, compare=False)
 
     def signals(self) -> dict[str, Signal]:
         """Return what rows of gases that change in time are multiplied by."""
         out: dict[str, Signal] = {}
         for gas, environment in self.environments.items():
             p = self._pressure(gas, environment)
+            if environment.windy and not (isinstance(p, Constant) and isinstance(environment.wind, Constant)):
+                out |= {f"wind {gas} {k}": w for k, w in enumerate(shares(*self._stream(gas, p, environment)))}
             if isinstance(p, Constant):
                 continue
             if isinstance(p, Table) and self._jumps(p):
@@ -178,13 +193,22 @@ class Media:
         key, environment = self._key(gas), self._environment(gas)
         p = self._pressure(key, environment)
         kind = gas_named(environment.gas, where)
-        if isinstance(p, Constant):
-            return GasState(kind, p.value, float(environment.natural(p.value)), environment.wind)
-        if environment.wind > 0.0:
-            raise ScenarioError(
-                f"wind in '{key}' needs a constant pressure: a stream thins with its gas, which is not held in time.", where
-            )
-        return GasState(kind, 1.0, 1.0, 0.0, key)
+        steady, wind = isinstance(p, Constant), environment.wind
+        base = (
+            GasState(kind, p.value, float(environment.natural(p.value))) if isinstance(p, Constant) else GasState(kind, 1.0, 1.0, key=key)
+        )
+        if not environment.windy:
+            return base
+        if steady and isinstance(wind, Constant):
+            return replace(base, wind=wind.value)
+        return replace(base, levels=tuple(self._stream(key, p, environment)[1].tolist()), gust=f"wind {key}")
+
+    def _stream(self, key: str, pressure: Signal, environment: Environment) -> tuple[Table, Array]:
+        """Return the wind of a gas in time, thinned as its gas is, and the levels between which it is interpolated. [m/s]"""
+        if key not in self._streams:
+            given = stream(environment.wind, pressure)
+            self._streams[key] = given, levels_of(given)
+        return self._streams[key]
 
     def empty(self, gas: str) -> bool:
         """Return whether there is no gas at a gas node at any time."""
@@ -193,6 +217,28 @@ class Media:
     def changed(self, gas: str) -> bool:
         """Return whether a gas is at any time another than air on the ground."""
         return self._state(gas) != "air" or self._environment(gas).gas != "air"
+
+    def buoyancy(self, c: FlatConductor, temperature: Array, times: Array) -> Array:
+        """Return g beta / (nu alpha) (times,) of what fills a gap; times difference and cube of length, Ra. [1/(K m^3)]"""
+        environment = self._environment(c.gas)
+        gas = gas_named(c.words.get("gas", environment.gas), c.where)
+        pressure = self._pressure(self._key(c.gas), environment).at(times)
+        at = gas.at(temperature, np.maximum(pressure, 1e-30))
+        return np.asarray(environment.gravity * at.expansion_at(temperature) / (at.kinematic_viscosity * at.thermal_diffusivity()))
+
+    def idle_winds(self, conductors: Iterable[FlatConductor]) -> tuple[str, ...]:
+        """Return a sentence for each gas with wind that does not reach a fixed coefficient."""
+        out = []
+        for gas in dict.fromkeys(c.gas for c in conductors):
+            if self._environment(gas).windy:
+                fixed = [
+                    c.path for c in conductors if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields
+                ]
+                out += [
+                    f"the wind in '{gas}' does not change {', '.join(repr(p) for p in fixed)}: a coefficient that is given stays as it is;"
+                    " htc = { length = ... } takes it from a correlation, with wind"
+                ] * bool(fixed)
+        return tuple(out)
 
     def rows(self, c: FlatConductor, law: Law, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[ConductorRow, ...]:
         """Return the rows that a conductor is, in the state of its gas.

@@ -228,9 +228,10 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     if media is not None and media.irradiation:
         flat = replace(flat, loads=(*flat.loads, *absorbers(flat, media.irradiation)))
     driven = tuple(flat.names.find(p) for p in prescribed)
-    for gas in media.environments if media is not None else ():
-        if gas != "*":
-            flat.names.find(gas, "environment")
+    for gas, environment in media.environments.items() if media is not None else ():
+        for name in (gas, environment.vented):
+            if name not in ("*", ""):
+                flat.names.find(name, "environment" if name == gas else f"environment.{gas}, vented")
     nodes = tuple(n.path for n in flat.nodes if n.path not in driven)
     if not nodes:
         raise DeckError("there is no node left whose temperature is unknown.", model.title)

@@ -1,13 +1,17 @@
-"""Pressures in time: a signal sampled so finely that its root is straight between samples, and that of a volume which is vented."""
+"""Pressures and winds in time: sampled so finely that what follows from them is straight between samples; volumes that are vented."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
 from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.physics.constants import ATMOSPHERE
 
-__all__ = ["sampled", "vented"]
+__all__ = ["levels_of", "sampled", "shares", "stream", "vented"]
+
+Array = NDArray[np.float64]
 
 PARTS = 40
 """Samples put into each stretch of a pressure, equally spaced in its root. [-]"""
@@ -29,6 +33,43 @@ def sampled(pressure: Table | Sine) -> Table:
         times.append(t0 + (t1 - t0) * (part - p0) / (p1 - p0) if p1 != p0 else np.array([t1]))
         values.append(part if p1 != p0 else np.array([p1]))
     return Table(np.concatenate(times), np.concatenate(values))
+
+
+LEVELS = 12
+"""Streams between which a wind that changes is interpolated, denser where it is light: within 2 % of a blend at its own speed. [-]"""
+
+
+def stream(wind: Signal, pressure: Signal) -> Table:
+    """Return a wind in time, as fast as one at one atmosphere with its Reynolds number. [m/s]"""
+    times = [_instants(given) for given in (wind, pressure)]
+    if all(isinstance(given, Constant) or (isinstance(given, Table) and given.hold) for given in (wind, pressure)):
+        at = np.union1d(*times)
+        return Table(at, wind.at(at) * pressure.at(at) / ATMOSPHERE, hold=True)
+    knots = np.union1d(*times)
+    parts = PARTS if knots.size < 2000 else 4
+    at = np.unique(np.concatenate([np.linspace(a, b, parts + 1) for a, b in _pairs(knots)])) if knots.size > 1 else knots
+    jumps = np.concatenate([g.times[1:] for g in (wind, pressure) if isinstance(g, Table) and g.hold] or [np.zeros(0)])
+    at = np.union1d(at, jumps - 1e-6)  # a held value that jumps beside one that does not
+    return Table(at, np.maximum(wind.at(at) * pressure.at(at) / ATMOSPHERE, 0.0))
+
+
+def levels_of(given: Table) -> Array:
+    """Return speeds from nothing to the fastest (levels,). [m/s]"""
+    root = np.sqrt(given.values.max()) * np.linspace(0.0, 1.0, LEVELS) ** 1.5
+    return np.asarray(root**2)
+
+
+def shares(given: Table, levels: Array) -> list[Table]:
+    """Return how much of each level a wind has in time; a laminar stream goes with the root of its speed. [-]"""
+    root, at = np.sqrt(levels), np.sqrt(given.values)
+    return [Table(given.times, np.interp(at, root, hat), given.hold) for hat in np.eye(levels.size)]
+
+
+def _instants(given: Signal) -> Array:
+    """Return times between which a signal is straight, or nearly so. [s]"""
+    if isinstance(given, Table):
+        return given.times
+    return np.linspace(0.0, PERIODS * given.period, PERIODS * 4 + 1) if isinstance(given, Sine) else np.zeros(1)
 
 
 def _pairs(x: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[tuple[float, float]]:

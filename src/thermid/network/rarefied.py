@@ -35,6 +35,8 @@ class GasState:
     natural : float         Strength of natural convection, (p/p0)^(1/2) (g/g0)^(1/4); 1 where it follows an input. [-]
     wind : float            [m/s]
     key : str               Name of the gas in the inputs; empty where all is constant.
+    levels : tuple          Streams at one atmosphere between which a wind that changes in time is interpolated. [m/s]
+    gust : str              Name of the inputs that say how much of each level there is.
     """
 
     gas: MolecularGas
@@ -42,6 +44,8 @@ class GasState:
     natural: float
     wind: float = 0.0
     key: str = ""
+    levels: tuple[float, ...] = ()
+    gust: str = ""
 
     def named(self, what: str) -> str:
         """Return the name of an input of this gas; empty where it is constant."""
@@ -104,18 +108,20 @@ def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRo
     gas, at = state.gas, state.gas.at(ANCHOR)
     name, orientation = c.words.get("htc.correlation", ""), c.words.get("htc.orientation", "vertical")
     prandtl = float(at.prandtl)
-    forced = 0.0
-    if state.wind > 0.0 and state.pressure > 0.0:
-        viscosity = float(at.kinematic_viscosity) * ATMOSPHERE / state.pressure
-        forced = float(forced_plate_nusselt(state.wind * _plain(length) / viscosity, prandtl))
-    x, y, least = signed_nusselt(name, orientation, prandtl, forced, c.where)
-    film = (_one() if forced else conductivity_curve(gas), _root_curve(gas, forced > 0.0))
-    curve = Curve("difference", x, y, None, film)
     scale = gas.k(ANCHOR) / length * area
     buoyancy = STANDARD_GRAVITY * float(at.expansion_at(ANCHOR) / (at.kinematic_viscosity * at.thermal_diffusivity()))
     root = buoyancy**0.25 * length**0.75 * state.natural
+    moving = []
+    for k, speed in enumerate(state.levels or (state.wind * (state.pressure / ATMOSPHERE),)):
+        # a stream at another pressure has the Reynolds number of one as much slower
+        forced = float(forced_plate_nusselt(speed * _plain(length) / float(at.kinematic_viscosity), prandtl)) if speed > 0.0 else 0.0
+        x, y, least = signed_nusselt(name, orientation, prandtl, forced, c.where)
+        film = (_one() if forced else conductivity_curve(gas), _root_curve(gas, forced > 0.0))
+        curve = Curve("difference", x, y, None, film)
+        signal = f"{state.gust} {k}" if state.gust else ""
+        moving.append(ConductorRow(c.path, "natural", c.ends, (scale, root), curve, signal, state.named("natural")))
     still = _rest(c, scale * least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area, state)
-    return still, ConductorRow(c.path, "natural", c.ends, (scale, root), curve, "", state.named("natural"))
+    return still, *moving
 
 
 def thinned(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[ConductorRow, ...]:

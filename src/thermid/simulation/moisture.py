@@ -58,6 +58,11 @@ class SurfaceMoisture:
         return _time_below(self.times, self.margin)
 
     @property
+    def heat(self) -> float:
+        """What settling water gave, less what drying took. [J]"""
+        return _between(self.times, self.latent)
+
+    @property
     def wet(self) -> float:
         """How long there is water on it. [s]"""
         return _time_below(self.times, np.where(self.film > 0.0, -1.0, 1.0))
@@ -178,6 +183,11 @@ def _laid(model: Model, parts: list[str], surface: str) -> Model:
         return replace(model, submodels={**model.submodels, parts[0]: changed})
     load = HeatLoad(model.surfaces[surface].of, {"power": parameter("0 [W]")})
     return replace(model, loads={**model.loads, f"{surface}_latent": load})
+
+
+def _between(times: Array, values: Array) -> float:
+    """Return the integral of a trace, straight between samples."""
+    return float(0.5 * (values[1:] + values[:-1]) @ np.diff(times))
 
 
 def _time_below(times: Array, margin: Array) -> float:

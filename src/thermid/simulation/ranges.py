@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from thermid.dual import value_of
+from thermid.dual import Number, value_of
 from thermid.model.curves import evaluate
 from thermid.physics.correlations import correlation
 
@@ -33,5 +33,28 @@ def outside(run: Run) -> tuple[str, ...]:
             out.append(
                 f"{law.name} of '{row.name}' was found between Rayleigh numbers of {law.low:g} and {law.high:g};"
                 f" here they reach {highest:.3g}"
+            )
+    return (*dict.fromkeys(out), *_convecting_gaps(run))
+
+
+CONVECTS: Final = 1708.0
+"""Rayleigh number of a layer that is heated from below, above which its gas moves (Incropera, 6th ed., Section 9.8). [-]"""
+
+
+def _convecting_gaps(run: Run) -> tuple[str, ...]:
+    """Return a sentence for each gap so wide that its gas would not stay at rest."""
+    out, values = [], run.assembled.numbers.values
+    for c in run.network.flat.conductors:
+        if "gap" not in c.fields:
+            continue
+        hot, cold = (run.traces.temperature(end) for end in c.ends)
+        distance: Number = values[c.fields["gap"]]
+        highest = float(np.max(run.network.media.buoyancy(c, 0.5 * (hot + cold), run.times) * np.abs(hot - cold), initial=0.0))
+        highest *= value_of(distance) ** 3
+        if highest > CONVECTS:
+            width = 1e3 * value_of(distance)
+            out.append(
+                f"the gap of '{c.path}', {width:.4g} mm, reaches a Rayleigh number of {highest:.3g}: gas at rest is taken, and above"
+                f" {CONVECTS:.0f} it convects where the lower plate is the warmer one, between upright plates from some 1e4"
             )
     return tuple(out)

@@ -107,16 +107,19 @@ class Scenario:
 
 
 def _environment(table: Mapping[str, Any], folder: Path, where: str) -> Environment:
-    known = {"pressure": "Pa", "humidity": "1", "gravity": "m/s^2", "wind": "m/s", "time_constant": "s"}
+    known = {"pressure": "Pa", "wind": "m/s", "humidity": "1", "gravity": "m/s^2", "time_constant": "s"}
     unknown = set(table) - {*known, "gas", "sealed", "vented"}
     if unknown:
         raise ScenarioError(f"a gas has {', '.join(known)}, gas, sealed and vented, not {', '.join(sorted(unknown))}.", where)
     given: dict[str, Any] = {
-        name: literal(table[name], unit, where) for name, unit in known.items() if name in table and name != "pressure"
+        name: literal(table[name], unit, where) for name, unit in known.items() if name in table and name not in ("pressure", "wind")
+    }
+    given |= {
+        name: signal(column_of(table[name], folder, known[name], where), known[name], where)
+        for name in ("pressure", "wind")
+        if name in table
     }
     given |= {name: table[name] for name in ("gas", "sealed", "vented") if name in table}
-    if "pressure" in table:
-        given["pressure"] = signal(column_of(table["pressure"], folder, "Pa", where), "Pa", where)
     try:
         return Environment(**given)
     except ThermidError as error:

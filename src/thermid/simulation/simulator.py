@@ -278,6 +278,7 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
     out = [part.message() for part in unreached(wiring.network, numbers, powers)]
     if scenario.as_printed:
         out.append("vacuum as printed: every coefficient is zero, radiation in it included; the temperatures are an upper bound")
+    out += wiring.network.media.idle_winds(wiring.network.flat.conductors)
     for gas, e in scenario.environment.items():
         if e.humidity != Environment().humidity:
             of = "of every gas" if gas == "*" else f"of '{gas}'"

@@ -135,6 +135,9 @@ def test_fitted_in_air_the_hidden_vacuum_is_contained() -> None:
     found = td.split(fit)
     assert list(found.values) == ["skin.effective_htc", "case.capacitance", "skin.emissivity"]
     assert found["skin"].effective_error > 0
+    assert found.caution.startswith("'case.capacitance' was fitted beside coefficients that are held constant")
+    assert str(found).endswith(found.caution)
+    assert td.split(td.calibrate(model, log_of(HIDDEN, BENCH, 3), ["skin.effective_htc"], scenario=BENCH)).caution == ""
     far = BENCH.vacuum().with_(duration="40 [h]")
     truth = td.simulate(HIDDEN, far)["case"].kelvin[-1]
     assert half_width(found.values, found.model, far, truth) < 0.25

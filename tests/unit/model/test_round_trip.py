@@ -89,7 +89,7 @@ glow = { kind = "radiation", between = ["plate", "walls"], emissivity = 0.1, are
 pairs = { kind = "radiation", between = ["back", "walls"], exchange_factor = "derived", area = "5 [cm^2]" }
 layer = { kind = "gas", between = ["plate", "back"], area = "2 [cm^2]", gap = "0.5 [mm]", gas = "N2" }
 mount = { kind = "convection", between = ["back", "air"], htc = { length = "3 [cm]", orientation = "down" }, area = "2 [cm^2]" }
-wire = { kind = "lead", between = ["plate", "walls"], conductivity = "390 [W/(m K)]", diameter = "1 [mm]", length = "1 [m]", to = "air" }
+wire = { kind = "lead", between = ["plate", "walls"], conductivity = "390 [W/(m K)]", diameter = "1 [mm]", length = "40 [cm]", to = "air" }
 stream = { kind = "flow", between = ["air", "back"], mass_flow = "0.01 [g/s]", specific_heat = "1006 [J/(kg K)]" }
 valve = { kind = "table", between = ["plate", "back"], scale = 2, table = { points = [
     ["-20 [degC]", "0.1 [W/K]"],   # cold

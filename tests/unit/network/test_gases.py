@@ -190,8 +190,65 @@ def test_wind_adds_by_the_third_power() -> None:
     still, windy = settled(model, BENCH), settled(model, at(ATMOSPHERE, wind=3.0))
     forced = 0.664 * (3.0 * 0.2 / AIR.at(300.0).kinematic_viscosity) ** 0.5 * AIR.at(300.0).prandtl ** (1 / 3) * AIR.k(300.0) / 0.2
     assert windy == pytest.approx((forced**3 + still**3) ** (1 / 3), rel=0.03)
-    with pytest.raises(ScenarioError, match="wind in '\\*' needs a constant pressure"):
-        td.simulate(model, at(Table(np.array([0.0, 10.0]), np.array([ATMOSPHERE, 0.0])), wind=3.0))
+
+
+LONG = np.array([0.0, 3600.0, 3601.0, 40 * 3600.0])
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.2, 1.0, 2.5, 7.0])
+def test_wind_in_time_is_that_of_a_constant_one(speed: float) -> None:
+    """After a storm of 8 m/s the wind is another; what a run settles at is what a constant wind gives."""
+    model = box({"htc": {"length": "5 [cm]"}})
+    gust = at(ATMOSPHERE, wind=Table(LONG, np.array([8.0, 8.0, speed, speed]))).with_(duration="30 [h]")
+    run = td.simulate(model, gust)
+    steady = td.steady(model, at(ATMOSPHERE, wind=speed))["case"]
+    assert run["case"].kelvin[-1] - 300.0 == pytest.approx(steady - 300.0, rel=0.02)
+    storm = td.steady(model, at(ATMOSPHERE, wind=8.0))["case"]
+    assert run["case"].kelvin[10] - 300.0 == pytest.approx(storm - 300.0, rel=1e-6)  # a level of its own
+    assert run.heat_balance().relative < 1e-6
+
+
+def test_wind_thins_with_its_gas() -> None:
+    model = box({"htc": {"length": "5 [cm]"}})
+    for low in (3e4, 1e3):
+        pumped = at(Table(LONG, np.array([ATMOSPHERE, ATMOSPHERE, low, low])), wind=3.0).with_(duration="30 [h]")
+        found = td.simulate(model, pumped)["case"].kelvin[-1] - 300.0
+        assert found == pytest.approx(td.steady(model, at(low, wind=3.0))["case"] - 300.0, rel=0.02)
+    empty = at(Table(LONG, np.array([ATMOSPHERE, ATMOSPHERE, 0.0, 0.0])), wind=3.0).with_(duration="2 [h]")
+    assert np.abs(td.simulate(model, empty).heat_flow("skin")[-10:]).max() < 1e-9
+
+
+def test_wind_that_swings_or_jumps() -> None:
+    model = box({"htc": {"length": "5 [cm]"}})
+    swing = {"mean": "3 [m/s]", "amplitude": "2 [m/s]", "period": "20 [min]"}
+    run = td.simulate(model, at(ATMOSPHERE, wind=swing))
+    assert run.heat_balance().relative < 1e-6
+    assert np.ptp(run["case"].kelvin[-60:]) > 0.3
+    held = td.simulate(model, at(ATMOSPHERE, wind=Table(np.array([0.0, 3600.0]), np.array([3.0, 0.0]), hold=True)))
+    assert held["case"].kelvin[149] - 300.0 == pytest.approx(td.steady(model, at(ATMOSPHERE, wind=3.0))["case"] - 300.0, rel=1e-3)
+    assert held["case"].kelvin[-1] > held["case"].kelvin[149] + 1.0
+
+
+def test_wind_on_a_fixed_coefficient_is_remarked() -> None:
+    fixed = td.simulate(box({"htc": "5 [W/(m^2 K)]"}), at(ATMOSPHERE, wind=3.0))
+    assert any(
+        w.startswith("the wind in 'air' does not change 'skin': a coefficient that is given stays as it is;") for w in fixed.warnings
+    )
+    assert td.simulate(box({"htc": {"length": "5 [cm]"}}), at(ATMOSPHERE, wind=3.0)).warnings == ()
+
+
+def test_a_gap_in_which_gas_would_convect_is_remarked() -> None:
+    wide = td.simulate(plates("1 [m]"), at(ATMOSPHERE).with_(initial={"case": 310.0}))
+    assert any("the gap of 'gap', 1000 mm, reaches a Rayleigh number of" in w for w in wide.warnings)
+    assert td.simulate(plates("1 [m]"), at(1.0).with_(initial={"case": 310.0})).warnings == ()
+    assert td.simulate(plates("2 [mm]"), at(ATMOSPHERE).with_(initial={"case": 310.0})).warnings == ()
+
+
+def test_a_volume_vented_to_nowhere_is_refused() -> None:
+    lost = BENCH.with_(environment={"air": td.Environment(vented="outsde", time_constant=60.0)})
+    for run in (td.simulate, td.steady):
+        with pytest.raises(td.ThermidError, match="no node 'outsde'"):
+            run(box({"htc": {"length": "5 [cm]"}}), lost)
 
 
 @pytest.mark.parametrize(
@@ -418,7 +475,7 @@ def test_laws_and_flows_agree() -> None:
 
 def test_the_state_of_a_gas_may_be_written_as_text() -> None:
     given = td.Environment(humidity="60 [%]", gravity="1.62 [m/s^2]", wind="2 [m/s]", vented="out", time_constant="1 [min]")
-    assert (given.humidity, given.gravity, given.wind, given.time_constant) == (0.6, 1.62, 2.0, 60.0)
+    assert (given.humidity, given.gravity, given.wind, given.time_constant) == (0.6, 1.62, Constant(2.0), 60.0)
     with pytest.raises(td.ThermidError, match=r"wind: '\[K\]' is a temperature difference; a quantity in m s"):
         td.Environment(wind="2 [K]")
 
