@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from thermid.cli import credibility as recording
-from thermid.cli import exchange, log, predict, trust
-from thermid.cli import hold as holding
+from thermid.cli import exchange, log, predict, studio, trust
 from thermid.cli import swap as replacing
 
 if TYPE_CHECKING:
@@ -304,7 +303,11 @@ predict.register(app)
 replacing.register(app)
 recording.register(app)
 trust.register(app)
+<<<<<<< HEAD
 holding.register(app)
+=======
+studio.register(app)
+>>>>>>> 8c32f35 (Studio: the model as a picture, sliders, curves beside the measured ones, levels, swap; loopback only)
 
 
 if __name__ == "__main__":
