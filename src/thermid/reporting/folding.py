@@ -75,10 +75,11 @@ def fold(flat: Flat, paths: Sequence[str]) -> Folded:
             groups[b, a, c.kind].append((c, -1))
         else:
             groups.setdefault((a, b, c.kind), []).append((c, 1))
-    joined, members = [], {c.path: ((c.path, 1),) for c in alone}
+    joined: list[FlatConductor] = []
+    members: dict[str, tuple[tuple[str, int], ...]] = {c.path: ((c.path, 1),) for c in alone}
     for (a, b, kind), found in groups.items():
         first = found[0][0]
-        name = first.path if len({c.path for c, _ in found}) == 1 else f"{a}: {len(found)} × {kind} to {b}"
+        name = first.path if len({c.path for c, _ in found}) == 1 else f"{a}: {len(found)} of {kind} to {b}"
         joined.append(replace(first, path=name, ends=(a, b)))
         members[name] = tuple(dict.fromkeys((c.path, sign) for c, sign in found))
     loads = tuple(replace(load, node=drawn(load.node)) for load in flat.loads)

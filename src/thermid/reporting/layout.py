@@ -129,7 +129,8 @@ def _tree(model: Model, prefix: str = "", depth: int = 0, folded: Sequence[str] 
     title = f"{name} · {model.title}" if name and name != model.title else name or model.title
     own = [prefix + n for n in (*model.nodes, *(j.mid or f"{k}.mid" for k, j in model.joints.items()))]
     parts: list[str | Box] = [
-        f"{prefix}{k}" if f"{prefix}{k}." in folded else _tree(s.model, f"{prefix}{k}.", depth + 1, folded) for k, s in model.submodels.items()
+        f"{prefix}{k}" if f"{prefix}{k}." in folded else _tree(s.model, f"{prefix}{k}.", depth + 1, folded)
+        for k, s in model.submodels.items()
     ]
     return Box(prefix, title, depth, [*own, *parts])
 

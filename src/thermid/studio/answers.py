@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from thermid.errors import DeckError
 from thermid.identify.calibration import Calibration
@@ -15,7 +18,7 @@ from thermid.studio.project import Project
 if TYPE_CHECKING:
     from thermid.studio.work import Work
 
-__all__ = ["curves_object", "desk_object", "fit_object", "picture", "plan_object", "project_object"]
+__all__ = ["as_json", "curves_object", "desk_object", "fit_object", "picture", "plan_object", "project_object"]
 
 GASES = ("air", "vacuum", "printed")
 
@@ -111,3 +114,21 @@ def plan_object(plan: RetunePlan) -> dict[str, Any]:
         "sensors": {s: [plan.before[s] - 273.15, plan.after[s] - 273.15] for s in plan.before if s in plan.after},
         "text": str(plan),
     }
+
+
+def as_json(value: object) -> str:
+    """Return a value as JSON that a script element cannot break out of; numbers that JSON lacks become null."""
+    return json.dumps(_plain(value), allow_nan=False).replace("<", "\\u003c")
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        found = np.round(value, 4).tolist()
+        return found if np.isfinite(value).all() else [v if np.isfinite(v) else None for v in found]
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

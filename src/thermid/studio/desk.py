@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,11 @@ from thermid.identify.calibration import Calibration
 from thermid.identify.residuals import Bench, Problem
 from thermid.model.model import Model
 from thermid.model.resolve import Entry, parameter_table
-from thermid.network.network import compile_network
 from thermid.reporting.diagram import diagram
 from thermid.reporting.folding import parts_of
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
+from thermid.simulation.solution import Solution
 from thermid.units import unit
 
 __all__ = ["Curve", "Desk", "RunCurves", "Slider", "thinned"]
@@ -105,8 +106,8 @@ def thinned(times: Array, values: Array, points: int = POINTS) -> tuple[Array, A
     if times.size <= points:
         return times, values
     edges = np.linspace(0, times.size, points // 2 + 1).astype(int)
-    keep = np.concatenate([[a + int(np.argmin(values[a:b])), a + int(np.argmax(values[a:b]))] for a, b in zip(edges, edges[1:], strict=False)])
-    index = np.unique(np.concatenate([[0], keep, [times.size - 1]]))
+    pieces = [(a, values[a:b]) for a, b in pairwise(edges)]
+    index = np.unique([0, *(a + int(at(piece)) for a, piece in pieces for at in (np.argmin, np.argmax)), times.size - 1])
     return times[index], values[index]
 
 
@@ -199,9 +200,8 @@ class Desk:
         """
         model, out = self.tuned(values), {}
         for title, scenario, nodes in self._conditions:
-            gone = scenario.vacuum(as_printed)
-            solution = prepare(model, gone, every=scenario.seconds / (POINTS // 2)).run()
-            out[title] = tuple(Curve(n, n, solution.times, solution[n].celsius, np.zeros(0), np.zeros(0)) for n in nodes or compile_network(model).nodes)
+            simulator = prepare(model, scenario.vacuum(as_printed), every=scenario.seconds / (POINTS // 2))
+            out[title] = _curves_of(simulator.run(), nodes or simulator.wiring.network.nodes)
         return out
 
     def drawn(self, values: Mapping[str, float], run: int, time: float | None, folded: Sequence[str]) -> str:
@@ -237,6 +237,11 @@ class Desk:
         return tuple(dict.fromkeys(p for s in self.sliders for p in (s.path, *s.also)))
 
     @cached_property
+    def _starts(self) -> dict[str, float]:
+        """Where every path that a slider moves stands before anything was moved. [SI]"""
+        return self.si({s.path: s.value for s in self.sliders})
+
+    @cached_property
     def _benches(self) -> tuple[Bench, ...]:
         assert self.problem is not None
         return tuple(Bench.of(b.experiment, tuple(dict.fromkeys((*b.free, *self._names)))) for b in self.problem.benches())
@@ -251,31 +256,28 @@ class Desk:
         assert problem is not None
         fitted = _start(problem) if self.calibration is None else np.array(list(self.calibration.fitted.values()))
         held = dict(zip(problem.benches()[i].free, problem.inputs(i, fitted)[0], strict=True))
-        nominal = {p: unit(s.unit) for s in self.sliders for p in (s.path, *s.also)}
-        starts = {p: s.value for s in self.sliders for p in (s.path, *s.also)}
-        x = [si[n] if n in si else held[n] if n in held else starts[n] * float(nominal[n].factor) + float(nominal[n].offset) for n in bench.free]
-        columns, _ = bench.temperatures(np.array(x), False, problem.options)
+        given = {**self._starts, **held, **si}
+        columns, _ = bench.temperatures(np.array([given[n] for n in bench.free]), False, problem.options)
         out = []
         for k, o in enumerate(bench.experiment.observations):
             predicted = columns[o.index, k] + _bias(problem, o.sensor, fitted)
             times = bench.experiment.times[o.index]
             left = o.measured - predicted
-            shown = thinned(times, predicted - ICE)
-            seen = thinned(times, o.measured - ICE)
-            out.append(
-                Curve(
-                    o.sensor, o.node, *shown, *seen, float(np.sqrt(np.mean(left**2))), float(left.mean()), float(np.abs(left).max()), left.size
-                )
-            )
+            rmse, bias, largest = float(np.sqrt(np.mean(left**2))), float(left.mean()), float(np.abs(left).max())
+            lines = (*thinned(times, predicted - ICE), *thinned(times, o.measured - ICE))
+            out.append(Curve(o.sensor, o.node, *lines, rmse, bias, largest, int(left.size)))
         return RunCurves(bench.experiment.record.name, tuple(out))
 
 
 def _of_scenario(simulator: Simulator, si: Mapping[str, float]) -> RunCurves:
     """Return the curves of a scenario, those of every mass."""
     solution = simulator.run(dict(si))
+    return RunCurves(simulator.wiring.scenario.title, _curves_of(solution, simulator.wiring.network.nodes), tuple(solution.warnings))
+
+
+def _curves_of(solution: Solution, nodes: Sequence[str]) -> tuple[Curve, ...]:
     none = np.zeros(0)
-    curves = [Curve(n, n, solution.times, solution[n].celsius, none, none) for n in simulator.wiring.network.nodes]
-    return RunCurves(simulator.wiring.scenario.title, tuple(curves), remarks=tuple(solution.warnings))
+    return tuple(Curve(n, n, solution.times, solution[n].celsius, none, none) for n in nodes)
 
 
 def _slider(path: str, entry: Entry, value: float, error: float | None, free: bool, also: tuple[str, ...]) -> Slider:

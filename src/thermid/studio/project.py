@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -21,8 +20,8 @@ from thermid.identify.stages import Campaign
 from thermid.identify.staging import key_of, request_of
 from thermid.identify.swap import RetunePlan, plan_retune
 from thermid.identify.values import FittedValue, FittedValues
+from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
-from thermid.model.resolve import parameter_table
 from thermid.network.network import compile_network
 from thermid.simulation.scenario import Scenario, load_scenario
 from thermid.studio.desk import Desk
@@ -112,7 +111,8 @@ class Project:
         direct = self.below(name)
         missing = [n for n in direct if self.states[n].state != "done"]
         if missing:
-            return self._set(StageState(name, "waiting", f"takes values of '{missing[0]}', which is {self.states[missing[0]].state}", direct))
+            why = f"takes values of '{missing[0]}', which is {self.states[missing[0]].state}"
+            return self._set(StageState(name, "waiting", why, direct))
         try:
             request = self._request(name)
             kept = recall(self.results, name, self._keys[name])
@@ -185,13 +185,10 @@ class Project:
         request = self._request(name)
         return Desk(name, request.model, problem_for(request))
 
-    def scenarios(self, model: object = None) -> tuple[Scenario, ...]:
-        """Return the scenarios that lie beside the file and fit it, the plainest one where there is none."""
-        from thermid.model.model import Model
-
+    def scenarios(self, model: Model) -> tuple[Scenario, ...]:
+        """Return the scenarios that lie beside the file and fit a model of it, the plainest one where there is none."""
         found = []
-        given = model if isinstance(model, Model) else load_model(self.path)
-        boundaries = compile_network(given).boundaries
+        boundaries = compile_network(model).boundaries
         for file in sorted(self.path.parent.glob("*.toml")):
             try:
                 if {"boundaries", "duration"} <= set(read_toml(file)[0]):
@@ -290,27 +287,3 @@ class Project:
     def _set(self, state: StageState) -> StageState:
         self.states[state.name] = state
         return state
-
-
-def provenance(desk: Desk) -> dict[str, tuple[str, tuple[tuple[str, str], ...]]]:
-    """Return parameter -> who set it and what that hides."""
-    held = desk.calibration.fitted_model if desk.calibration is not None else desk.model
-    return {p: (e.origin, e.shadowed) for p, e in parameter_table(held).items()}
-
-
-def as_json(value: object) -> str:
-    """Return a value as JSON that a script element cannot break out of; numbers that JSON lacks become null."""
-    return json.dumps(_plain(value), allow_nan=False).replace("<", "\\u003c")
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        found = np.round(value, 4).tolist()
-        return found if np.isfinite(value).all() else [v if np.isfinite(v) else None for v in found]
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value

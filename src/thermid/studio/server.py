@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError, ThermidError
-from thermid.studio.answers import curves_object, desk_object, picture, plan_object, project_object
-from thermid.studio.project import Project, as_json
+from thermid.studio.answers import as_json, curves_object, desk_object, picture, plan_object, project_object
+from thermid.studio.project import Project
 from thermid.studio.work import Work
 
 if TYPE_CHECKING:
@@ -94,13 +94,16 @@ def application(project: Project, port: int) -> Starlette:
         Route("/api/project", reads(lambda r: project_object(project, work))),
         Route("/api/desk", reads(lambda r: desk_object(project.desk(r.query_params.get("stage", project.stages[0]))))),
         Route("/api/job", reads(lambda r: work.state())),
-        Route("/api/curves", writes(curves), methods=["POST"]),
-        Route("/api/picture", writes(lambda b: picture(project.desk(_text(b, "stage")), _values(b), b)), methods=["POST"]),
-        Route("/api/run", writes(lambda b: work.run(_text(b, "stage"), bool(b.get("below")))), methods=["POST"]),
-        Route("/api/fit", writes(lambda b: work.fit(_text(b, "stage"), _values(b), tuple(map(str, b.get("free", ()))))), methods=["POST"]),
-        Route("/api/save", writes(lambda b: {"file": project.save(_text(b, "stage"), _values(b), _text(b, "name")).name}), methods=["POST"]),
-        Route("/api/swap", writes(lambda b: plan_object(project.swap(_text(b, "part"), _text(b, "deck")))), methods=["POST"]),
     ]
+    orders: dict[str, Callable[[Mapping[str, Any]], Any]] = {
+        "curves": curves,
+        "picture": lambda b: picture(project.desk(_text(b, "stage")), _values(b), b),
+        "run": lambda b: work.run(_text(b, "stage"), bool(b.get("below"))),
+        "fit": lambda b: work.fit(_text(b, "stage"), _values(b), tuple(map(str, b.get("free", ())))),
+        "save": lambda b: {"file": project.save(_text(b, "stage"), _values(b), _text(b, "name")).name},
+        "swap": lambda b: plan_object(project.swap(_text(b, "part"), _text(b, "deck"))),
+    }
+    routes += [Route(f"/api/{name}", writes(order), methods=["POST"]) for name, order in orders.items()]
     made = Starlette(routes=routes)
     made.add_middleware(Guard, port=port)
     return made
@@ -139,7 +142,8 @@ def _answer(make: Callable[[], Any]) -> Response:
     try:
         return Response(as_json(make()), media_type="application/json")
     except ThermidError as error:
-        return Response(as_json({"error": error.message, "where": error.where}), 422, media_type="application/json")
+        # an answer in words is no failure of the transport, and a browser would note one as an error of the page
+        return Response(as_json({"error": error.message, "where": error.where}), media_type="application/json")
 
 
 def _refused(why: str, status: int = 400) -> Response:
@@ -197,6 +201,7 @@ def serve(project: Project, port: int, ready: Callable[[str], None] | None = Non
     try:
         listener.bind(("127.0.0.1", port))
     except OSError:
+        listener.close()
         raise DeckError(f"port {port} is taken. Give another by --port, or 0 for any.", "studio") from None
     taken = int(listener.getsockname()[1])
     listener.listen()
