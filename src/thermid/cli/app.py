@@ -15,6 +15,7 @@ from thermid.cli import deliver as delivering
 from thermid.cli import exchange, log, predict, trust
 from thermid.cli import hold as holding
 from thermid.cli import moisture as wetting
+from thermid.cli import exchange, log, predict, studio, trust
 from thermid.cli import swap as replacing
 
 if TYPE_CHECKING:
@@ -307,8 +308,12 @@ replacing.register(app)
 wetting.register(app)
 recording.register(app)
 trust.register(app)
+<<<<<<< HEAD
 holding.register(app)
 delivering.register(app)
+=======
+studio.register(app)
+>>>>>>> 8c32f35 (Studio: the model as a picture, sliders, curves beside the measured ones, levels, swap; loopback only)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -12,6 +12,7 @@ from thermid.model.kinds import law_conductance
 from thermid.model.model import Model
 from thermid.network.network import Network, Numbers, compile_network
 from thermid.physics.constants import ICE_POINT
+from thermid.reporting.folding import Folded, fold
 from thermid.reporting.layout import LOAD_PORT, LOAD_WIDTH, MARGIN, PORT, Layout, Row, Wire, arrange, clipped, width_of
 
 __all__ = ["diagram", "quantity"]
@@ -73,14 +74,25 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
     return f"{text} {unit}"
 
 
-def diagram(model: Model, *, temperatures: Mapping[str, float] | None = None, title: str | None = None) -> str:
+def diagram(
+    model: Model,
+    *,
+    temperatures: Mapping[str, float] | None = None,
+    flows: Mapping[str, float] | None = None,
+    folded: Sequence[str] = (),
+    title: str | None = None,
+    marked: bool = False,
+) -> str:
     """Return the hierarchy of a model as SVG text: boxes for submodels, masses, massless nodes, boundaries, loads and conductors.
 
     Parameters
     ----------
     model : Model           What to draw.
     temperatures : dict     Node or boundary -> temperature; masses are tinted by it, from blue (coldest) to orange (warmest). [K]
+    flows : dict            Conductor -> heat flow from its first end to its second; lines are as wide as it is large, with an arrow. [W]
+    folded : sequence       Paths of submodels that are drawn as one mass each.
     title : str             What a screen reader says; the model's title by default.
+    marked : bool           Whether elements carry their paths (``data-path``, ``data-part``), for a page that answers to clicks.
 
     Raises
     ------
@@ -89,14 +101,19 @@ def diagram(model: Model, *, temperatures: Mapping[str, float] | None = None, ti
     network = compile_network(model)
     given = {network.find(name): float(value) for name, value in (temperatures or {}).items()}
     numbers = network.numbers()
-    values = _conductances(network, numbers, given)
-    notes = _notes(numbers, given)
-    plan = arrange(network.flat, values, notes)
-    parts = [f'<rect class="paper" width="{plan.width:.0f}" height="100%"/>', *_boxes(plan)]
-    parts += [part for k, wire in enumerate(plan.wires) for part in _wire(plan, k, wire)]
+    plain = fold(network.flat, folded)
+    values = {drawn: _sum(found) for drawn, found in _members(plain, _conductances(network, numbers, given)).items()}
+    at = _pooled(plain, numbers, given)
+    notes = _notes(_capacities(plain, numbers), at)
+    if flows:
+        values = {drawn: _watts(plain, drawn, flows) or text for drawn, text in values.items()}
+    plan = arrange(plain.flat, values, notes, plain.parts)
+    watts = {drawn: sum(sign * flows.get(c, 0.0) for c, sign in found) for drawn, found in plain.members.items()} if flows else {}
+    parts = [f'<rect class="paper" width="{plan.width:.0f}" height="100%"/>', *_boxes(plan, marked)]
+    parts += [part for k, wire in enumerate(plan.wires) for part in _wire(plan, k, wire, watts, marked)]
     parts += _rails(plan, notes)
-    parts += [part for row in plan.rows.values() for part in _node(plan, row, notes, given)]
-    parts += _loads(plan, network, numbers)
+    parts += [part for row in plan.rows.values() for part in _node(plan, row, notes, at, marked, row.path + "." in plain.parts)]
+    parts += _loads(plan, plain, numbers)
     parts += [part for k, wire in enumerate(plan.wires) for part in _label(plan, k, wire)]
     signs = [("≈", "≈ at 35 and 25 °C"), (" *<", "* changes with temperature or time")]
     legend, bottom = _legend(plan, bool(network.flat.loads), [text for sign, text in signs if any(sign in part for part in parts)])
@@ -107,8 +124,8 @@ def diagram(model: Model, *, temperatures: Mapping[str, float] | None = None, ti
     )
 
 
-def _conductances(network: Network, numbers: Numbers, given: Mapping[str, float]) -> dict[str, str]:
-    """Return conductor -> its conductance as text; ``≈`` where it depends on temperatures that nobody gave."""
+def _conductances(network: Network, numbers: Numbers, given: Mapping[str, float]) -> dict[str, tuple[float, bool]]:
+    """Return conductor -> its conductance [W/K], and whether it is sure: not where it depends on temperatures that nobody gave."""
     totals: dict[str, tuple[float, bool]] = {}
     for row in numbers.conductors:
         ends = [given.get(end, nominal) for end, nominal in zip(row.ends, NOMINAL, strict=True)]
@@ -116,12 +133,45 @@ def _conductances(network: Network, numbers: Numbers, given: Mapping[str, float]
         found = law_conductance(row.form, [value_of(c) for c in row.coefficients], row.curve, *(np.array([t]) for t in ends))
         total, sure = totals.get(row.name, (0.0, True))
         totals[row.name] = (total + float(found[0]), sure and fixed)
-    return {name: ("" if sure else "≈") + quantity(total, "W/K") for name, (total, sure) in totals.items()}
+    return totals
 
 
-def _notes(numbers: Numbers, given: Mapping[str, float]) -> dict[str, str]:
+def _members(plain: Folded, found: Mapping[str, tuple[float, bool]]) -> dict[str, list[tuple[float, bool]]]:
+    """Return conductor drawn -> the conductances of those that it stands for."""
+    return {drawn: [found[c] for c, _ in members if c in found] for drawn, members in plain.members.items()}
+
+
+def _sum(found: Sequence[tuple[float, bool]]) -> str:
+    return ("" if all(sure for _, sure in found) else "≈") + quantity(sum(v for v, _ in found), "W/K")
+
+
+def _watts(plain: Folded, drawn: str, flows: Mapping[str, float]) -> str:
+    """Return the heat flow of a conductor drawn, as text; empty where none of its members has one."""
+    members = [(c, sign) for c, sign in plain.members[drawn] if c in flows]
+    return quantity(abs(sum(sign * flows[c] for c, sign in members)), "W") if members else ""
+
+
+def _capacities(plain: Folded, numbers: Numbers) -> dict[str, float]:
+    """Return node drawn -> capacitance, massless ones left out. [J/K]"""
+    own = {n: value_of(c) for n, c in numbers.capacitances.items() if c is not None}
+    return {drawn: sum(own[n] for n in nodes if n in own) for drawn, nodes in plain.nodes.items() if any(n in own for n in nodes)}
+
+
+def _pooled(plain: Folded, numbers: Numbers, given: Mapping[str, float]) -> dict[str, float]:
+    """Return node or boundary drawn -> temperature, of a folded part the mean by capacitance. [K]"""
+    weight = {n: value_of(c) if c is not None else 0.0 for n, c in numbers.capacitances.items()}
+    out = {n: t for n, t in given.items() if all(n not in nodes for nodes in plain.nodes.values())}
+    for drawn, nodes in plain.nodes.items():
+        known = [n for n in nodes if n in given]
+        total = sum(weight[n] for n in known)
+        if known:
+            out[drawn] = sum(weight[n] * given[n] for n in known) / total if total > 0 else given[known[0]]
+    return out
+
+
+def _notes(capacities: Mapping[str, float], given: Mapping[str, float]) -> dict[str, str]:
     """Return node or boundary -> what stands under its name."""
-    shown = {n: [quantity(value_of(c), "J/K")] for n, c in numbers.capacitances.items() if c is not None}
+    shown = {n: [quantity(c, "J/K")] for n, c in capacities.items()}
     for node, kelvin in given.items():
         shown.setdefault(node, []).append(f"{kelvin - ICE_POINT:.1f} °C")
     return {n: " · ".join(parts) for n, parts in shown.items()}
@@ -132,22 +182,27 @@ def _text(x: float, y: float, text: str, kind: str = "", anchor: str = "start", 
     return f'<text x="{x:.1f}" y="{y:.1f}" class="{kind}" text-anchor="{anchor}">{inside}{escape(text)}</text>'
 
 
-def _boxes(plan: Layout) -> Iterable[str]:
+def _mark(key: str, path: str, marked: bool) -> str:
+    return f' data-{key}="{escape(path)}"' if marked and path else ""
+
+
+def _boxes(plan: Layout, marked: bool) -> Iterable[str]:
     for box in plan.root.boxes():
         left, right = plan.box_edges(box)
         bottom = plan.bottom if box.depth == 0 else box.bottom
-        yield f'<rect class="box" x="{left:.1f}" y="{box.y:.1f}" width="{right - left:.1f}" height="{bottom - box.y:.1f}" rx="8"/>'
+        size = f'x="{left:.1f}" y="{box.y:.1f}" width="{right - left:.1f}" height="{bottom - box.y:.1f}"'
+        yield f'<rect class="box" {size} rx="8"{_mark("part", box.prefix.rstrip("."), marked)}/>'
         room = (plan.left + plan.right) / 2 - left - 20
         yield _text(left + 10, box.y + 17, clipped(box.title, room, 12.5), "head", tip=f"{box.prefix.rstrip('.')} {box.title}".strip())
 
 
-def _path(points: list[Point], kind: str, tip: str) -> str:
+def _path(points: list[Point], kind: str, tip: str, extra: str = "") -> str:
     """Return a line through points with rounded corners."""
     d = f"M{points[0][0]:.1f} {points[0][1]:.1f}"
     for before, here, after in zip(points, points[1:], points[2:], strict=False):
         (ax, ay), (bx, by) = (_toward(here, end, 6.0) for end in (before, after))
         d += f"L{ax:.1f} {ay:.1f}Q{here[0]:.1f} {here[1]:.1f} {bx:.1f} {by:.1f}"
-    return f'<path class="wire {kind}" d="{d}L{points[-1][0]:.1f} {points[-1][1]:.1f}"><title>{escape(tip)}</title></path>'
+    return f'<path class="wire {kind}" d="{d}L{points[-1][0]:.1f} {points[-1][1]:.1f}"{extra}><title>{escape(tip)}</title></path>'
 
 
 def _toward(start: Point, end: Point, step: float) -> Point:
@@ -197,11 +252,18 @@ def _rails_y(plan: Layout, wire: Wire) -> float:
     return plan.bottom - PORT * (len(among) - among.index(wire) - 0.5)
 
 
-def _wire(plan: Layout, k: int, wire: Wire) -> Iterable[str]:
+def _wire(plan: Layout, k: int, wire: Wire, watts: Mapping[str, float], marked: bool) -> Iterable[str]:
     c = wire.conductor
     style, _ = STYLES[c.kind]
     points = _points(plan, k, wire)
-    yield _path(points, style, f"{c.path} ({c.kind}): {c.ends[0]} to {c.ends[1]}, {wire.value}")
+    extra, flow = _mark("path", c.path, marked), watts.get(c.path, 0.0)
+    if watts:
+        most = max(map(abs, watts.values()))
+        extra += f' style="stroke-width:{1.0 + 7.0 * (abs(flow) / most if most > 0 else 0.0) ** 0.5:.1f}px"'
+    yield _path(points, style, f"{c.path} ({c.kind}): {c.ends[0]} to {c.ends[1]}, {wire.value}", extra)
+    if flow and c.kind != "flow":
+        ends = points if flow > 0 else points[::-1]
+        yield _head(_toward(ends[-1], ends[-2], 5.0), ends[-2], "dot", 12.0)
     if c.kind == "flow":
         tip = _toward(points[-1], points[-2], 5.0) if c.ends[1] in plan.rails else points[-1]
         yield _head(tip, points[-2], "flow-head", 11.0)
@@ -236,7 +298,9 @@ def _rails(plan: Layout, notes: Mapping[str, str]) -> Iterable[str]:
             yield _text(x, top - 7, under, "soft", "middle")
 
 
-def _node(plan: Layout, row: Row, notes: Mapping[str, str], given: Mapping[str, float]) -> Iterable[str]:
+def _node(
+    plan: Layout, row: Row, notes: Mapping[str, str], given: Mapping[str, float], marked: bool = False, folded: bool = False
+) -> Iterable[str]:
     name, under = row.path.rpartition(".")[2], notes.get(row.path, "")
     name = row.path.removeprefix(row.box) if row.massless else name
     middle = (plan.left + plan.right) / 2
@@ -250,8 +314,8 @@ def _node(plan: Layout, row: Row, notes: Mapping[str, str], given: Mapping[str, 
     kind = " warm" if fill else ""
     width = plan.right - plan.left
     yield (
-        f'<rect class="mass" x="{plan.left:.1f}" y="{row.y:.1f}" width="{width:.1f}" height="{row.height:.1f}" rx="9"{fill}>'
-        f"<title>{escape(row.path)}: {escape(under)}</title></rect>"
+        f'<rect class="mass" x="{plan.left:.1f}" y="{row.y:.1f}" width="{width:.1f}" height="{row.height:.1f}" rx="9"{fill}'
+        f"{_mark('part' if folded else 'path', row.path, marked)}><title>{escape(row.path)}: {escape(under)}</title></rect>"
     )
     yield _text(middle, row.middle - 3, clipped(name, width - 14, 13), f"name{kind}", "middle", tip=row.path)
     yield _text(middle, row.middle + 13, clipped(under, width - 10), kind.strip() or "soft", "middle")
@@ -266,10 +330,10 @@ def _tint(kelvin: float, given: Mapping[str, float]) -> str:
     return "#" + "".join(f"{round(p + part * (q - p)):02x}" for p, q in zip(a, b, strict=True))
 
 
-def _loads(plan: Layout, network: Network, numbers: Numbers) -> Iterable[str]:
+def _loads(plan: Layout, plain: Folded, numbers: Numbers) -> Iterable[str]:
     """Yield an arrow per load, with its power and name."""
     at: dict[str, int] = {}
-    for load in network.flat.loads:
+    for load in plain.flat.loads:
         row = plan.rows[load.node]
         k = at[load.node] = at.get(load.node, -1) + 1
         y = row.middle + LOAD_PORT * (k - (row.loads - 1) / 2)

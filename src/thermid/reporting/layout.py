@@ -124,11 +124,14 @@ class Layout:
         return max(b.depth for b in self.root.boxes())
 
 
-def _tree(model: Model, prefix: str = "", depth: int = 0) -> Box:
+def _tree(model: Model, prefix: str = "", depth: int = 0, folded: Sequence[str] = ()) -> Box:
     name = prefix.rstrip(".").rpartition(".")[2]
     title = f"{name} · {model.title}" if name and name != model.title else name or model.title
     own = [prefix + n for n in (*model.nodes, *(j.mid or f"{k}.mid" for k, j in model.joints.items()))]
-    parts = [_tree(s.model, f"{prefix}{k}.", depth + 1) for k, s in model.submodels.items()]
+    parts: list[str | Box] = [
+        f"{prefix}{k}" if f"{prefix}{k}." in folded else _tree(s.model, f"{prefix}{k}.", depth + 1, folded)
+        for k, s in model.submodels.items()
+    ]
     return Box(prefix, title, depth, [*own, *parts])
 
 
@@ -247,7 +250,7 @@ def _label_lanes(wires: Sequence[Wire], rows: Mapping[str, Row]) -> None:
         wire.label_y = min(gaps, key=lambda g: abs(g[0] - middle) - 2 * min(g[1], WIDE_GAP))[0]
 
 
-def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str]) -> Layout:
+def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str], folded: Sequence[str] = ()) -> Layout:
     """Return the layout of a model.
 
     Parameters
@@ -255,8 +258,9 @@ def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str]) -> 
     flat : Flat     The model laid flat.
     values : dict   Conductor -> text of its conductance.
     notes : dict    Node or boundary -> what stands under its name; the column and the rails are made wide enough.
+    folded : sequence of str    Prefixes of submodels that `flat` holds as one node.
     """
-    root = _tree(flat.names.model)
+    root = _tree(flat.names.model, folded=folded)
     known = {n.path: n for n in flat.nodes}
     pairs = [c.ends for c in flat.conductors if all(e in known for e in c.ends)]
     _order(root, pairs)

@@ -1,0 +1,28 @@
+"""`thermid diagram`: a model as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(diagram)
+
+
+def diagram(
+    deck: Annotated[Path, typer.Argument(help="A deck (TOML).")],
+    to: Annotated[Path, typer.Option("--to", help="The SVG file to write.")],
+    fold: Annotated[list[str], typer.Option("--fold", help="A submodel drawn as one mass; may be repeated.")] = [],  # noqa: B006
+) -> None:
+    """Draw a model as SVG: masses, conductors by kind, loads, boundaries, submodels as boxes."""
+    from thermid.model.modelfile import load_model
+    from thermid.reporting.diagram import diagram as draw
+
+    to.write_text(draw(load_model(deck), folded=fold) + "\n", encoding="utf-8")
+    typer.echo(f"diagram: {to}")

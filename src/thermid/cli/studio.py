@@ -1,0 +1,38 @@
+"""`thermid studio`: the local page with the model, its curves and sliders."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(studio)
+
+
+def studio(
+    file: Annotated[Path, typer.Argument(help="A deck or a campaign (TOML).")],
+    data: Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project; THERMID_DATA does the same.")] = None,
+    results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the file.")] = None,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port on this machine; any free one where it is 0.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open the page in a browser.")] = True,
+) -> None:
+    """Open a deck or campaign as a page on this machine: the model, measured and simulated curves, sliders, levels."""
+    from thermid.studio.project import Project
+    from thermid.studio.server import serve
+
+    project = Project(file, data, results)
+
+    def ready(address: str) -> None:
+        typer.echo(f"studio: {address}  (this machine only; end it with Ctrl+C)")
+        if browser:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    serve(project, port, ready)

@@ -1,0 +1,134 @@
+"""What the page is told: plain objects for JSON, numbers in the units that a person reads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermid.errors import DeckError
+from thermid.identify.calibration import Calibration
+from thermid.identify.swap import RetunePlan
+from thermid.studio.desk import Curve, Desk, RunCurves
+from thermid.studio.project import Project
+
+if TYPE_CHECKING:
+    from thermid.studio.work import Work
+
+__all__ = ["as_json", "curves_object", "desk_object", "fit_object", "picture", "plan_object", "project_object"]
+
+GASES = ("air", "vacuum", "printed")
+
+
+def project_object(project: Project, work: Work) -> dict[str, Any]:
+    """Return what is open and where its stages stand."""
+    return {
+        "title": project.title,
+        "file": project.path.name,
+        "kind": "deck" if project.source is None else "campaign",
+        "note": "" if project.source is None else project.source.content.note,
+        "stages": [asdict(project.states[name]) for name in project.stages],
+        "decks": project.decks() if project.source is not None else (),
+        "table": project.table(),
+        "job": work.state(),
+    }
+
+
+def desk_object(desk: Desk) -> dict[str, Any]:
+    """Return the sliders of a stage, its curves as they stand, and its parts."""
+    return {
+        "title": desk.title,
+        "sliders": [asdict(s) for s in desk.sliders],
+        "parts": desk.parts,
+        "fitted": desk.calibration is not None,
+        "measured": desk.problem is not None,
+        "warnings": list(desk.calibration.warnings) if desk.calibration is not None else [],
+        "synthetic": desk.calibration.synthetic if desk.calibration is not None else False,
+        **curves_object(desk, {}, "air"),
+    }
+
+
+def curves_object(desk: Desk, values: Mapping[str, float], gas: str, measured: bool = True) -> dict[str, Any]:
+    """Return the curves at values of the sliders, in air, in vacuum, or in vacuum as the source document prints it.
+
+    Raises
+    ------
+    DeckError       When there is no such gas.
+    ThermidError    When a run is refused or cannot be finished.
+    """
+    if gas not in GASES:
+        raise DeckError(f"'{gas}' is none of {', '.join(GASES)}.", "studio")
+    runs = desk.curves(values)
+    without = desk.without_gas(values, as_printed=gas == "printed") if gas != "air" else {}
+    return {"runs": [_run(r, without.get(r.name, ()), measured) for r in runs]}
+
+
+def _run(run: RunCurves, without: tuple[Curve, ...], measured: bool) -> dict[str, Any]:
+    gone = {c.node: c for c in without}
+    return {"name": run.name, "remarks": run.remarks, "curves": [_curve(c, gone.get(c.node), measured) for c in run.curves]}
+
+
+def _curve(curve: Curve, without: Curve | None, measured: bool) -> dict[str, Any]:
+    still = ("name", "node", "times", "seen", "measured", "count") if measured else ()
+    out = {k: getattr(curve, k) for k in (*still, "simulated", "rmse", "bias", "largest")}
+    if without is not None:
+        out |= {"gone_times": without.times, "gone": without.simulated}
+    return out
+
+
+def fit_object(found: Calibration) -> dict[str, Any]:
+    """Return what a fit found, in the units of the sliders."""
+    values = {
+        p: {"value": v.in_unit, "error": v.shown(v.error), "random": v.shown(v.error_random), "unit": v.unit}
+        for p, v in found.values.items()
+        if v.kind == "parameter"
+    }
+    sensors = {n: {"rmse": s.rmse, "bias": s.bias} for n, s in found.sensors.items()}
+    return {"values": values, "sensors": sensors, "warnings": list(found.warnings), "evaluations": found.evaluations, "text": str(found)}
+
+
+def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the model as SVG at a time of one of its runs, submodels folded as asked."""
+    folded = tuple(map(str, asked.get("folded", ())))
+    unknown = [f for f in folded if f not in desk.parts]
+    if unknown:
+        raise DeckError(f"there is no part '{unknown[0]}' to fold.", desk.title)
+    time, run = asked.get("time"), asked.get("run", 0)
+    if not isinstance(run, int) or not (time is None or isinstance(time, int | float)):
+        raise DeckError("a run is a whole number and a time a number.", "studio")
+    return {"svg": desk.drawn(values, run, None if time is None else float(time), folded)}
+
+
+def plan_object(plan: RetunePlan) -> dict[str, Any]:
+    """Return what a swap costs."""
+    return {
+        "part": plan.part,
+        "old": plan.old,
+        "new": plan.new,
+        "stages": [{"name": s.name, "action": s.action, "why": s.why, "free": s.free, "records": s.records} for s in plan.stages],
+        "freed": plan.freed,
+        "tests": plan.tests,
+        "sensors": {s: [plan.before[s] - 273.15, plan.after[s] - 273.15] for s in plan.before if s in plan.after},
+        "text": str(plan),
+    }
+
+
+def as_json(value: object) -> str:
+    """Return a value as JSON that a script element cannot break out of; numbers that JSON lacks become null."""
+    return json.dumps(_plain(value), allow_nan=False).replace("<", "\\u003c")
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        found = np.round(value, 4).tolist()
+        return found if np.isfinite(value).all() else [v if np.isfinite(v) else None for v in found]
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

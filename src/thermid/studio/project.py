@@ -1,0 +1,289 @@
+"""`Project`: a deck or campaign opened in the studio; which stages are done or stale, and the desks of those that can be tuned."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.identify.cache import file_name, recall, remember
+from thermid.identify.calibrate import fit
+from thermid.identify.calibration import Calibration
+from thermid.identify.campaignfile import CampaignSource, read_campaign
+from thermid.identify.gather import problem_for
+from thermid.identify.request import Request
+from thermid.identify.stages import Campaign
+from thermid.identify.staging import key_of, request_of
+from thermid.identify.swap import RetunePlan, plan_retune
+from thermid.identify.values import FittedValue, FittedValues
+from thermid.model.model import Model
+from thermid.model.modelfile import load_model, read_toml, resolve_inside
+from thermid.network.network import compile_network
+from thermid.simulation.scenario import Scenario, load_scenario
+from thermid.studio.desk import Desk
+from thermid.units import unit
+
+__all__ = ["Project", "StageState"]
+
+Told = Callable[[int, float], None]
+
+
+@dataclass(frozen=True)
+class StageState:
+    """Where a stage stands.
+
+    Parameters
+    ----------
+    name : str          The stage.
+    state : str         'done', 'stale' (something it depends on changed since), 'new' (never run) or 'waiting' (for a stage below).
+    why : str           In words.
+    below : tuple       Stages whose values it takes.
+    sensors : dict      Sensor -> RMSE, of a stage that is done. [K]
+    """
+
+    name: str
+    state: str
+    why: str = ""
+    below: tuple[str, ...] = ()
+    sensors: Mapping[str, float] = field(default_factory=dict)
+
+
+class Project:
+    """A deck or campaign with its results folder; the files that its author wrote are never changed.
+
+    Parameters
+    ----------
+    path : path     The deck or campaign.
+    data : path     A folder of logs outside the project.
+    results : path  Where stages and tuned values are kept; ``results`` beside the file by default.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None, results: Path | None = None) -> None:
+        self.path = Path(path).resolve()
+        self.results = results if results is not None else self.path.parent / "results"
+        content, _ = read_toml(self.path)
+        self.source: CampaignSource | None = read_campaign(self.path, data) if "stages" in content else None
+        self.title = self.source.content.title if self.source is not None else load_model(self.path).title
+        self.done: dict[str, Calibration] = {}
+        self.states: dict[str, StageState] = {name: StageState(name, "waiting", "not looked at yet") for name in self.stages}
+        self._requests: dict[str, Request] = {}
+        self._keys: dict[str, str] = {}
+        self._desks: dict[str, Desk] = {}
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """The stages of a campaign in order; a deck has one, under its title."""
+        return tuple(s.name for s in self.source.content.stages) if self.source is not None else (self.title,)
+
+    def below(self, name: str) -> tuple[str, ...]:
+        """Return the stages that hand values to a stage, at any depth, in the order in which they run."""
+        if self.source is None:
+            return ()
+        direct = {s.name: {n for i in s.inherit.values() for n in i.stages} for s in self.source.content.stages}
+        found: set[str] = set()
+        waiting = set(direct[self.known(name)])
+        while waiting:
+            found |= waiting
+            waiting = {n for w in waiting for n in direct[w]} - found
+        return tuple(s for s in self.stages if s in found)
+
+    def known(self, name: str) -> str:
+        """Return the name of a stage.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        if name not in self.stages:
+            raise NameNotFoundError(f"no stage '{name}'.{nearest(name, self.stages)}", self.title)
+        return name
+
+    def look(self, name: str) -> StageState:
+        """Return where a stage stands, taking its fit from the results folder when nothing that it depends on has changed."""
+        if self.source is None:
+            return StageState(name, "deck", "a deck alone: nothing was measured")
+        if name in self.done:
+            return self.states[name]
+        direct = self.below(name)
+        missing = [n for n in direct if self.states[n].state != "done"]
+        if missing:
+            why = f"takes values of '{missing[0]}', which is {self.states[missing[0]].state}"
+            return self._set(StageState(name, "waiting", why, direct))
+        try:
+            request = self._request(name)
+            kept = recall(self.results, name, self._keys[name])
+        except ThermidError as error:
+            return self._set(StageState(name, "failed", str(error), direct))
+        if kept is None:
+            ran = (self.results / f"{file_name(name)}.fit.json").is_file()
+            why = "its model, logs, request or the stages below changed since it was run" if ran else "never run"
+            return self._set(StageState(name, "stale" if ran else "new", why, direct))
+        return self._finish(name, fit(request, None, kept))
+
+    def run(self, name: str, told: Told | None = None) -> StageState:
+        """Run a stage again from what its files say; the ones below must be done.
+
+        Raises
+        ------
+        ThermidError   When it cannot be run; the message says why.
+        """
+        if self.source is None:
+            raise DeckError("a deck has no stage to run: nothing was measured. Open a campaign.", self.path.name)
+        found = fit(self._request(name), told)
+        if found.converged:
+            remember(self.results, name, self._keys[name], list(found.fitted), np.array(list(found.fitted.values())))
+            found.save(self.results / f"{file_name(name)}.values.toml")
+        for above in self.stages:
+            if name in self.below(above):
+                self._forget(above)
+        return self._finish(name, found)
+
+    def fit(self, name: str, values: Mapping[str, float], free: tuple[str, ...], told: Told | None = None) -> Calibration:
+        """Return a fit of chosen parameters that starts at values of the sliders; nothing is kept of it.
+
+        Parameters
+        ----------
+        name : str      The stage.
+        values : dict   Slider -> value in its unit.
+        free : tuple    Sliders to fit.
+
+        Raises
+        ------
+        IdentificationError   When nothing is free, or the logs cannot tell.
+        """
+        if self.source is None:
+            raise IdentificationError("a deck alone has no log to fit. Open a campaign.", self.path.name)
+        if not free:
+            raise IdentificationError("no parameter is chosen. Tick those that the fit may move.", name)
+        desk, request = self.desk(name), self._request(name)
+        held = tuple(v for v in request.inherited if set(v.parameters) <= set(free))
+        return fit(replace(request, model=desk.tuned(values), free=free, inherited=held), told)
+
+    def desk(self, name: str) -> Desk:
+        """Return a stage, ready for tuning.
+
+        Raises
+        ------
+        ThermidError   When a stage below is not done, or a log is missing.
+        """
+        self.known(name)
+        if name not in self._desks:
+            self._desks[name] = self._desk(name)
+        return self._desks[name]
+
+    def _desk(self, name: str) -> Desk:
+        if self.source is None:
+            model = load_model(self.path)
+            return Desk(name, model, None, self.scenarios(model))
+        if name in self.done:
+            found = self.done[name]
+            return Desk(name, found.model, found.problem, (), found)
+        request = self._request(name)
+        return Desk(name, request.model, problem_for(request))
+
+    def scenarios(self, model: Model) -> tuple[Scenario, ...]:
+        """Return the scenarios that lie beside the file and fit a model of it, the plainest one where there is none."""
+        found = []
+        boundaries = compile_network(model).boundaries
+        for file in sorted(self.path.parent.glob("*.toml")):
+            try:
+                if {"boundaries", "duration"} <= set(read_toml(file)[0]):
+                    found.append(load_scenario(file))
+            except ThermidError:
+                continue  # no scenario, or one that does not read: `thermid simulate` says why
+        fitting = tuple(s for s in found if set(s.boundaries) <= set(boundaries))
+        plain = Scenario("24 °C, five hours", boundaries=dict.fromkeys(boundaries, "24 [degC]"), start="24 [degC]", duration="5 [h]")
+        return fitting or (plain,)
+
+    def save(self, name: str, values: Mapping[str, float], title: str) -> Path:
+        """Write values of sliders as a values file into the results folder and return its path; an older one of that name is kept.
+
+        Raises
+        ------
+        DeckError   When the title is no name for a file.
+        """
+        stem = file_name(title.strip())
+        if not stem.strip("_"):
+            raise DeckError("give the values a name of letters and digits.", "save")
+        desk = self.desk(name)
+        items = {}
+        for s in desk.sliders:
+            if s.path in values:
+                of = unit(s.unit)
+                si = [v * float(of.factor) + float(of.offset) for v in (values[s.path], s.value, s.low, s.high)]
+                items[s.path] = FittedValue(
+                    s.path, si[0], np.inf, np.inf, s.log, s.unit, si[1], (si[2], si[3]), f"tuned by hand, '{name}'", also=s.also
+                )
+        if not items:
+            raise DeckError("no value was moved, so there is nothing to save.", "save")
+        self.results.mkdir(parents=True, exist_ok=True)
+        target, k = self.results / f"{stem}.values.toml", 2
+        while target.exists():
+            target, k = self.results / f"{stem}_{k}.values.toml", k + 1
+        FittedValues(f"{name}, by hand", items, np.diag(np.full(len(items), np.inf))).save(target)
+        return target
+
+    def swap(self, part: str, deck: str) -> RetunePlan:
+        """Return what replacing a part by another deck of the project costs; the stages that turn stale are marked.
+
+        Raises
+        ------
+        ThermidError   When the campaign is not done, the deck is none of the project's, or it does not fit.
+        """
+        if self.source is None:
+            raise DeckError("a swap needs a campaign with its stages done.", self.path.name)
+        undone = [n for n in self.stages if n not in self.done]
+        if undone:
+            raise DeckError(f"stage '{undone[0]}' is not done; run the stages first.", self.title)
+        file = resolve_inside(self.path.parent, deck, "swap", ())
+        made = Campaign(self.title, dict(self.done), (), dict(self._keys), "", None, self.source, dict(self._requests))
+        return plan_retune(made, part, load_model(file))
+
+    def decks(self) -> tuple[str, ...]:
+        """Return the decks beside the campaign."""
+        out = []
+        for file in sorted(self.path.parent.glob("*.toml")):
+            try:
+                content, _ = read_toml(file)
+            except ThermidError:
+                continue
+            if {"nodes", "submodels"} & set(content):
+                out.append(file.name)
+        return tuple(out)
+
+    def table(self, field_name: str = "effective_htc") -> dict[str, dict[str, float]]:
+        """Return part -> stage -> value of a parameter, of the stages that are done. [SI]"""
+        return Campaign(self.title, dict(self.done), (), {}).table(field_name)
+
+    def _request(self, name: str) -> Request:
+        assert self.source is not None
+        if name not in self._requests:
+            k = self.stages.index(self.known(name))
+            stage = self.source.content.stages[k]
+            missing = [n for i in stage.inherit.values() for n in i.stages if n not in self.done]
+            if missing:
+                raise DeckError(f"takes values of '{missing[0]}', which is not done; run that first.", name)
+            request = request_of(self.source, stage, k, self.done)
+            self._keys[name] = key_of(request, [self._keys[n] for i in stage.inherit.values() for n in i.stages])
+            self._requests[name] = request
+        return self._requests[name]
+
+    def _finish(self, name: str, found: Calibration) -> StageState:
+        self.done[name] = found
+        self._desks.pop(name, None)
+        sensors = {n: s.rmse for n, s in found.sensors.items()}
+        return self._set(StageState(name, "done", "", self.below(name), sensors))
+
+    def _forget(self, name: str) -> None:
+        """Drop what is known of a stage whose basis changed."""
+        for known in (self.done, self._requests, self._keys, self._desks):
+            known.pop(name, None)
+        self.states[name] = StageState(name, "stale", "a stage below was run again", self.below(name))
+
+    def _set(self, state: StageState) -> StageState:
+        self.states[state.name] = state
+        return state

@@ -1,0 +1,211 @@
+"""The studio's server: one page and a small interface to the project behind it, on loopback and for one visitor."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Awaitable, Callable, Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from thermid.errors import DeckError, ThermidError
+from thermid.studio.answers import as_json, curves_object, desk_object, picture, plan_object, project_object
+from thermid.studio.project import Project
+from thermid.studio.work import Work
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+__all__ = ["application", "serve"]
+
+HOSTS = ("127.0.0.1", "localhost")
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""Nothing from elsewhere, no script in the page; the picture of the model brings its own style element."""
+GUARD = "x-thermid-studio"
+"""A header that a page of another origin cannot send without being asked first, and is then refused."""
+KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"}
+
+
+def application(project: Project, port: int) -> Starlette:
+    """Return the studio of a project as an ASGI application.
+
+    Parameters
+    ----------
+    project : Project   What is open.
+    port : int          Where it will listen; requests under any other name are refused.
+
+    Raises
+    ------
+    DeckError   When the extra `studio` is missing.
+    """
+    try:
+        from starlette.applications import Starlette
+        from starlette.routing import Route
+    except ImportError:
+        raise DeckError("the studio needs starlette and uvicorn: pip install 'thermid[studio]'.") from None
+    work, lock = Work(project), threading.Lock()
+
+    def reads(make: Callable[[Request], Any]) -> Callable[[Request], Response]:
+        """Return an endpoint that answers with JSON, errors of ours in words."""
+
+        def endpoint(request: Request) -> Response:
+            with lock:
+                return _answer(lambda: make(request))
+
+        return endpoint
+
+    def writes(make: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Awaitable[Response]]:
+        """Return the same for a request with a body of JSON."""
+
+        async def endpoint(request: Request) -> Response:
+            from starlette.concurrency import run_in_threadpool
+
+            if request.headers.get(GUARD) != "1":
+                return _refused("requests that change something come from the studio's own page.")
+            try:
+                body = await request.json()
+            except ValueError:
+                return _refused("the body is no JSON.")
+            if not isinstance(body, dict):
+                return _refused("the body is no JSON object.")
+
+            def locked() -> Response:
+                with lock:
+                    return _answer(lambda: make(body))
+
+            return await run_in_threadpool(locked)
+
+        return endpoint
+
+    def page(request: Request) -> Response:
+        return _file(request.path_params.get("name", "index.html"))
+
+    def curves(body: Mapping[str, Any]) -> Any:
+        return curves_object(project.desk(_text(body, "stage")), _values(body), _text(body, "gas"), bool(body.get("measured", True)))
+
+    routes = [
+        Route("/", page),
+        Route("/static/{name}", page),
+        Route("/api/project", reads(lambda r: project_object(project, work))),
+        Route("/api/desk", reads(lambda r: desk_object(project.desk(r.query_params.get("stage", project.stages[0]))))),
+        Route("/api/job", reads(lambda r: work.state())),
+    ]
+    orders: dict[str, Callable[[Mapping[str, Any]], Any]] = {
+        "curves": curves,
+        "picture": lambda b: picture(project.desk(_text(b, "stage")), _values(b), b),
+        "run": lambda b: work.run(_text(b, "stage"), bool(b.get("below"))),
+        "fit": lambda b: work.fit(_text(b, "stage"), _values(b), tuple(map(str, b.get("free", ())))),
+        "save": lambda b: {"file": project.save(_text(b, "stage"), _values(b), _text(b, "name")).name},
+        "swap": lambda b: plan_object(project.swap(_text(b, "part"), _text(b, "deck"))),
+    }
+    routes += [Route(f"/api/{name}", writes(order), methods=["POST"]) for name, order in orders.items()]
+    made = Starlette(routes=routes)
+    made.add_middleware(Guard, port=port)
+    return made
+
+
+class Guard:
+    """Refuses what was not asked of this server by its own page, and tells the browser to load nothing else."""
+
+    def __init__(self, app: Any, port: int) -> None:
+        self.app = app
+        self.hosts = {f"{host}:{port}" for host in HOSTS}
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Pass a request on when its Host, and its Origin where it has one, are this server's."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        headers = {k.decode("latin-1"): v.decode("latin-1") for k, v in scope["headers"]}
+        origin = headers.get("origin")
+        if headers.get("host") not in self.hosts or (origin is not None and origin.removeprefix("http://") not in self.hosts):
+            await _refused("this studio answers to its own page only.", 403)(scope, receive, send)
+            return
+
+        async def guarded(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                extra = {"content-security-policy": POLICY, "x-content-type-options": "nosniff", "referrer-policy": "no-referrer"}
+                message["headers"] = [*message["headers"], *((k.encode(), v.encode()) for k, v in extra.items())]
+            await send(message)
+
+        await self.app(scope, receive, guarded)
+
+
+def _answer(make: Callable[[], Any]) -> Response:
+    from starlette.responses import Response
+
+    try:
+        return Response(as_json(make()), media_type="application/json")
+    except ThermidError as error:
+        # an answer in words is no failure of the transport, and a browser would note one as an error of the page
+        return Response(as_json({"error": error.message, "where": error.where}), media_type="application/json")
+
+
+def _refused(why: str, status: int = 400) -> Response:
+    from starlette.responses import Response
+
+    return Response(as_json({"error": why, "where": "studio"}), status, media_type="application/json")
+
+
+def _file(name: str) -> Response:
+    """Return a file of the page."""
+    from starlette.responses import Response
+
+    known = {f.name: f for f in files("thermid.studio").joinpath("static").iterdir()}
+    if name not in known:
+        return _refused("there is no such page.", 404)
+    return Response(known[name].read_text(encoding="utf-8"), media_type=KINDS[Path(name).suffix], headers={"cache-control": "no-store"})
+
+
+def _text(body: Mapping[str, Any], key: str) -> str:
+    found = body.get(key, "")
+    if not isinstance(found, str):
+        raise DeckError(f"'{key}' is no text.", "studio")
+    return found
+
+
+def _values(body: Mapping[str, Any]) -> dict[str, float]:
+    found = body.get("values", {})
+    if not isinstance(found, dict) or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in found.values()):
+        raise DeckError("values are numbers by path.", "studio")
+    return {str(k): float(v) for k, v in found.items()}
+
+
+def serve(project: Project, port: int, ready: Callable[[str], None] | None = None) -> None:
+    """Serve the studio of a project on loopback until it is interrupted.
+
+    Parameters
+    ----------
+    project : Project   What is open.
+    port : int          A free one is taken where it is 0.
+    ready : callable    Called with the address once it answers.
+
+    Raises
+    ------
+    DeckError   When the extra `studio` is missing.
+    DeckError           When the port is taken.
+    """
+    import socket
+
+    try:
+        import uvicorn
+    except ImportError:
+        raise DeckError("the studio needs starlette and uvicorn: pip install 'thermid[studio]'.") from None
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(("127.0.0.1", port))
+    except OSError:
+        listener.close()
+        raise DeckError(f"port {port} is taken. Give another by --port, or 0 for any.", "studio") from None
+    taken = int(listener.getsockname()[1])
+    listener.listen()
+    if ready is not None:
+        ready(f"http://127.0.0.1:{taken}/")
+    server = uvicorn.Server(uvicorn.Config(application(project, taken), log_level="warning", access_log=False))
+    server.run(sockets=[listener])

@@ -1,0 +1,103 @@
+"""What takes longer than a moment: stages and fits in one thread, with progress that a page can ask for."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from thermid.errors import DeckError, ThermidError
+from thermid.studio.project import Project
+
+__all__ = ["Work"]
+
+
+@dataclass
+class _Job:
+    """What is running, or ran last."""
+
+    what: str
+    stage: str
+    begun: float = field(default_factory=time.monotonic)
+    evaluations: int = 0
+    rms: float = 0.0
+    ended: bool = False
+    error: str = ""
+    result: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Work:
+    """One job at a time.
+
+    Parameters
+    ----------
+    project : Project   What it works on.
+    """
+
+    def __init__(self, project: Project) -> None:
+        self._project = project
+        self._job: _Job | None = None
+        self._thread: threading.Thread | None = None
+        self._start("look", "", self._look)
+
+    def state(self) -> dict[str, Any]:
+        """Return what is running or ran last, for a page."""
+        if self._job is None:
+            return {}
+        out = asdict(self._job)
+        out["seconds"] = time.monotonic() - out.pop("begun")
+        return out
+
+    def run(self, stage: str, below: bool) -> dict[str, Any]:
+        """Begin to run a stage, with the ones below that are not done where `below`."""
+        project = self._project
+        names = [n for n in (*(project.below(project.known(stage)) if below else ()), stage) if n == stage or n not in project.done]
+
+        def job(j: _Job) -> None:
+            for name in names:
+                j.stage = name
+                project.run(name, lambda count, rms: _tell(j, count, rms))
+            for name in project.stages:
+                project.look(name)
+
+        return self._start("run", stage, job)
+
+    def fit(self, stage: str, values: Mapping[str, float], free: tuple[str, ...]) -> dict[str, Any]:
+        """Begin to fit chosen parameters from values of the sliders."""
+        from thermid.studio.answers import fit_object
+
+        def job(j: _Job) -> None:
+            j.result = fit_object(self._project.fit(stage, values, free, lambda count, rms: _tell(j, count, rms)))
+
+        return self._start("fit", self._project.known(stage), job)
+
+    def _look(self, job: _Job) -> None:
+        for name in self._project.stages:
+            job.stage = name
+            self._project.look(name)
+
+    def _start(self, what: str, stage: str, make: Callable[[_Job], None]) -> dict[str, Any]:
+        if self._thread is not None and self._thread.is_alive():
+            raise DeckError(f"'{self._job.stage if self._job else ''}' is still running; one thing at a time.", "studio")
+        job = self._job = _Job(what, stage)
+
+        def work() -> None:
+            try:
+                make(job)
+            except ThermidError as error:
+                job.error = str(error)
+            except Exception as error:  # a page that waits for ever would hide it
+                job.error = f"{type(error).__name__}: {error}"
+                raise
+            finally:
+                job.ended = True
+
+        self._thread = threading.Thread(target=work, name=f"studio {what}", daemon=True)
+        self._thread.start()
+        return self.state()
+
+
+def _tell(job: _Job, count: int, rms: float) -> None:
+    job.evaluations, job.rms = count, rms

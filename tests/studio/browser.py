@@ -1,0 +1,150 @@
+"""A headless browser on a studio that runs in a process of its own, as a user starts it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+QUIET = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--hide-scrollbars",
+)
+
+
+def needed() -> None:
+    """Skip with a message where a browser, its driver or the studio's extra is missing."""
+    for module in ("selenium", "uvicorn", "starlette"):
+        pytest.importorskip(module, reason=f"{module} is not installed (extras studio and test)")
+    if CHROMIUM is None or DRIVER is None:
+        pytest.skip("no Chromium with its driver (Debian: chromium, chromium-driver)")
+
+
+@contextlib.contextmanager
+def studio(*arguments: str) -> Iterator[str]:
+    """Yield the address of a studio."""
+    command = [sys.executable, "-m", "thermid", "studio", *arguments, "--no-browser"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+    assert process.stdout is not None
+    try:
+        line = process.stdout.readline()
+        if not line.startswith("studio: http"):
+            pytest.fail(line + process.stdout.read())
+        yield line.split()[1]
+    finally:
+        process.terminate()
+        process.wait(20)
+        process.stdout.close()
+
+
+class Page:
+    """A page of the studio in a browser.
+
+    Parameters
+    ----------
+    address : str           Where the studio is.
+    width, height : int     Of the window. [px]
+    """
+
+    def __init__(self, address: str, width: int = 1600, height: int = 1000) -> None:
+        from selenium.webdriver import Chrome
+        from selenium.webdriver.chrome.options import Options
+        from selenium.webdriver.chrome.service import Service
+
+        self.address, self._profile = address, tempfile.mkdtemp()
+        options = Options()
+        for flag in (*QUIET, f"--window-size={width},{height}", f"--user-data-dir={self._profile}"):
+            options.add_argument(flag)
+        options.binary_location = str(CHROMIUM)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+        self.driver = Chrome(options=options, service=Service(DRIVER))
+        self.driver.set_script_timeout(120)
+        self.asked: list[str] = []
+        self.said: list[str] = []
+
+    def open(self) -> Page:
+        """Load the page and wait until its first stage is shown."""
+        self.driver.get(self.address)
+        self.until("window.studio && window.studio.ready")
+        return self
+
+    def until(self, condition: str, seconds: float = 90.0) -> None:
+        """Wait until a condition of the page holds."""
+        end = time.monotonic() + seconds
+        while not self.run(f"return Boolean({condition})"):
+            if time.monotonic() > end:
+                pytest.fail(f"the page never came to: {condition}; it says: {self.run('return document.body.innerText.slice(0, 600)')}")
+            time.sleep(0.05)
+
+    def run(self, script: str, *given: Any) -> Any:
+        """Return what a script of the page returns."""
+        return self.driver.execute_script(script, *given)
+
+    def wait(self, script: str) -> Any:
+        """Return what an asynchronous body, with `pause(ms)` at hand, returns."""
+        return self.driver.execute_async_script(
+            "const done = arguments[arguments.length - 1], pause = (ms) => new Promise((r) => setTimeout(r, ms));"
+            f"(async () => {{ {script} }})().then(done, (e) => done({{ failed: String(e) }}));"
+        )
+
+    def text(self, selector: str) -> str:
+        """Return the text of an element."""
+        return str(self.run("return document.querySelector(arguments[0]).textContent", selector))
+
+    def click(self, selector: str) -> None:
+        """Click an element."""
+        self.run("document.querySelector(arguments[0]).click()", selector)
+
+    def listen(self) -> None:
+        """Take over what the console said and what the page asked for since last time."""
+        self.said += [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
+        for entry in self.driver.get_log("performance"):
+            message = json.loads(entry["message"])["message"]
+            if message["method"] == "Network.requestWillBeSent":
+                self.asked.append(message["params"]["request"]["url"])
+
+    def clean(self) -> None:
+        """Fail when the console noted an error or anything outside this studio was asked for."""
+        self.listen()
+        assert self.said == []
+        assert self.run("return window.studio.errors") == []
+        assert [url for url in self.asked if url.startswith(("http", "ws", "ftp")) and not url.startswith(self.address)] == []
+
+    def close(self) -> None:
+        """End the browser."""
+        self.driver.quit()
+        shutil.rmtree(self._profile, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def page(address: str, width: int = 1600, height: int = 1000) -> Iterator[Page]:
+    """Yield a page of a studio, opened."""
+    made = Page(address, width, height)
+    try:
+        yield made.open()
+    finally:
+        made.close()
+
+
+def logs_of(script: Path, folder: Path) -> Path:
+    """Return a folder with the synthetic logs that an example's script makes."""
+    subprocess.run([sys.executable, str(script), str(folder)], check=True, capture_output=True)
+    return folder

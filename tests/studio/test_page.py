@@ -1,0 +1,186 @@
+"""The studio in a real browser: sliders, fits, undo, saving, folding, vacuum, swap, keyboard, accessibility."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thermid.identify.values import load_values
+
+from .browser import Page, logs_of, needed, page, studio
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SLIDE = """
+const slider = document.getElementById('s-' + NAME), times = [];
+for (let k = 1; k <= 12; k++) {
+  slider.value = k / 14; slider.dispatchEvent(new Event('input', { bubbles: true }));
+  const before = studio.latencies.length; for (let w = 0; w < 100 && studio.latencies.length === before; w++) await pause(20);
+}
+slider.dispatchEvent(new Event('change', { bubbles: true }));
+return studio.latencies;
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The campaign of example 04 with a second deck to swap in, and its logs."""
+    needed()
+    root = tmp_path_factory.mktemp("studio")
+    for name in ("02_stack", "04_campaign"):
+        shutil.copytree(EXAMPLES / name, root / name, ignore=shutil.ignore_patterns("logs", "results", "__pycache__"))
+    shutil.copy(EXAMPLES / "thermid.toml", root)
+    logs_of(EXAMPLES / "04_campaign" / "make_logs.py", root / "04_campaign" / "logs")
+    newer = (root / "02_stack" / "EleGFO.toml").read_text(encoding="utf-8").replace('title  = "EleGFO"', 'title  = "EleGFO_v2"')
+    (root / "04_campaign" / "EleGFO_v2.toml").write_text(newer, encoding="utf-8")
+    return root / "04_campaign"
+
+
+@pytest.fixture(scope="module")
+def shown(folder: Path) -> Iterator[Page]:
+    with studio(str(folder / "campaign.toml")) as address, page(address) as made:
+        yield made
+
+
+def test_stages_are_run_from_the_page(shown: Page) -> None:
+    states = "[...document.querySelectorAll('nav button')].map((b) => b.dataset.state).join()"
+    assert shown.run(f"return {states}") == "new,new,waiting"
+    shown.click("[data-stage=m_PrE]")
+    shown.until("!document.getElementById('error').hidden")
+    assert "not done; run that first" in shown.text("#error")
+    shown.click("#run-stage")
+    shown.until(f"{states} === 'done,done,done'")
+    shown.until("document.querySelector('[data-sensor=T_ELE]')")
+    assert "Synthetic" in shown.text("#banner")
+    shown.clean()
+
+
+def test_a_slider_moves_curve_and_metric_within_200_ms(shown: Page) -> None:
+    before = shown.text("[data-sensor=T_ELE] td.num")
+    times = shown.wait(SLIDE.replace("NAME", "'stack.gap.htc'"))
+    assert len(times) >= 12
+    print(f"slider to curve and metric: median {np.median(times):.0f} ms, largest {max(times):.0f} ms")
+    assert np.median(times) < 200  # stated by the issue; the median, since these machines are shared
+    assert shown.text("[data-sensor=T_ELE] td.num") != before
+    shown.click("#undo")
+    shown.until(f"document.querySelector('[data-sensor=T_ELE] td.num').textContent === '{before}'")
+    shown.click("#redo")
+    shown.until(f"document.querySelector('[data-sensor=T_ELE] td.num').textContent !== '{before}'")
+    shown.clean()
+
+
+def test_a_fit_comes_back_and_is_saved(shown: Page, folder: Path) -> None:
+    shown.click("#fit")
+    shown.until("document.getElementById('fit-result').textContent.includes('evaluations')")
+    found = shown.text("#fit-result")
+    assert "stack.gap.htc" in found
+    assert "±" in found
+    shown.run("document.getElementById('save-name').value = 'from the page'")
+    shown.click("#save button")
+    shown.until("document.getElementById('status').textContent.includes('saved')")
+    kept = load_values(folder / "results" / "from_the_page.values.toml")
+    fitted = load_values(folder / "results" / "m_PrE.values.toml")
+    assert kept["stack.gap.htc"].value == pytest.approx(fitted["stack.gap.htc"].value, abs=0.05 * fitted["stack.gap.htc"].error)
+    shown.clean()
+
+
+def test_parts_fold_and_unfold_and_answer_to_clicks(shown: Page) -> None:
+    inside = "document.querySelectorAll('#picture [data-path=\"proc.case\"]').length"
+    shown.until(f"{inside} > 0")
+    shown.click("[data-fold=proc]")
+    shown.until(f"{inside} === 0")
+    shown.run("document.querySelector('#picture [data-part=proc]').dispatchEvent(new MouseEvent('click', { bubbles: true }))")
+    shown.until(f"{inside} > 0")
+    shown.run("document.querySelector('#picture [data-path=\"proc.case\"]').dispatchEvent(new MouseEvent('click', { bubbles: true }))")
+    assert "proc.case.mass" in shown.text("#detail")
+    shown.run("const f = document.getElementById('find'); f.value = ''; f.dispatchEvent(new Event('input'))")
+    shown.clean()
+
+
+def test_vacuum_is_refused_in_words_and_as_printed_is_shown(shown: Page) -> None:
+    choose = "const g = document.getElementById('gas'); g.value = '{}'; g.dispatchEvent(new Event('change'))"
+    shown.run(choose.format("vacuum"))
+    shown.until("document.getElementById('error').textContent.includes('emissivity')")
+    assert shown.run("return document.getElementById('gas').value") == "air"
+    shown.run(choose.format("printed"))
+    shown.until("document.getElementById('error').hidden && document.getElementById('gas').value === 'printed'")
+    shown.run(choose.format("air"))
+    shown.clean()
+
+
+def test_a_swap_marks_what_turns_stale(shown: Page) -> None:
+    shown.run("document.getElementById('swap-part').value = 'ele'; document.getElementById('swap-deck').value = 'EleGFO_v2.toml'")
+    shown.click("#swap button")
+    shown.until("document.getElementById('swap-result').textContent.includes('stages due again')")
+    states = shown.run("return Object.fromEntries([...document.querySelectorAll('nav button')].map((b) => [b.dataset.stage, b.dataset.state]))")
+    assert states == {"ProcSISNAV": "done", "EleGFO": "stale", "m_PrE": "stale"}
+    shown.clean()
+
+
+def test_everything_is_reached_by_the_keyboard(shown: Page) -> None:
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    shown.run("document.activeElement.blur(); window.scrollTo(0, 0)")
+    seen: set[str] = set()
+    for _ in range(70):
+        ActionChains(shown.driver, duration=0).send_keys(Keys.TAB).perform()
+        seen.add(str(shown.run("const e = document.activeElement; return e.id || e.dataset.stage || e.dataset.fold || e.dataset.curve || e.tagName")))
+    for name in ("fit", "undo", "save-name", "find", "time", "run", "gas", "picture", "m_PrE", "proc", "T_ELE", "s-stack.gap.htc"):
+        assert name in seen
+    before = shown.text("[data-sensor=T_ELE] td.num")
+    shown.run("document.getElementById('s-stack.gap.htc').focus()")
+    ActionChains(shown.driver, duration=0).send_keys(Keys.ARROW_RIGHT * 40).perform()
+    shown.until(f"document.querySelector('[data-sensor=T_ELE] td.num').textContent !== '{before}'")
+    ActionChains(shown.driver).key_down(Keys.CONTROL).send_keys("z").key_up(Keys.CONTROL).perform()
+    shown.clean()
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_axe_finds_nothing_serious(shown: Page, dark: bool) -> None:
+    pytest.importorskip("selenium_axe_python", reason="selenium-axe-python is not installed (extra test)")
+    axe = files("selenium_axe_python").joinpath("axe-core/axe.min.js").read_text(encoding="utf-8")
+    scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+    shown.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+    shown.run(axe)
+    found = shown.wait("return (await axe.run()).violations.map((v) => [v.impact, v.id, v.nodes.map((n) => n.html.slice(0, 120))])")
+    assert [v for v in found if v[0] in ("serious", "critical")] == []
+
+
+def test_a_narrow_window_needs_no_sideways_scrolling(shown: Page) -> None:
+    for width in (1600, 1024, 390):
+        shown.driver.execute_cdp_cmd(
+            "Emulation.setDeviceMetricsOverride", {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
+        )
+        assert shown.run("return document.documentElement.scrollWidth") <= width
+    shown.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+@pytest.mark.campaign
+def test_the_navigation_unit_is_tuned_in_the_page(tmp_path: Path) -> None:
+    """The study's full model: 25 nodes, 74 sliders, eleven sensors, nine stages."""
+    needed()
+    logs = logs_of(EXAMPLES / "sisnav" / "laboratory.py", tmp_path / "logs")
+    where = ("--data", str(logs), "--results", str(tmp_path / "results"))
+    with studio(str(EXAMPLES / "sisnav" / "campaign.toml"), *where) as address, page(address) as shown:
+        states = "[...document.querySelectorAll('nav button')].map((b) => b.dataset.state)"
+        shown.click("[data-stage=m_Sd]")
+        shown.until("document.getElementById('run-stage')")
+        shown.click("#run-stage")
+        shown.until(f"{states}.every((s) => s === 'done')", 300)
+        shown.until("document.querySelector('[data-sensor=T_DISK]')")
+        times = shown.wait(SLIDE.replace("NAME", "'imu_foot_conductivity'"))
+        print(f"slider to curve and metric: median {np.median(times):.0f} ms, largest {max(times):.0f} ms")
+        assert np.median(times) < 200
+        shown.click("#fit")
+        shown.until("document.getElementById('fit-result').textContent.includes('imu_foot_conductivity')")
+        shown.click("[data-fold=imu]")
+        shown.until("document.querySelector('#picture [data-part=imu]') && !document.querySelector('#picture [data-path=\"imu.support\"]')")
+        shown.run("document.getElementById('swap-part').value = 'pre.ele'; document.getElementById('swap-deck').value = 'EleGFO_v2.toml'")
+        shown.click("#swap button")
+        shown.until(f"{states}.join() === 'done,done,done,stale,done,stale,done,done,stale'")
+        shown.clean()
