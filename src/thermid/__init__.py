@@ -96,12 +96,12 @@ if TYPE_CHECKING:
     from thermid.qualify.deliver import check_delivery as check_delivery
     from thermid.qualify.deliver import deliver as deliver
     from thermid.qualify.drivers import sobol_of as sobol_of
+    from thermid.qualify.forecast import Forecast as Forecast
+    from thermid.qualify.forecast import forecast as forecast
     from thermid.qualify.hold import Hold as Hold
     from thermid.qualify.hold import hold as hold
     from thermid.qualify.holdfile import HoldQuestion as HoldQuestion
     from thermid.qualify.holdfile import load_hold as load_hold
-    from thermid.qualify.forecast import Forecast as Forecast
-    from thermid.qualify.forecast import forecast as forecast
     from thermid.qualify.macro import assumed as assumed
     from thermid.qualify.macro import macro_model as macro_model
     from thermid.qualify.profile_run import ProfileRun as ProfileRun
@@ -111,10 +111,10 @@ if TYPE_CHECKING:
     from thermid.qualify.profiles import profile_of as profile_of
     from thermid.qualify.reduce import Reduction as Reduction
     from thermid.qualify.reduce import reduce as reduce
-    from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
-    from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.qualify.stabilisation import Stability as Stability
     from thermid.qualify.stabilisation import stability as stability
+    from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
+    from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.page import report as report
     from thermid.reporting.structures_page import Structure as Structure
     from thermid.reporting.structures_page import structures_report as structures_report

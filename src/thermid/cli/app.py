@@ -10,13 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from thermid.cli import credibility as recording
-from thermid.cli import deliver as delivering
-from thermid.cli import exchange, log, predict, trust
-from thermid.cli import hold as holding
-from thermid.cli import moisture as wetting
-from thermid.cli import exchange, log, predict, studio, trust
-from thermid.cli import swap as replacing
+from thermid.cli.commands import MODULES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -301,19 +295,8 @@ def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck
     typer.echo(json.dumps(makers[kind](), indent=2))
 
 
-exchange.register(app)
-log.register(app)
-predict.register(app)
-replacing.register(app)
-wetting.register(app)
-recording.register(app)
-trust.register(app)
-<<<<<<< HEAD
-holding.register(app)
-delivering.register(app)
-=======
-studio.register(app)
->>>>>>> 8c32f35 (Studio: the model as a picture, sliders, curves beside the measured ones, levels, swap; loopback only)
+for _module in MODULES:
+    _module.register(app)
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ def test_sliders_have_units_bounds_and_sources(project: Project) -> None:
 
 
 def test_what_is_no_slider_is_refused(project: Project) -> None:
-    with pytest.raises(NameNotFoundError, match="no slider 'aera'. Did you mean 'area'"):
+    with pytest.raises(NameNotFoundError, match=r"no slider 'aera'. Did you mean 'area'"):
         project.desk(project.title).curves({"aera": 1.0})
 
 

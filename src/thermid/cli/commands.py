@@ -1,0 +1,33 @@
+"""The commands that stand in modules of their own; each registers itself."""
+
+from __future__ import annotations
+
+from thermid.cli import (
+    credibility,
+    deliver,
+    diagram,
+    exchange,
+    hold,
+    log,
+    moisture,
+    predict,
+    studio,
+    swap,
+    trust,
+)
+
+__all__ = ["MODULES"]
+
+MODULES = (
+    studio,
+    diagram,
+    exchange,
+    log,
+    predict,
+    swap,
+    moisture,
+    credibility,
+    trust,
+    hold,
+    deliver,
+)
