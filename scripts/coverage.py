@@ -47,7 +47,7 @@ def page(draws: int) -> str:
     text = f"""# Coverage
 
 How often stated 95 % intervals hold hidden truths, in {draws} synthetic campaigns (matched) and {draws * 3 // 10} (without constant errors;
-mismatched). Made by `python scripts/coverage.py`; the campaigns are in `tests/recovery`, and a run of 50 draws is a test.
+mismatched). Made by `python scripts/coverage.py`; the campaigns are in `tests/recovery`, and a run of 25 draws is a test.
 
 ## Matched: the truth follows the model
 
