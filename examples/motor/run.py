@@ -18,7 +18,8 @@ START = {f"initial.{node}": {"start": node.upper(), "sd": "0.5 [K]"} for node in
 OFFSET, RATE = (0.0, 60.0), (0.95, 1.3)
 ROW, MEAN = 0.1, 20
 """The controller's log has no times; its author takes 0.1 s per row. Powers are means over 20 rows."""
-ROUNDS = 8
+ROUNDS, CLOSE = 8, (0.02, 1e-5)
+"""Most rounds of aligning and fitting, and changes of offset [s] and rate below which they end."""
 
 
 def logs(data: Path, run: str) -> tuple[td.Record, td.Record]:
@@ -60,9 +61,13 @@ def fitted(data: Path, runs: tuple[str, ...], free: tuple[str, ...] = FREE) -> S
     clocks: dict[str, td.Alignment] = {}
     for _ in range(ROUNDS):
         around = {run: (max(c.offset - 4.0, OFFSET[0]), c.offset + 4.0) for run, c in clocks.items()}
+        before = clocks
         clocks = {run: td.align(model, *pairs[run], offset=around.get(run, OFFSET), rate=RATE, local=START) for run in runs}
         fit = td.calibrate(model, [c.record for c in clocks.values()], free, local=START, search="local")
         model = fit.fitted_model
+        moved = [(abs(c.offset - b.offset), abs(c.rate - b.rate)) for c, b in zip(clocks.values(), before.values(), strict=False)]
+        if moved and all(offset < CLOSE[0] and rate < CLOSE[1] for offset, rate in moved):
+            break
     return Study(fit, clocks)
 
 

@@ -332,9 +332,10 @@ def page(rows: Sequence[Mapping[str, Any]], to: str) -> Path:
     ]
     board = next((r for r in rows if r["name"] == "board" and "room_trend_K" in r), None)
     if board is not None:
+        trend = board["room_trend_K"]
         reasons.append(
-            f"It is not the whole truth: the room that the fit finds is {board['room_trend_K']:.1f} K warmer in steps to full power than "
-            "in small ones, so some heat still takes a way that no structure here has."
+            f"It is not the whole truth: the room that the fit finds stands {trend:.1f} K warmer in steps to full power "
+            "than in small ones, so some heat still takes a way that no structure here has."
         )
     chosen = "board" if any(s.name == "board" for s in made) else ""
     return td.structures_report(

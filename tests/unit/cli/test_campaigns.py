@@ -275,6 +275,21 @@ class TestPredict:
         assert word in said.err
 
 
+class TestPowerThatNobodyMeasured:
+    def test_absolute_values_are_refused_with_what_is_known(self, call: Call, tmp_path: Path) -> None:
+        from unit.identify.project import make_project
+
+        campaign = make_project(tmp_path)
+        changed(campaign, 'free    = ["skin.effective_htc", "case.mass"]', 'free    = ["skin.effective_htc", "case.mass", "power"]')
+        said = call("calibrate", campaign)
+        assert (said.code, said.out) == (4, "")
+        assert "Without a measured power only ratios are known: fix 'power' or give it a prior." in said.err
+        assert "power/skin.effective_htc to about" in said.err
+        told = call("identify", campaign, "--stage", "box")
+        assert told.code == 0
+        assert "know 'power' to +- 5 %" in told.out
+
+
 class TestIdentify:
     def test_says_what_the_logs_of_a_stage_can_tell(self, call: Call, tmp_path: Path) -> None:
         from unit.identify.project import make_project
