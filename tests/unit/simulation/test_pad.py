@@ -113,6 +113,23 @@ def test_a_boundary_may_be_the_sky(weather: td.Weather) -> None:
     assert np.abs(apart["skin"].kelvin - joined["skin"].kelvin).max() < 0.02
 
 
+def test_a_sun_at_night_says_that_the_clock_is_wrong(weather: td.Weather, tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"when the sun stands \d+ degrees below the horizon. Look at the time zone"):
+        td.pad_scenario(td.Site(-2.373, -44.396, timezone=9.0), weather)
+    path = tmp_path / "early.csv"
+    path.write_text("time,dry_bulb,humidity,global\n2026-03-21 06:00,25,80,0\n2026-03-21 09:00,28,70,400\n2026-03-21 12:00,30,65,900\n")
+    with pytest.raises(ScenarioError, match=r"global is 400 W/m.2 3 h after .*, when the sun stands 1 degrees below the horizon"):
+        td.pad_scenario(td.Site(-2.373, -44.396, timezone=0.0), td.read_weather(path))
+
+
+def test_a_zone_is_never_guessed(weather: td.Weather) -> None:
+    nowhere = td.Site(-2.373, -44.396)
+    with pytest.raises(ScenarioError, match="which time zone"):
+        td.pad_scenario(nowhere, weather)
+    same = nowhere.sun("2026-03-21 12:00-03:00", 0.0)
+    assert same.zenith[0] == pytest.approx(SITE.sun("2026-03-21 12:00", 0.0).zenith[0], abs=1e-3)
+
+
 def test_only_global_is_taken_apart(tmp_path: Path) -> None:
     """Beam and diffuse of Erbs, Klein and Duffie (1982); on the horizontal they make up the global."""
     path = tmp_path / "w.csv"
