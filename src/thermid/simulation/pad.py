@@ -75,8 +75,9 @@ def pad_scenario(
                             tilt; it gets the temperature of what a surface of that tilt sees, sky and ground. [deg]
     albedo : float          Of the ground. [-]
     turbidity : float       Of a sky without clouds, as in `Site.clear_sky`. [-]
-    wind : dict             Coefficient -> ``length`` of its surface along the wind [m], ``calm`` value [W/(m^2 K)], and ``rain``: roof or
-                            wall; it then follows the weather's wind (and rain), as `wind_htc` says.
+    wind : dict             A coefficient from a correlation feels the weather's wind; a fixed one follows it if it stands here, with
+                            ``length`` of its surface along the wind [m], ``calm`` value [W/(m^2 K)], and ``rain``: roof or wall, as
+                            `wind_htc` says.
     others                  Fields of `Scenario`: start (the air by default), loads, boundaries, schedule, environment, irradiation.
 
     Raises
@@ -287,11 +288,12 @@ def _temperature(weather: Weather | None, given: Any, title: str, air: str) -> S
 
 
 def _environment(site: Site, weather: Weather | None) -> Environment:
-    """Return the state of the open air: pressure and humidity as means, since no coefficient feels how the weather moves them."""
-    pressure = float(np.mean(weather["pressure"].values)) if weather is not None and "pressure" in weather else site.pressure
-    if weather is None or "humidity" not in weather:
-        return Environment(Constant(pressure))
-    return Environment(Constant(pressure), humidity=float(np.mean(weather["humidity"].values)))
+    """Return the state of the open air: its wind, and pressure and humidity as means, since no coefficient feels how weather moves them."""
+    if weather is None:
+        return Environment(Constant(site.pressure))
+    means = {k: float(np.mean(weather[k].values)) for k in ("pressure", "humidity") if k in weather}
+    wind = Table(*weather["wind"]) if "wind" in weather else Constant(0.0)
+    return Environment(Constant(means.get("pressure", site.pressure)), means.get("humidity", Environment.humidity), wind=wind)
 
 
 def _duration(given: Any, title: str) -> float:

@@ -151,6 +151,19 @@ def test_wind_and_rain_make_coefficients(weather: td.Weather) -> None:
     )
 
 
+def test_a_coefficient_from_a_correlation_feels_the_wind_and_a_fixed_one_is_named(weather: td.Weather) -> None:
+    made = td.pad_scenario(SITE, weather)
+    fixed, follows = td.simulate(skin(), made), td.simulate(skin(htc={"length": "2 [m]"}), made)
+    assert any("the wind in 'ambient' does not change 'face'" in w for w in fixed.warnings)
+    assert not any("does not change" in w for w in follows.warnings)
+    flow = follows.heat_flow("face") / (2.0 * (follows["skin"].kelvin - follows["ambient"].kelvin))
+    noon = int(np.abs(follows.times - 6 * 3600.0).argmin())
+    # forced and natural together at 6 m/s
+    assert float(wind_htc(6.0, 2.0, 304.15, SITE.pressure)) < flow[noon] < 1.3 * float(wind_htc(6.0, 2.0, 304.15, SITE.pressure))
+    scheduled = td.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]", "calm": "4 [W/(m^2 K)]"}})
+    assert not any("does not change" in w for w in td.simulate(skin(), scheduled).warnings)
+
+
 def test_wind_along_a_plate_as_in_a_textbook() -> None:
     """Incropera, 6th ed., Eq. 7.30 with air of its Table A.4 at 300 K: Re 62 930, Nu 148."""
     assert float(wind_htc(1.0, 1.0, 300.0, 101325.0)) == pytest.approx(
