@@ -35,6 +35,10 @@ LOW_SUN = 87.0
 """Beyond this zenith a beam is not divided out of a horizontal reading. [deg]"""
 WIND = ("length", "calm", "rain")
 """What a coefficient in wind is given by."""
+NIGHT, TWILIGHT = 95.0, 20.0
+"""Zenith of the sun from which it is night, and radiation that nobody reads then. [deg], [W/m^2]"""
+BRIGHTEST = 1412.0
+"""Of the sun above the air, in January; no beam that is worked out from other readings is brighter. [W/m^2]"""
 WATER = 1000.0 * 4186.0
 """Heat that a cubic metre of rain takes up per kelvin. [J/(m^3 K)]"""
 
@@ -71,8 +75,9 @@ def pad_scenario(
                             tilt; it gets the temperature of what a surface of that tilt sees, sky and ground. [deg]
     albedo : float          Of the ground. [-]
     turbidity : float       Of a sky without clouds, as in `Site.clear_sky`. [-]
-    wind : dict             Coefficient -> ``length`` of its surface along the wind [m], ``calm`` value [W/(m^2 K)], and ``rain``: roof or
-                            wall; it then follows the weather's wind (and rain), as `wind_htc` says.
+    wind : dict             A coefficient from a correlation feels the weather's wind; a fixed one follows it if it stands here, with
+                            ``length`` of its surface along the wind [m], ``calm`` value [W/(m^2 K)], and ``rain``: roof or wall, as
+                            `wind_htc` says.
     others                  Fields of `Scenario`: start (the air by default), loads, boundaries, schedule, environment, irradiation.
 
     Raises
@@ -83,7 +88,9 @@ def pad_scenario(
     place = site or _place(weather, title)
     if weather is not None:
         # a time of day without zone is meant in the site's
-        zoned = None if weather.begin is None else place.instant(weather.begin).astimezone(place.zone)
+        zoned = None if weather.begin is None else place.instant(weather.begin)
+        if zoned is not None and place.timezone is not None:
+            zoned = zoned.astimezone(place.zone)
         weather = replace(weather, begin=zoned).window(begin, duration)
     instant = begin if weather is None or weather.begin is None else weather.begin
     seconds = weather.duration if weather is not None else _duration(duration, title)
@@ -146,13 +153,14 @@ def open_sky(
 
 def _radiation(weather: Weather, site: Site, begin: Any, times: Array, zenith: Array) -> tuple[Array, Array, Array]:
     """Return beam, diffuse and global (samples,) from what the weather has of them. [W/m^2]"""
+    _check_night(weather, site, begin, float(times[-1]))
     have = {k: np.interp(times, *weather[k]) for k in ("direct_normal", "diffuse", "global") if k in weather}
     up = np.maximum(np.cos(np.radians(zenith)), 0.0)
     if {"direct_normal", "diffuse"} <= set(have):
         return have["direct_normal"], have["diffuse"], have.get("global", have["diffuse"] + have["direct_normal"] * up)
     if {"global", "diffuse"} <= set(have):
         beam = np.maximum(have["global"] - have["diffuse"], 0.0) / np.maximum(up, np.cos(np.radians(LOW_SUN)))
-        return np.where(zenith < 90.0, beam, 0.0), have["diffuse"], have["global"]
+        return np.where(zenith < 90.0, np.minimum(beam, BRIGHTEST), 0.0), have["diffuse"], have["global"]
     if {"global", "direct_normal"} <= set(have):
         return have["direct_normal"], np.maximum(have["global"] - have["direct_normal"] * up, 0.0), have["global"]
     if "global" in have:
@@ -160,11 +168,32 @@ def _radiation(weather: Weather, site: Site, begin: Any, times: Array, zenith: A
 
         with quiet():
             parts = irradiance.erbs(have["global"], zenith, site.instants(begin, times), max_zenith=LOW_SUN)
-        return np.asarray(parts["dni"], dtype=float), np.asarray(parts["dhi"], dtype=float), have["global"]
+        return np.minimum(np.asarray(parts["dni"], dtype=float), BRIGHTEST), np.asarray(parts["dhi"], dtype=float), have["global"]
     raise ScenarioError(
         "the weather has no global radiation, nor beam and diffuse: give such a column, or sun = false.",
         weather.name,
     )
+
+
+def _check_night(weather: Weather, site: Site, begin: Any, duration: float) -> None:
+    """Refuse weather with more sun than there is, at night above all: its clock, or the site, is another."""
+    for name in ("direct_normal", "diffuse", "global"):
+        if name in weather:
+            times, values = weather[name]
+            zenith = site.sun(begin, times).zenith
+            above = np.maximum(np.cos(np.radians(zenith)), 0.0) if name != "direct_normal" else np.ones(zenith.shape)
+            # clouds at the sun's rim may throw a third more on a place than comes from above the air
+            most = np.where(zenith > NIGHT, TWILIGHT, 5.0 * TWILIGHT + 1.3 * BRIGHTEST * above)
+            wrong = np.flatnonzero((values > most) & (times > 0.0) & (times < duration))
+            if wrong.size:
+                k = wrong[0]
+                height = 90.0 - zenith[k]
+                stands = f"{abs(height):.0f} degrees {'above' if height > 0 else 'below'} the horizon"
+                raise ScenarioError(
+                    f"{name} is {values[k]:.0f} W/m^2 {times[k] / 3600:.4g} h after {begin}, when the sun stands {stands}. "
+                    "Look at the time zone, and at latitude and longitude.",
+                    weather.name,
+                )
 
 
 def _downward(weather: Weather | None, air: Signal) -> Table:
@@ -247,7 +276,7 @@ def _place(weather: Weather | None, title: str) -> Site:
     if not {"latitude", "longitude"} <= set(known):
         raise ScenarioError("where is it? Give a Site with latitude and longitude; only EPW and TMY3 files say it themselves.", title)
     name = weather.name if weather is not None else title
-    return Site(known["latitude"], known["longitude"], known.get("altitude", 0.0), known.get("timezone", 0.0), name)
+    return Site(known["latitude"], known["longitude"], known.get("altitude", 0.0), known.get("timezone"), name)
 
 
 def _temperature(weather: Weather | None, given: Any, title: str, air: str) -> Signal:
@@ -259,11 +288,12 @@ def _temperature(weather: Weather | None, given: Any, title: str, air: str) -> S
 
 
 def _environment(site: Site, weather: Weather | None) -> Environment:
-    """Return the state of the open air: pressure and humidity as means, since no coefficient feels how the weather moves them."""
-    pressure = float(np.mean(weather["pressure"].values)) if weather is not None and "pressure" in weather else site.pressure
-    if weather is None or "humidity" not in weather:
-        return Environment(Constant(pressure))
-    return Environment(Constant(pressure), humidity=float(np.mean(weather["humidity"].values)))
+    """Return the state of the open air: its wind, and pressure and humidity as means, since no coefficient feels how weather moves them."""
+    if weather is None:
+        return Environment(Constant(site.pressure))
+    means = {k: float(np.mean(weather[k].values)) for k in ("pressure", "humidity") if k in weather}
+    wind = Table(*weather["wind"]) if "wind" in weather else Constant(0.0)
+    return Environment(Constant(means.get("pressure", site.pressure)), means.get("humidity", Environment.humidity), wind=wind)
 
 
 def _duration(given: Any, title: str) -> float:

@@ -278,7 +278,8 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
     out = [part.message() for part in unreached(wiring.network, numbers, powers)]
     if scenario.as_printed:
         out.append("vacuum as printed: every coefficient is zero, radiation in it included; the temperatures are an upper bound")
-    out += wiring.network.media.idle_winds(wiring.network.flat.conductors)
+    followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
+    out += wiring.network.media.idle_winds([c for c in wiring.network.flat.conductors if not followed & set(c.fields.values())])
     for gas, e in scenario.environment.items():
         if e.humidity != Environment().humidity:
             of = "of every gas" if gas == "*" else f"of '{gas}'"

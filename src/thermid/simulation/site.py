@@ -43,7 +43,7 @@ class Site:
     latitude : float    North is positive. [deg]
     longitude : float   East is positive. [deg]
     altitude : float    Above the sea; a number or a text with unit. [m]
-    timezone : float    Standard time less universal time. [h]
+    timezone : float    Standard time less universal time; None where every instant names its own zone. [h]
     name : str          What it is called.
 
     Raises
@@ -54,7 +54,7 @@ class Site:
     latitude: float
     longitude: float
     altitude: Any = 0.0
-    timezone: float = 0.0
+    timezone: float | None = None
     name: str = "site"
 
     def __post_init__(self) -> None:
@@ -71,12 +71,21 @@ class Site:
             object.__setattr__(self, "altitude", literal(self.altitude, "m", f"{self.name}, altitude"))
         if not -450.0 <= self.altitude <= 9000.0:
             raise ScenarioError(f"a site at {self.altitude:g} m is not on the ground.", self.name)
-        if not -12.0 <= self.timezone <= 14.0:
+        if self.timezone is not None and not -12.0 <= self.timezone <= 14.0:
             raise ScenarioError(f"a time zone of {self.timezone:g} h does not exist.", self.name)
 
     @property
     def zone(self) -> Zone:
-        """Its standard time."""
+        """Its standard time.
+
+        Raises
+        ------
+        ScenarioError   When nobody said which it is.
+        """
+        if self.timezone is None:
+            raise ScenarioError(
+                "which time zone? Give the site's timezone in hours, or instants with a zone: 2026-03-21 06:00-03:00.", self.name
+            )
         return Zone(timedelta(hours=self.timezone))
 
     @property

@@ -113,6 +113,23 @@ def test_a_boundary_may_be_the_sky(weather: td.Weather) -> None:
     assert np.abs(apart["skin"].kelvin - joined["skin"].kelvin).max() < 0.02
 
 
+def test_a_sun_at_night_says_that_the_clock_is_wrong(weather: td.Weather, tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"when the sun stands \d+ degrees below the horizon. Look at the time zone"):
+        td.pad_scenario(td.Site(-2.373, -44.396, timezone=9.0), weather)
+    path = tmp_path / "early.csv"
+    path.write_text("time,dry_bulb,humidity,global\n2026-03-21 06:00,25,80,0\n2026-03-21 09:00,28,70,400\n2026-03-21 12:00,30,65,900\n")
+    with pytest.raises(ScenarioError, match=r"global is 400 W/m.2 3 h after .*, when the sun stands 1 degrees below the horizon"):
+        td.pad_scenario(td.Site(-2.373, -44.396, timezone=0.0), td.read_weather(path))
+
+
+def test_a_zone_is_never_guessed(weather: td.Weather) -> None:
+    nowhere = td.Site(-2.373, -44.396)
+    with pytest.raises(ScenarioError, match="which time zone"):
+        td.pad_scenario(nowhere, weather)
+    same = nowhere.sun("2026-03-21 12:00-03:00", 0.0)
+    assert same.zenith[0] == pytest.approx(SITE.sun("2026-03-21 12:00", 0.0).zenith[0], abs=1e-3)
+
+
 def test_only_global_is_taken_apart(tmp_path: Path) -> None:
     """Beam and diffuse of Erbs, Klein and Duffie (1982); on the horizontal they make up the global."""
     path = tmp_path / "w.csv"
@@ -132,6 +149,20 @@ def test_wind_and_rain_make_coefficients(weather: td.Weather) -> None:
     assert (
         td.simulate(skin(), made)["skin"].highest < td.simulate(skin(htc="4 [W/(m^2 K)]"), td.pad_scenario(SITE, weather))["skin"].highest
     )
+
+
+def test_a_coefficient_from_a_correlation_feels_the_wind_and_a_fixed_one_is_named(weather: td.Weather) -> None:
+    made = td.pad_scenario(SITE, weather)
+    fixed, follows = td.simulate(skin(), made), td.simulate(skin(htc={"length": "2 [m]"}), made)
+    assert any("the wind in 'ambient' does not change 'face'" in w for w in fixed.warnings)
+    assert not any("does not change" in w for w in follows.warnings)
+    noon = int(np.abs(follows.times - 6 * 3600.0).argmin())
+    htc = follows.heat_flow("face")[noon] / (2.0 * (follows["skin"].kelvin - follows["ambient"].kelvin)[noon])
+    # forced and natural together at 6 m/s
+    forced = float(wind_htc(6.0, 2.0, 304.15, SITE.pressure))
+    assert 0.97 * forced < htc < 1.3 * forced
+    scheduled = td.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]", "calm": "4 [W/(m^2 K)]"}})
+    assert not any("does not change" in w for w in td.simulate(skin(), scheduled).warnings)
 
 
 def test_wind_along_a_plate_as_in_a_textbook() -> None:
