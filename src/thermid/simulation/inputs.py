@@ -262,7 +262,8 @@ def check_courses(numbers: Numbers, follow: Courses, wired: Courses, title: str)
     for key in {*follow, *wired}:
         if key in follow and key in wired and _same_course(follow[key], wired[key]):
             continue
-        rows = [r for r in (*numbers.conductors, *numbers.loads) if r.name == key[0]]
+        every: tuple[ConductorRow | LoadRow, ...] = (*numbers.conductors, *numbers.loads)
+        rows = [r for r in every if r.name == key[0]]
         if key not in follow and value_of(rows[key[1]].coefficients[key[2]]) == 0.0:
             continue
         raise ScenarioError(
