@@ -17,7 +17,7 @@ from thermid.network.rows import ConductorRow, LoadRow
 from thermid.simulation.scenario import Scenario
 from thermid.units import TEMPERATURE, require
 
-__all__ = ["Schedule", "command_curve", "load_inputs", "normalised", "read_schedule", "scheduled"]
+__all__ = ["Schedule", "check_courses", "command_curve", "load_inputs", "normalised", "read_schedule", "scheduled"]
 
 Array = NDArray[np.float64]
 SINE_SAMPLES = 400
@@ -247,3 +247,34 @@ def _ratios(mine: Number, values: list[Number], name: str, title: str) -> Array 
                     title,
                 )
     return ratio
+
+
+Courses = Mapping[tuple[str, int, int], Signal]
+
+
+def check_courses(numbers: Numbers, follow: Courses, wired: Courses, title: str) -> None:
+    """Refuse values at which a scheduled coefficient changes otherwise in time than it was wired to; one that is zero may stay so.
+
+    Raises
+    ------
+    ScenarioError   When a parameter that changes from run to run and a scheduled one do not act as a product.
+    """
+    for key in {*follow, *wired}:
+        if key in follow and key in wired and _same_course(follow[key], wired[key]):
+            continue
+        every: tuple[ConductorRow | LoadRow, ...] = (*numbers.conductors, *numbers.loads)
+        rows = [r for r in every if r.name == key[0]]
+        if key not in follow and value_of(rows[key[1]].coefficients[key[2]]) == 0.0:
+            continue
+        raise ScenarioError(
+            f"in '{key[0]}' a parameter that changes from run to run and a scheduled one do not act as a product, so one schedule does not "
+            "serve all runs. Run them one by one, with with_values.",
+            title,
+        )
+
+
+def _same_course(one: Signal, other: Signal) -> bool:
+    """Whether two signals are the same in time, to rounding."""
+    if isinstance(one, Table) and isinstance(other, Table):
+        return np.array_equal(one.times, other.times) and np.allclose(one.values, other.values, rtol=1e-9, atol=1e-12)
+    return type(one) is type(other) and np.allclose(one.at(np.zeros(1)), other.at(np.zeros(1)), rtol=1e-9, atol=1e-12)

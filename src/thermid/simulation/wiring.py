@@ -18,7 +18,7 @@ from thermid.model.stores import Store
 from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow, LoadRow
-from thermid.simulation.inputs import load_inputs, normalised, read_schedule, scheduled
+from thermid.simulation.inputs import check_courses, load_inputs, normalised, read_schedule, scheduled
 from thermid.simulation.scenario import STEADY, Scenario
 from thermid.units import TEMPERATURE
 
@@ -122,6 +122,9 @@ class Wiring:
         if self.schedule is None:
             return self.network.numbers(free)
         numbers, follow = scheduled(self.network, self.schedule, free)
+        if self._follow:
+            check_courses(numbers, follow, {key: self.signals[name] for key, name in self._follow.items()}, self.network.title)
+            return numbers
         for key, given in follow.items():
             name = f"schedule {' '.join(map(str, key))}"
             self.signals[name] = given
