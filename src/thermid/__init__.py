@@ -92,12 +92,12 @@ if TYPE_CHECKING:
     from thermid.qualify.conduct import run_profile as run_profile
     from thermid.qualify.cycles import equivalent_cycles as equivalent_cycles
     from thermid.qualify.drivers import sobol_of as sobol_of
+    from thermid.qualify.forecast import Forecast as Forecast
+    from thermid.qualify.forecast import forecast as forecast
     from thermid.qualify.hold import Hold as Hold
     from thermid.qualify.hold import hold as hold
     from thermid.qualify.holdfile import HoldQuestion as HoldQuestion
     from thermid.qualify.holdfile import load_hold as load_hold
-    from thermid.qualify.forecast import Forecast as Forecast
-    from thermid.qualify.forecast import forecast as forecast
     from thermid.qualify.macro import assumed as assumed
     from thermid.qualify.macro import macro_model as macro_model
     from thermid.qualify.profile_run import ProfileRun as ProfileRun
@@ -105,10 +105,10 @@ if TYPE_CHECKING:
     from thermid.qualify.profiles import load_profile as load_profile
     from thermid.qualify.profiles import profile_names as profile_names
     from thermid.qualify.profiles import profile_of as profile_of
-    from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
-    from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.qualify.stabilisation import Stability as Stability
     from thermid.qualify.stabilisation import stability as stability
+    from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
+    from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.page import report as report
     from thermid.reporting.study_page import study_report as study_report
     from thermid.reporting.trust import picture as picture

@@ -38,7 +38,14 @@ def _load_campaign(path: Path) -> None:
         source.model(stage.model, stage.name)
 
 
-LOADERS = {"deck": _load_deck, "scenario": td.load_scenario, "campaign": _load_campaign, "values": td.load_values, "study": td.load_study}
+LOADERS = {
+    "deck": _load_deck,
+    "scenario": td.load_scenario,
+    "campaign": _load_campaign,
+    "values": td.load_values,
+    "study": td.load_study,
+    "profile": td.load_profile,
+}
 
 
 @dataclass

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from thermid.cli import credibility as recording
-from thermid.cli import exchange, log, predict, trust
+from thermid.cli import exchange, log, predict, profile, settle, trust
 from thermid.cli import hold as holding
 from thermid.cli import swap as replacing
 
@@ -301,8 +301,10 @@ def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck
 exchange.register(app)
 log.register(app)
 predict.register(app)
+profile.register(app)
 replacing.register(app)
 recording.register(app)
+settle.register(app)
 trust.register(app)
 holding.register(app)
 
