@@ -25,6 +25,9 @@ from thermid.model import schema
 from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.kinds import KINDS
 from thermid.model.signal import Sine, Table
+from thermid.qualify.number import SLOTS, WORDS
+from thermid.qualify.profiles import KEYS
+from thermid.qualify.steps import STEP_KEYS
 from thermid.simulation import pad, surroundings
 from thermid.units import TEMPERATURE
 
@@ -53,6 +56,7 @@ ASCENT_UNITS = {
     "walls": TEMPERATURE,
 }
 CAMPAIGN_UNITS = {"window": "s", "sd": ANY, "mean": ANY, "weights": "1", "knee": "1"}
+STEP_UNITS = {"to": TEMPERATURE, "over": "s", "ramp": "K/s", "pressure": "Pa", "humidity": "1", "dwell": "s"}
 STUDY_UNITS = {"lowest": TEMPERATURE, "highest": TEMPERATURE, "tolerance": "K", "relative": "1", "accuracy": "K", "resolution": "K"}
 STUDY_UNITS |= {"range": TEMPERATURE, "conversion": "s"}
 STUDY = ("Knowledge", "Component", "Box", "Theory", "Experiment", "Sensor", "Procedure", "Action")
@@ -144,6 +148,9 @@ def by_heading() -> dict[str, Names]:
         "Joint fit of a campaign": _model(campaign_schema.JointTable, CAMPAIGN_UNITS),
         "Verdict of a campaign": _model(campaign_schema.VerdictTable),
         "Criteria": _of(_plain(dataclasses.fields(Criteria)), {"rmse": "K", "max_error": "K", "mean_error": "K"}),
+        "Profile": _of([*KEYS, *SLOTS, *WORDS], SLOTS | {"predicted": TEMPERATURE}),
+        "Number of a profile": _of(("value", "mark", "clause", "note"), {"value": ANY}),
+        "Step of a profile": _of(STEP_KEYS, STEP_UNITS),
         "Study": _model(study_schema.StudyFile),
         **{name: _model(getattr(study_schema, f"{name}Table"), STUDY_UNITS) for name in STUDY},
         "Options of the integrator": _of(

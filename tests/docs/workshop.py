@@ -45,6 +45,7 @@ LOADERS = {
     "values": td.load_values,
     "study": td.load_study,
     "hold": td.load_hold,
+    "profile": td.load_profile,
 }
 
 

@@ -11,6 +11,8 @@ from thermid.cli import (
     log,
     moisture,
     predict,
+    profile,
+    settle,
     studio,
     swap,
     trust,
@@ -28,6 +30,8 @@ MODULES = (
     moisture,
     credibility,
     trust,
+    profile,
+    settle,
     hold,
     deliver,
 )

@@ -19,7 +19,7 @@ from thermid.measure.part import worn
 from thermid.measure.record import Record
 from thermid.measure.textfile import Cells, read_bytes, read_cells
 
-__all__ = ["read_record"]
+__all__ = ["read_record", "temperature_columns"]
 
 _TIME_NAMES: Final = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")
 
@@ -101,6 +101,18 @@ def read_record(
         except RecordError as error:
             raise RecordError(error.message, cells.where(None, each.column)) from None
     return Record(name or stem.rpartition(".")[0] or stem, times, {each.name: each for each in made}, origin, tuple(notes))
+
+
+def temperature_columns(path: str | Path) -> list[str]:
+    """Return the columns of a log that are temperatures by their unit, or by a name that begins with T and is not the time's."""
+    data = read_bytes(Path(path))
+    cells = bench_cells(data, Path(path).name) if is_bench_log(data) else read_cells(data, Path(path).name, None)
+    named = [name_and_unit(header) for header in cells.header]
+    return [
+        name
+        for name, unit in named
+        if name.casefold() not in _TIME_NAMES and (unit in ("degC", "K", "degF", "°C") or (unit is None and name[:1] in ("T", "t")))
+    ]
 
 
 def _time_column(cells: Cells, wanted: str | None) -> int:

@@ -29,6 +29,8 @@ FEWEST: Final = 40
 """Readings below which nothing is forecast."""
 REACH: Final = 10.0
 """Without better knowledge a part may be this many times slower than the time that was watched."""
+SHORTEST: Final = 0.1
+"""A longest time constant below this share of the stretch is a mistake."""
 GUARD: Final = 0.02
 """Share of the change in the readings by which exponentials may miss them, where a slow part is to be excluded by them alone: a drift below
 that may be coefficients that grow with differences, or a hidden mass. [-]"""
@@ -208,8 +210,49 @@ def forecast(
     """
     name = channel or _only(record)
     inside, _ = stretch(record, since, until, f"{record.name}, forecast")
-    given = record.channel(name)
-    where = f"{record.name}, {name}"
+    times, kelvin = _readings(record, name, inside, level)
+    span = float(times[-1] - times[0])
+    limit = positive_seconds(slowest, "slowest") if slowest is not None else REACH * span
+    if limit < SHORTEST * span:
+        raise RecordError(
+            f"a slowest time constant of {duration_text(limit)} is far below the {duration_text(span)} that were watched. "
+            "Give the longest one that the unit can have, with its unit.",
+            f"{record.name}, {name}, slowest",
+        )
+    known = _of_model(model, scenario)
+    room = None
+    if reference:
+        air = record.channel(reference)
+        room = (record.times[inside & air.valid], air.values[inside & air.valid])
+    found = approach(times, kelvin, limit, known, room)
+    trusted = bool(known) or slowest is not None
+    guard = found if trusted else approach(times, kelvin, limit, known, room, GUARD)
+    asked, wanted = amount(within, "K", "within"), rule_of(rule)
+    final, slow = _estimate(guard.at(float("inf")), level), guard.slowest(SLOW_SHARE)
+    return Forecast(
+        record.name,
+        name,
+        float(times[0]),
+        found.now,
+        found.at(found.now).mean,
+        final,
+        "" if final.error <= asked else _reason(final, asked, slow, span, bool(known), slowest is not None, level),
+        asked,
+        level,
+        slow,
+        wanted,
+        None if wanted.stored else _holds(found, wanted, 0.5, span),
+        None if wanted.stored else _holds(found, wanted, 0.95, span),
+        bool(known),
+        None if found.room is None else found.room.last,
+        found,
+        resolution_of(record.channel(name)),
+    )
+
+
+def _readings(record: Record, name: str, inside: NDArray[np.bool_], level: float) -> tuple[Array, Array]:
+    """Return the readings of a stretch. [s], [K]"""
+    given, where = record.channel(name), f"{record.name}, {name}"
     if given.quantity != "temperature":
         raise RecordError(f"it is a {given.quantity}; temperatures are forecast.", where)
     keep = inside & given.valid
@@ -217,45 +260,7 @@ def forecast(
         raise RecordError(f"{np.count_nonzero(keep)} readings lie in the stretch; {FEWEST} are needed for a forecast.", where)
     if not 0.5 <= level < 1.0:
         raise RecordError(f"a level of {level:g} is none; give 0.5 to 0.99.", where)
-    times, kelvin = record.times[keep], given.values[keep]
-    span = float(times[-1] - times[0])
-    limit = positive_seconds(slowest, "slowest") if slowest is not None else REACH * span
-    known = _of_model(model, scenario)
-    room = None
-    if reference:
-        air = record.channel(reference)
-        room = (record.times[inside & air.valid], air.values[inside & air.valid])
-    found = approach(times, kelvin, limit, known, room)
-    asked = amount(within, "K", "within")
-    trusted = bool(known) or slowest is not None
-    guard = found if trusted else approach(times, kelvin, limit, known, room, GUARD)
-    final = _estimate(guard.at(float("inf")), level)
-    latest = found.at(found.now).mean
-    slow = guard.slowest(SLOW_SHARE)
-    declined = "" if final.error <= asked else _reason(final, asked, slow, span, bool(known), slowest is not None, level)
-    wanted = rule_of(rule)
-    holds, late = (None, None) if wanted.stored else (_holds(found, wanted, 0.5, span), _holds(found, wanted, 0.95, span))
-    stand = None if found.room is None else found.room.last
-    size = resolution_of(given)
-    return Forecast(
-        record.name,
-        name,
-        float(times[0]),
-        found.now,
-        latest,
-        final,
-        declined,
-        asked,
-        level,
-        slow,
-        wanted,
-        holds,
-        late,
-        bool(known),
-        stand,
-        found,
-        size,
-    )
+    return record.times[keep], given.values[keep]
 
 
 def _only(record: Record) -> str:

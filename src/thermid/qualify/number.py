@@ -9,12 +9,13 @@ from typing import Any, Final
 from thermid.errors import ScenarioError, nearest
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
+from thermid.qualify.marks import MARKS as KNOWN
 from thermid.units import TEMPERATURE
 
 __all__ = ["MARKS", "SLOTS", "WORDS", "Number", "number", "weakest"]
 
-MARKS: Final = ("read", "project", "secondary", "memory")
-"""How a number is known, the strongest first: read in the standard; the project's own choice; from a document about it; from memory."""
+MARKS: Final = tuple(KNOWN)
+"""How a number is known, the surest first; see `marks`."""
 
 SLOTS: Final[Mapping[str, str]] = {
     "hot": TEMPERATURE,

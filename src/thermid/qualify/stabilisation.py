@@ -15,7 +15,7 @@ from thermid.measure.prepare import stretch
 from thermid.measure.record import Record
 from thermid.measure.stability import SURE, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.qualify.approach import approach
-from thermid.qualify.forecast import FEWEST, REACH
+from thermid.qualify.forecast import FEWEST, GUARD, REACH
 from thermid.qualify.profile_run import ProfileRun
 from thermid.simulation.solution import Solution
 
@@ -201,7 +201,7 @@ def _rate_times(c: ChannelStability, tau: float) -> Remaining:
 
 def _by_readings(times: Array, kelvin: Array, room: tuple[Array, Array] | None) -> Remaining:
     """Return what the readings themselves say of the change to come. [K]"""
-    found = approach(times, kelvin, REACH * float(times[-1] - times[0]), room=room)
+    found = approach(times, kelvin, REACH * float(times[-1] - times[0]), room=room, bent=GUARD)
     now, end = found.at(found.now).mean, found.at(float("inf"))
     return Remaining(end.quantile(0.5) - now, end.quantile(0.025) - now, end.quantile(0.975) - now, "by the readings alone")
 

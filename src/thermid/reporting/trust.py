@@ -16,9 +16,11 @@ from thermid.identify.profile import Profile
 from thermid.identify.valley import Valley
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.hold import Hold
+from thermid.qualify.profile_run import ProfileRun
 from thermid.reporting.extras import extra
 from thermid.reporting.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT, time_unit
 from thermid.reporting.hold import draw_hold
+from thermid.reporting.profile_run import draw_run
 from thermid.units import unit
 
 if TYPE_CHECKING:
@@ -32,12 +34,12 @@ LEVELS = {2.30: "68 %", 5.99: "95 %"}
 """Growth of the sum of squares that holds two parameters together with a probability: quantiles of chi-square, two degrees of freedom."""
 
 
-def picture(thing: Profile | Valley | Criticism | Hold, to: str | os.PathLike[str]) -> Path:
-    """Write the picture of a profile, a valley, a criticism or a hold, and return its path; the ending says the format (png, svg, pdf).
+def picture(thing: Profile | Valley | Criticism | Hold | ProfileRun, to: str | os.PathLike[str]) -> Path:
+    """Write the picture of a profile, a valley, a criticism, a hold or a profile's run, and return its path (png, svg, pdf).
 
     Parameters
     ----------
-    thing : Profile, Valley, Criticism or Hold  What to draw; of a criticism, the trace that is least like noise.
+    thing : Profile, Valley, Criticism, Hold or ProfileRun  What to draw; of a criticism, the trace that is least like noise.
     to : path                               File to write.
 
     Raises
@@ -45,7 +47,7 @@ def picture(thing: Profile | Valley | Criticism | Hold, to: str | os.PathLike[st
     ThermidError        When there is no picture of such a thing.
     MissingExtraError   When matplotlib is not installed.
     """
-    drawers: dict[type, Any] = {Profile: _profile, Valley: _valley, Criticism: _criticism, Hold: draw_hold}
+    drawers: dict[type, Any] = {Profile: _profile, Valley: _valley, Criticism: _criticism, Hold: draw_hold, ProfileRun: draw_run}
     if type(thing) not in drawers:
         raise ThermidError(
             f"there is no picture of a {type(thing).__name__}; there are pictures of {', '.join(t.__name__ for t in drawers)}."

@@ -126,6 +126,7 @@ def test_words_and_objects():
         ({"until": "100 [s]"}, "40 are needed"),
         ({"level": 1.5}, "a level of 1.5 is none"),
         ({"rule": "3 C"}, "no rule of stability"),
+        ({"slowest": "10 [s]"}, "far below the 119.8 min that were watched"),
         ({"reference": "AIRE"}, "no channel 'AIRE'"),
     ],
 )
