@@ -25,6 +25,9 @@ from thermid.model import schema
 from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.kinds import KINDS
 from thermid.model.signal import Sine, Table
+from thermid.qualify import plan_schema
+from thermid.qualify.criteria import KEYS as CRITERIA_KEYS
+from thermid.qualify.limits import KEYS as LIMIT_KEYS
 from thermid.simulation import pad, surroundings
 from thermid.units import TEMPERATURE
 
@@ -56,6 +59,12 @@ CAMPAIGN_UNITS = {"window": "s", "sd": ANY, "mean": ANY, "weights": "1", "knee":
 STUDY_UNITS = {"lowest": TEMPERATURE, "highest": TEMPERATURE, "tolerance": "K", "relative": "1", "accuracy": "K", "resolution": "K"}
 STUDY_UNITS |= {"range": TEMPERATURE, "conversion": "s"}
 STUDY = ("Knowledge", "Component", "Box", "Theory", "Experiment", "Sensor", "Procedure", "Action")
+PLAN = {"Document": "Document", "Configuration": "Configuration", "Difference": "Difference", "Model": "Source", "Host": "Host"}
+PLAN |= {"Margins": "Margin", "Sensor": "Sensor", "Exclusions": "Exclusion", "Validity": "Validity"}
+PLAN_UNITS = {"accuracy": "K", "noise": "K", "cap": "1", "temperature": TEMPERATURE, "pressure": "Pa", "power": "W", "gravity": "m/s^2"}
+TEST_UNITS = {"every": "s", "weights": "1", "steady": "s", "spread": ANY, "heaters": "W", "gravity": "m/s^2"}
+LIMIT_UNITS = dict.fromkeys(("operating", "non_operating", "start_up"), TEMPERATURE)
+CRITERIA_UNITS = {**dict.fromkeys(("mean", "spread", "each", "rmse"), "K"), "share": "1"}
 LOCAL_UNITS = {"start": TEMPERATURE, "sd": "K"}
 ERROR_UNITS = {"noise": ANY, "accuracy": ANY, "resolution": ANY}
 SENSOR_UNITS = {k: "K" if v == "temperature" else v for k, v in PART_NUMBERS.items()} | {"mass": "kg", "specific_heat": "J/(kg K)"}
@@ -146,6 +155,12 @@ def by_heading() -> dict[str, Names]:
         "Criteria": _of(_plain(dataclasses.fields(Criteria)), {"rmse": "K", "max_error": "K", "mean_error": "K"}),
         "Study": _model(study_schema.StudyFile),
         **{name: _model(getattr(study_schema, f"{name}Table"), STUDY_UNITS) for name in STUDY},
+        "Plan": _model(plan_schema.PlanFile),
+        **{f"{name} of a plan": _model(getattr(plan_schema, f"{table}Table"), PLAN_UNITS) for name, table in PLAN.items()},
+        "Limits of a plan": _of(LIMIT_KEYS, LIMIT_UNITS),
+        "Criteria of a plan": _of(CRITERIA_KEYS, CRITERIA_UNITS),
+        "Test of a plan": _model(plan_schema.TestTable, TEST_UNITS),
+        "Log of a test": _model(plan_schema.LogTable),
         "Options of the integrator": _of(
             _plain(dataclasses.fields(td.Options)), {"tolerance": "K", "relative": "1", "input_tolerance": "K", "max_step": "s"}
         ),
@@ -159,7 +174,7 @@ def unheaded() -> set[str]:
     shown = [set(names) for names in by_heading().values()]
     conductor = set(by_heading()["Conductor"])
     out = set()
-    for module in (schema, campaign_schema, study_schema):
+    for module in (schema, campaign_schema, study_schema, plan_schema):
         for made in vars(module).values():
             if isinstance(made, type) and issubclass(made, BaseModel) and made.__module__ == module.__name__ and made.model_fields:
                 keys = set(_model(made))

@@ -42,7 +42,9 @@ def needed() -> None:
 def studio(*arguments: str) -> Iterator[str]:
     """Yield the address of a studio."""
     command = [sys.executable, "-m", "thermid", "studio", *arguments, "--no-browser"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"}
+    )
     assert process.stdout is not None
     try:
         line = process.stdout.readline()

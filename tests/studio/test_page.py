@@ -116,7 +116,9 @@ def test_a_swap_marks_what_turns_stale(shown: Page) -> None:
     shown.run("document.getElementById('swap-part').value = 'ele'; document.getElementById('swap-deck').value = 'EleGFO_v2.toml'")
     shown.click("#swap button")
     shown.until("document.getElementById('swap-result').textContent.includes('stages due again')")
-    states = shown.run("return Object.fromEntries([...document.querySelectorAll('nav button')].map((b) => [b.dataset.stage, b.dataset.state]))")
+    states = shown.run(
+        "return Object.fromEntries([...document.querySelectorAll('nav button')].map((b) => [b.dataset.stage, b.dataset.state]))"
+    )
     assert states == {"ProcSISNAV": "done", "EleGFO": "stale", "m_PrE": "stale"}
     shown.clean()
 
@@ -129,7 +131,13 @@ def test_everything_is_reached_by_the_keyboard(shown: Page) -> None:
     seen: set[str] = set()
     for _ in range(70):
         ActionChains(shown.driver, duration=0).send_keys(Keys.TAB).perform()
-        seen.add(str(shown.run("const e = document.activeElement; return e.id || e.dataset.stage || e.dataset.fold || e.dataset.curve || e.tagName")))
+        seen.add(
+            str(
+                shown.run(
+                    "const e = document.activeElement; return e.id || e.dataset.stage || e.dataset.fold || e.dataset.curve || e.tagName"
+                )
+            )
+        )
     for name in ("fit", "undo", "save-name", "find", "time", "run", "gas", "picture", "m_PrE", "proc", "T_ELE", "s-stack.gap.htc"):
         assert name in seen
     before = shown.text("[data-sensor=T_ELE] td.num")

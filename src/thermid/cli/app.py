@@ -12,10 +12,9 @@ import typer
 
 from thermid.cli import credibility as recording
 from thermid.cli import deliver as delivering
-from thermid.cli import exchange, log, predict, trust
+from thermid.cli import exchange, log, predict, qualifying, trust
 from thermid.cli import hold as holding
 from thermid.cli import moisture as wetting
-from thermid.cli import exchange, log, predict, studio, trust
 from thermid.cli import swap as replacing
 
 if TYPE_CHECKING:
@@ -304,16 +303,13 @@ def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck
 exchange.register(app)
 log.register(app)
 predict.register(app)
+qualifying.register(app)
 replacing.register(app)
 wetting.register(app)
 recording.register(app)
 trust.register(app)
-<<<<<<< HEAD
 holding.register(app)
 delivering.register(app)
-=======
-studio.register(app)
->>>>>>> 8c32f35 (Studio: the model as a picture, sliders, curves beside the measured ones, levels, swap; loopback only)
 
 
 if __name__ == "__main__":

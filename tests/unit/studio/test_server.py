@@ -94,7 +94,15 @@ def test_a_request_without_the_pages_header_changes_nothing(port: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["/static/../project.py", "/static/%2e%2e/project.py", "/static/..%2f..%2fsecret.txt", "/static/secret.txt", "/secret.txt", "//etc/passwd"]
+    "path",
+    [
+        "/static/../project.py",
+        "/static/%2e%2e/project.py",
+        "/static/..%2f..%2fsecret.txt",
+        "/static/secret.txt",
+        "/secret.txt",
+        "//etc/passwd",
+    ],
 )
 def test_no_file_but_the_pages_own_is_read(port: int, path: str) -> None:
     status, _, text = asked(port, path)
