@@ -92,23 +92,42 @@ if TYPE_CHECKING:
     from thermid.qualify.ascent import AscentCheck as AscentCheck
     from thermid.qualify.ascent import ascent_checks as ascent_checks
     from thermid.qualify.conduct import run_profile as run_profile
+    from thermid.qualify.correlation import Correlation as Correlation
+    from thermid.qualify.correlation import correlate as correlate
+    from thermid.qualify.criteria import CriteriaSet as CriteriaSet
     from thermid.qualify.cycles import equivalent_cycles as equivalent_cycles
     from thermid.qualify.deliver import check_delivery as check_delivery
     from thermid.qualify.deliver import deliver as deliver
+    from thermid.qualify.diagnosis import Diagnosis as Diagnosis
+    from thermid.qualify.diagnosis import diagnose as diagnose
     from thermid.qualify.drivers import sobol_of as sobol_of
     from thermid.qualify.forecast import Forecast as Forecast
     from thermid.qualify.forecast import forecast as forecast
+    from thermid.qualify.foresight import Foresight as Foresight
+    from thermid.qualify.foresight import Known as Known
+    from thermid.qualify.foresight import foresee as foresee
     from thermid.qualify.hold import Hold as Hold
     from thermid.qualify.hold import hold as hold
     from thermid.qualify.holdfile import HoldQuestion as HoldQuestion
     from thermid.qualify.holdfile import load_hold as load_hold
+    from thermid.qualify.limits import Limits as Limits
+    from thermid.qualify.limits import check_limits as check_limits
+    from thermid.qualify.limits import load_limits as load_limits
+    from thermid.qualify.lock import lock_plan as lock_plan
     from thermid.qualify.macro import assumed as assumed
     from thermid.qualify.macro import macro_model as macro_model
+    from thermid.qualify.margins import Margin as Margin
+    from thermid.qualify.margins import heater_duty as heater_duty
+    from thermid.qualify.margins import margins as margins
+    from thermid.qualify.plan import Plan as Plan
+    from thermid.qualify.plan import load_plan as load_plan
     from thermid.qualify.profile_run import ProfileRun as ProfileRun
     from thermid.qualify.profiles import ThermalProfile as ThermalProfile
     from thermid.qualify.profiles import load_profile as load_profile
     from thermid.qualify.profiles import profile_names as profile_names
     from thermid.qualify.profiles import profile_of as profile_of
+    from thermid.qualify.programme import Qualification as Qualification
+    from thermid.qualify.programme import run_plan as run_plan
     from thermid.qualify.reduce import Reduction as Reduction
     from thermid.qualify.reduce import reduce as reduce
     from thermid.qualify.stabilisation import Stability as Stability
@@ -116,6 +135,8 @@ if TYPE_CHECKING:
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.page import report as report
+    from thermid.reporting.qualification_page import correlation_report as correlation_report
+    from thermid.reporting.qualification_page import qualification_report as qualification_report
     from thermid.reporting.structures_page import Structure as Structure
     from thermid.reporting.structures_page import structures_report as structures_report
     from thermid.reporting.study_page import study_report as study_report
@@ -263,10 +284,31 @@ _PUBLIC = {
     "Stability": "qualify.stabilisation",
     "forecast": "qualify.forecast",
     "Forecast": "qualify.forecast",
+    "Limits": "qualify.limits",
+    "load_limits": "qualify.limits",
+    "check_limits": "qualify.limits",
+    "Known": "qualify.foresight",
+    "Foresight": "qualify.foresight",
+    "foresee": "qualify.foresight",
+    "margins": "qualify.margins",
+    "Margin": "qualify.margins",
+    "heater_duty": "qualify.margins",
+    "CriteriaSet": "qualify.criteria",
+    "correlate": "qualify.correlation",
+    "Correlation": "qualify.correlation",
+    "diagnose": "qualify.diagnosis",
+    "Diagnosis": "qualify.diagnosis",
+    "load_plan": "qualify.plan",
+    "Plan": "qualify.plan",
+    "lock_plan": "qualify.lock",
+    "run_plan": "qualify.programme",
+    "Qualification": "qualify.programme",
     "report": "reporting.page",
     "study_report": "reporting.study_page",
     "structures_report": "reporting.structures_page",
     "Structure": "reporting.structures_page",
+    "qualification_report": "reporting.qualification_page",
+    "correlation_report": "reporting.qualification_page",
     "picture": "reporting.trust",
     "compare_htc": "physics.htc",
     "HtcComparison": "physics.htc",

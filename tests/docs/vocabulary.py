@@ -28,6 +28,9 @@ from thermid.model.signal import Sine, Table
 from thermid.qualify.number import SLOTS, WORDS
 from thermid.qualify.profiles import KEYS
 from thermid.qualify.steps import STEP_KEYS
+from thermid.qualify import plan_schema
+from thermid.qualify.criteria import KEYS as CRITERIA_KEYS
+from thermid.qualify.limits import KEYS as LIMIT_KEYS
 from thermid.simulation import pad, surroundings
 from thermid.units import TEMPERATURE
 
@@ -60,6 +63,12 @@ STEP_UNITS = {"to": TEMPERATURE, "over": "s", "ramp": "K/s", "pressure": "Pa", "
 STUDY_UNITS = {"lowest": TEMPERATURE, "highest": TEMPERATURE, "tolerance": "K", "relative": "1", "accuracy": "K", "resolution": "K"}
 STUDY_UNITS |= {"range": TEMPERATURE, "conversion": "s"}
 STUDY = ("Knowledge", "Component", "Box", "Theory", "Experiment", "Sensor", "Procedure", "Action")
+PLAN = {"Document": "Document", "Configuration": "Configuration", "Difference": "Difference", "Model": "Source", "Host": "Host"}
+PLAN |= {"Margins": "Margin", "Sensor": "Sensor", "Exclusions": "Exclusion", "Validity": "Validity"}
+PLAN_UNITS = {"accuracy": "K", "noise": "K", "cap": "1", "temperature": TEMPERATURE, "pressure": "Pa", "power": "W", "gravity": "m/s^2"}
+TEST_UNITS = {"every": "s", "weights": "1", "steady": "s", "spread": ANY, "heaters": "W", "gravity": "m/s^2"}
+LIMIT_UNITS = dict.fromkeys(("operating", "non_operating", "start_up"), TEMPERATURE)
+CRITERIA_UNITS = {**dict.fromkeys(("mean", "spread", "each", "rmse"), "K"), "share": "1"}
 LOCAL_UNITS = {"start": TEMPERATURE, "sd": "K"}
 ERROR_UNITS = {"noise": ANY, "accuracy": ANY, "resolution": ANY}
 SENSOR_UNITS = {k: "K" if v == "temperature" else v for k, v in PART_NUMBERS.items()} | {"mass": "kg", "specific_heat": "J/(kg K)"}
@@ -153,6 +162,12 @@ def by_heading() -> dict[str, Names]:
         "Step of a profile": _of(STEP_KEYS, STEP_UNITS),
         "Study": _model(study_schema.StudyFile),
         **{name: _model(getattr(study_schema, f"{name}Table"), STUDY_UNITS) for name in STUDY},
+        "Plan": _model(plan_schema.PlanFile),
+        **{f"{name} of a plan": _model(getattr(plan_schema, f"{table}Table"), PLAN_UNITS) for name, table in PLAN.items()},
+        "Limits of a plan": _of(LIMIT_KEYS, LIMIT_UNITS),
+        "Criteria of a plan": _of(CRITERIA_KEYS, CRITERIA_UNITS),
+        "Test of a plan": _model(plan_schema.TestTable, TEST_UNITS),
+        "Log of a test": _model(plan_schema.LogTable),
         "Options of the integrator": _of(
             _plain(dataclasses.fields(td.Options)), {"tolerance": "K", "relative": "1", "input_tolerance": "K", "max_step": "s"}
         ),
@@ -166,7 +181,7 @@ def unheaded() -> set[str]:
     shown = [set(names) for names in by_heading().values()]
     conductor = set(by_heading()["Conductor"])
     out = set()
-    for module in (schema, campaign_schema, study_schema):
+    for module in (schema, campaign_schema, study_schema, plan_schema):
         for made in vars(module).values():
             if isinstance(made, type) and issubclass(made, BaseModel) and made.__module__ == module.__name__ and made.model_fields:
                 keys = set(_model(made))

@@ -19,10 +19,11 @@ sys.path.insert(0, str(HERE.parent))
 
 import laboratory  # noqa: E402
 import structures  # noqa: E402
+import tomlkit  # noqa: E402
 
 import thermid as td  # noqa: E402
 
-EVERY = 300.0
+EVERY = 120.0
 CHAMBER = {"offset": 0.4, "noise": 0.05}
 """What the chamber's thermometers are off by, and scatter by. [K]"""
 RECORDS = {"thermal cycling": "cycling", "thermal vacuum": "vacuum", "humidity": "humidity"}
@@ -37,6 +38,14 @@ def calibrated(folder: Path) -> None:
     decks.mkdir(exist_ok=True)
     for name in laboratory.PARTS:
         shutil.copy(folder / "natural" / f"{name}.toml", decks / f"{name}.toml")
+    for gyro, (log, sensor) in {"FOG_h": ("fog_h", "T_FOG1"), "FOG_l": ("fog_l", "T_FOG2")}.items():
+        level, slope = structures.gyro_power(folder / "logs" / f"{log}.csv", sensor)
+        deck = tomlkit.parse((decks / f"{gyro}.toml").read_text(encoding="utf-8"))
+        measured = {"source": "measured", "basis": "a line through the synthetic log of the gyro's power over its temperature"}
+        loads, parameters = deck["loads"], deck["parameters"]
+        loads["electronics"]["temperature_coefficient"] = {"value": f"{slope:.5f} [1/K]", **measured}  # type: ignore[index]
+        parameters["power"] = {"value": f"{level:.4f} [W]", **measured}  # type: ignore[index]
+        (decks / f"{gyro}.toml").write_text(tomlkit.dumps(deck), encoding="utf-8")
     found = campaign["m_Sd"].values
     rounded = np.array([[float(f"{x:.7g}") for x in row] for row in found.covariance])
     replace(found, covariance=rounded, weights=None).save(HERE / "m_Sd.values.toml")
@@ -58,11 +67,11 @@ def logs() -> None:
         times = np.arange(0.0, scenario.seconds + 1.0, EVERY)
         rng = np.random.default_rng([laboratory.SEED, k])
         run = td.simulate(hidden, scenario, times=times)
-        columns = {c: laboratory.thermometer(c).read(times, run[f"unit.{n}"].kelvin, rng) for c, n in sensors.items()}
+        columns = {
+            c: laboratory.thermometer(c).read(times, run[f"unit.{n}"].kelvin, rng) for c, n in sensors.items() if c in plan.content.sensors
+        }
         for column, boundary in (("T_SHROUD", "shroud"), ("T_PLATE", "plate")):
             columns[column] = run[boundary].celsius + CHAMBER["offset"] + CHAMBER["noise"] * rng.standard_normal(times.size)
-        for load, watts in run.load_powers.items():
-            columns[laboratory.meter_of(load)] = np.round(np.broadcast_to(watts, times.shape), 3)
         head = f"# {laboratory.REMARK.replace('laboratory.py', 'make.py')}\n" + ",".join(["time_s", *columns])
         table = np.column_stack([times, *columns.values()])
         np.savetxt(HERE / "logs" / f"{name}.csv", table, delimiter=",", header=head, comments="", fmt=["%.0f"] + ["%.2f"] * len(columns))

@@ -12,6 +12,7 @@ from thermid.cli import (
     moisture,
     predict,
     profile,
+    qualifying,
     settle,
     studio,
     swap,
@@ -32,6 +33,7 @@ MODULES = (
     trust,
     profile,
     settle,
+    qualifying,
     hold,
     deliver,
 )

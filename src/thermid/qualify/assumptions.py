@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.dual import value_of
-from thermid.model.resolve import parameter_table
+from thermid.model.resolve import ParameterSet, parameter_table
 from thermid.model.signal import literal
 from thermid.network.network import compile_network
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
@@ -37,6 +37,7 @@ class Assumption:
     effect : float              What that does to the point that it moves most, everything else held. [K]
     point, run : str            Where and in which run.
     ranged : bool               Whether the deck gave the range.
+    fitted_around : bool        Whether values of the same part were fitted with it; then they take up most of a change.
     """
 
     path: str
@@ -47,14 +48,15 @@ class Assumption:
     point: str
     run: str
     ranged: bool
+    fitted_around: bool
 
 
 def assumptions(
     known: Mapping[str, Known], runs: Mapping[str, Foresight], nodes: Mapping[str, Mapping[str, str]]
 ) -> tuple[Assumption, ...]:
-    """Return the assumed values, those that move a reference point most first.
+    """Return the assumed values, those that move a reference point most first; those that no fit was made around before the others.
 
-    A value that a fit was made with moves less than it says here: fitted together, the others take up most of a change.
+    A value that a fit was made around moves less than it says here: the fitted ones take up most of a change.
 
     Parameters
     ----------
@@ -70,7 +72,9 @@ def assumptions(
         table = parameter_table(model)
         numbers = compile_network(model, media=run.scenario.media()).numbers().values
         loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in fitted]
-        free = [p for p in loose if value_of(numbers[p])]
+        driven = {model.canonical(p) for p in (*run.scenario.schedule, *run.scenario.gains.values())}
+        moved = {p for name in driven if name in table for p in (name, ParameterSet(model).literal_behind(name))}
+        free = [p for p in loose if value_of(numbers[p]) and p not in moved]
         if not free:
             continue
         times = run.solution.times[:: max(1, run.solution.times.size // 60)]
@@ -84,10 +88,10 @@ def assumptions(
             size = (high - low) / 12**0.5 if low is not None and high is not None and ranged else TENTH * value
             node = max(slopes, key=lambda n: float(slopes[n][k]))
             effect = float(slopes[node][k]) * size
-            key = path.removeprefix(ahead)
+            key, around = path.removeprefix(ahead), bool(fitted) and path.startswith(ahead)
             if key not in best or effect > best[key].effect:
-                best[key] = Assumption(key, given.text, given.basis, size / value, effect, nodes[name][node], name, ranged)
-    return tuple(sorted(best.values(), key=lambda a: -a.effect))
+                best[key] = Assumption(key, given.text, given.basis, size / value, effect, nodes[name][node], name, ranged, around)
+    return tuple(sorted(best.values(), key=lambda a: (a.fitted_around, -a.effect)))
 
 
 def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nodes: Sequence[str], ahead: str = "") -> tuple[str, ...]:

@@ -169,6 +169,7 @@ class _Course:
         first = Leg.of(bench, self.plan.scenario(bench.base, bench, profile.title, tail=1.0), 0.0)
         self.first = first.engine.started(first.assembled).initial
         self.state: Array = self.first
+        self.last, self.ran = first, 0.0
         self.phases: list[Phase] = []
         self.rule: StabilityRule | None = rule_of(profile.word("stable", "")) if profile.has("stable") else None
         self.level = start.chamber
@@ -241,9 +242,15 @@ class _Course:
     def _pass(self, step: Step, after: Conditions, span: float, kind: str) -> None:
         """Run on for a time, on the way to other conditions or under the same."""
         leg = self.bench.leg(self.plan, after, span if kind == "way" else 0.0)
-        _, final = leg.run(self.state, np.array([span]))
+        _, final = leg.run(self._state_for(leg), np.array([span]))
         self._note(step, leg, final, span, kind, "", "", 0.0)
-        self.plan, self.state = self.plan.then(span, after), final
+        self.plan, self.state, self.last, self.ran = self.plan.then(span, after), final, leg, span
+
+    def _state_for(self, leg: Leg) -> Array:
+        """Return where the unit is in the order of a leg's nodes: a joint whose gas is being pumped out is a node of its own there. [K]"""
+        if leg.nodes == self.last.nodes:
+            return self.state
+        return np.asarray(self.last.named(self.state[None, :], leg.nodes, np.array([self.ran]))[0])
 
     def _wait(self, step: Step) -> None:
         """Run on until the unit is stable."""
@@ -254,10 +261,11 @@ class _Course:
         where = f"{self.profile.title}, {step.name}"
         wanted = Wanted(self.rule, self.watch, base, self.level, tolerance, self.profile.value("longest_wait"), where)
         leg = self.bench.leg(self.plan, self.now, 0.0)
-        reached = wait(leg, self.state, wanted)
-        _, final = leg.run(self.state, np.array([reached.after]))
+        begun = self._state_for(leg)
+        reached = wait(leg, begun, wanted)
+        _, final = leg.run(begun, np.array([reached.after]))
         self._note(step, leg, final, reached.after, "wait", self.rule.name, reached.slowest, reached.rate)
-        self.plan, self.state = self.plan.then(reached.after, self.now), final
+        self.plan, self.state, self.last, self.ran = self.plan.then(reached.after, self.now), final, leg, reached.after
 
     def _note(self, step: Step, leg: Leg, final: Array, span: float, kind: str, rule: str, slowest: str, rate: float) -> None:
         """Write a phase down: what moved, what is left to go."""

@@ -19,6 +19,7 @@ __all__ = ["CRITERIA", "CriteriaSet", "Gate", "judge", "read_criteria"]
 
 KINDS = ("steady", "transient")
 KELVIN = ("mean", "spread", "each", "rmse")
+KEYS = (*KELVIN, "share", "kinds", "mark", "source")
 
 
 @dataclass(frozen=True)
@@ -95,10 +96,9 @@ def read_criteria(name: str, table: Mapping[str, Any], where: str) -> CriteriaSe
     ------
     ScenarioError   When a key is unknown or nothing is asked.
     """
-    known = (*KELVIN, "share", "kinds", "mark", "source")
     for key in table:
-        if key not in known:
-            raise ScenarioError(f"criteria have {', '.join(known)}, not '{key}'.{nearest(key, known)}", where)
+        if key not in KEYS:
+            raise ScenarioError(f"criteria have {', '.join(KEYS)}, not '{key}'.{nearest(key, KEYS)}", where)
     sizes: dict[str, Any] = {k: literal(table[k], "K", f"{where}.{k}") for k in KELVIN if k in table}
     kinds = table.get("kinds", ["steady"])
     plain: dict[str, Any] = {k: str(table[k]) for k in ("mark", "source") if k in table}

@@ -20,6 +20,8 @@ __all__ = ["Diagnosis", "Suspect", "diagnose"]
 Array = NDArray[np.float64]
 BINS, ROUNDS, REFITTED = 24, 4, 6
 NOTHING = "nothing"
+MOST = 0.7
+"""Part of the weighted squares that a fault must take away to be called the explanation."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +75,18 @@ class Diagnosis:
         """The likeliest fault of the likeliest group; None where nothing needs explaining."""
         return next((s for s in self.suspects if s.group == self.group), None)
 
+    @property
+    def single(self) -> bool:
+        """Whether one fault explains most of it; else it only comes nearest among those that were tried one by one."""
+        return self.best is not None and self.best.explained >= MOST
+
     def __str__(self) -> str:
         """Return the diagnosis as text."""
         if self.group == NOTHING:
             return f"deviations of {self.rms:.2f} K (RMS) are no larger than the stated errors of sensors and model: nothing to explain"
         lines = [f"deviations of {self.rms:.2f} K (RMS): {self.group} ({100 * self.groups[self.group]:.0f} %): {GROUPS[self.group]}"]
+        if not self.single:
+            lines = [f"deviations of {self.rms:.2f} K (RMS): no single fault explains most of them; nearest is {self.group}"]
         for s in self.suspects[:5]:
             lines.append(f"  {s.text}: {100 * s.probability:.0f} %, takes {100 * s.explained:.0f} % of the squares, leaves {s.left:.2f} K")
         rest = [f"{g} {100 * p:.0f} %" for g, p in self.groups.items() if g != self.group and p >= 0.01]

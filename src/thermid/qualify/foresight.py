@@ -93,23 +93,26 @@ def foresee(
     times : array           Times to store; 301 by default. [s]
     options : Options       The integrator's.
     """
-    model = known.model
-    if known.fit is not None:
-        thin = split_needed(known.fit, scenario, [*spread] if isinstance(spread, Mapping) else [n for s in spread for n in s])
-        model = split(known.fit, thin).model if thin else model
+    if known.fit is None:
+        return _told(known, scenario, list(nodes), [spread] if isinstance(spread, Mapping) else list(spread), times, options)
+    names = [*spread] if isinstance(spread, Mapping) else [n for s in spread for n in s]
+    thin = split_needed(known.fit, scenario, names)
+    model = split(known.fit, thin).model if thin else known.model
     solution = simulate(model, scenario, times=times, options=options)
     wanted = list(nodes) or list(solution.nodes)
-    if known.fit is not None:
-        told = predict(known.fit, scenario, spread=spread, times=solution.times, nodes=wanted, options=options)
-    else:
-        told = _told(known, scenario, wanted, spread, solution.times, options)
+    told = predict(known.fit, scenario, spread=spread, times=solution.times, nodes=wanted, options=options)
+    prior = prior_spread(known.values)
     before: dict[str, Array] = {}
-    prior = prior_spread(known.values, known.at)
     if prior.names:
         ready = prepare(model, scenario, prior.names, times=solution.times, options=options)
-        moved = _columns(ready, [prior], wanted, ready.run(sensitivities=True))
-        before = {n: np.sqrt(sum(v for v in parts.values())) for n, parts in moved.items()}
+        before = _sizes(ready, prior, wanted, ready.run(sensitivities=True))
     return Foresight(scenario, solution, told, before)
+
+
+def _sizes(ready: Simulator, spread: Spread, nodes: Sequence[str], run: Solution) -> dict[str, Array]:
+    """Return node -> standard error (times,) that a spread gives it. [K]"""
+    found = _columns(ready, [spread], nodes, run)
+    return {n: np.sqrt(np.sum(list(parts.values()), axis=0)) for n, parts in found.items()}
 
 
 def prior_spread(values: Sequence[FittedValues], at: str = "") -> Spread:
@@ -139,22 +142,22 @@ def prior_spread(values: Sequence[FittedValues], at: str = "") -> Spread:
     return Spread("before the fit", names, np.diag(sizes**2), tuple(found[n][1] for n in names), also)
 
 
-def _told(
-    known: Known, scenario: Scenario, nodes: Sequence[str], spread: Given | Sequence[Given], times: Array, options: Options | None
-) -> Prediction:
-    """Return a prediction from values whose records are not at hand: their covariance and what is stated, no discrepancy."""
+def _told(known: Known, scenario: Scenario, nodes: Sequence[str], given: Sequence[Given], times: Any, options: Options | None) -> Foresight:
+    """Return what values say whose records are not at hand: their covariance and what is stated, no discrepancy; one run for all of it."""
     spreads = [Spread.of(v, at=known.at, cause=f"fit of {v.stage}") for v in known.values if v.parameters]
-    given = [spread] if isinstance(spread, Mapping) else list(spread)
-    names = [n for s in spreads for own in s.names for n in (own, *s.also.get(own, ()))] + [n for s in given for n in s]
+    prior = prior_spread(known.values, known.at)
+    names = [n for s in (*spreads, prior) for own in s.names for n in (own, *s.also.get(own, ()))] + [n for s in given for n in s]
     ready = prepare(known.model, scenario, tuple(dict.fromkeys(names)), times=times, options=options)
     spreads += [Spread.stated(s, ready) for s in given if s]
     run = ready.run(sensitivities=bool(names))
-    parts = _columns(ready, spreads, nodes, run)
-    bands = {run[n].path: Band(run[n].path, ready.times, run[n].kelvin, np.zeros(ready.times.size), parts[n]) for n in nodes}
+    wanted = list(nodes) or list(run.nodes)
+    parts = _columns(ready, spreads, wanted, run)
+    still = np.zeros(ready.times.size)
+    bands = {run[n].path: Band(run[n].path, ready.times, run[n].kelvin, still, parts[n]) for n in wanted}
     causes = {s.cause: f"what is left open of {', '.join(s.names[:4])}{' and more' if len(s.names) > 4 else ''}" for s in spreads}
-    return Prediction(
-        known.model.title, scenario.title, ready.times, bands, {}, causes, tuple(run.warnings), {n: run[n].path for n in nodes}
-    )
+    find = {n: run[n].path for n in wanted}
+    told = Prediction(known.model.title, scenario.title, ready.times, bands, {}, causes, tuple(run.warnings), find)
+    return Foresight(scenario, run, told, _sizes(ready, prior, wanted, run) if prior.names else {})
 
 
 def _columns(ready: Simulator, spreads: Sequence[Spread], nodes: Sequence[str], run: Solution) -> dict[str, dict[str, Array]]:

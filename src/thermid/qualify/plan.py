@@ -210,7 +210,7 @@ def _check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Crite
                 f"there are no criteria '{name}'; there are {', '.join(criteria)}.{nearest(name, criteria)}", where("criteria")
             )
     steady = [n for n in test.criteria if "steady" in criteria[n].kinds]
-    if test.log is not None and steady and not test.steady:
+    if test.log is not None and steady and not test.steady and test.profile is None:
         raise DeckError(
             f"'{steady[0]}' judges settled cases, and test '{test.name}' names no settled stretch: steady = [[\"4 [h]\", \"5 [h]\"]].",
             where("criteria"),

@@ -1,9 +1,9 @@
-"""`qualify`: a plan worked through - every test predicted and held against limits, every log against its prediction - as one verdict."""
+"""`run_plan`: a plan worked through - every test predicted and held against limits, every log against its prediction - as one verdict."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from thermid.qualify.trial import Trial, tried
 if TYPE_CHECKING:
     from thermid.qualify.foresight import Known
 
-__all__ = ["Qualification", "qualify"]
+__all__ = ["Qualification", "run_plan"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def _margin(m: Margin) -> dict[str, Any]:
     return where | celsius | sizes | {"margin_K": m.margin, "mark": m.mark, "passed": m.passed} | flat
 
 
-def qualify(
+def run_plan(
     plan: Plan | str | os.PathLike[str], *, data: str | os.PathLike[str] | None = None, notice: Callable[[str], None] | None = None
 ) -> Qualification:
     """Return a plan worked through: predictions, limits, margins, and the verdict on every log that has come back.
@@ -164,9 +164,3 @@ def qualify(
     nodes = {t.test.name: {x.node: x.point for x in t.limits} for t in trials}
     ranked = assumptions({t.test.name: t.known for t in trials}, runs, nodes)
     return Qualification(given, lock_status(given), tuple(trials), tuple(found), ranked, given.limits)
-
-
-def verdict_word(passed: bool | None) -> str:
-    """Return a verdict in a word."""
-    names: Mapping[bool | None, str] = {True: "met", False: "not met", None: "not decided"}
-    return names[passed]

@@ -28,8 +28,10 @@ if TYPE_CHECKING:
     from thermid.identify.calibration import Calibration
     from thermid.qualify.plan_schema import TestTable
 
-__all__ = ["Trial", "tried"]
+__all__ = ["Trial", "sensors_of", "tried"]
 
+LONG = 3600.0
+"""Stays of at least so long end settled. [s]"""
 STORED = 1500
 """At most so many stored times of a run: two minutes over two days."""
 
@@ -144,7 +146,7 @@ def tried(plan: Plan, test: TestTable) -> Trial:
     """Return a test of a plan: predicted, held against limits, and judged where its log is there."""
     known, limits = plan.hosted(test.host), plan.limits_on(test.host)
     scenario, course = _course(plan, test, known)
-    sensors = _sensors(plan, test)
+    sensors = sensors_of(plan, test)
     points = list(dict.fromkeys([x.node for x in limits] + [n for n, _ in sensors.values()]))
     step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / STORED)
     times = np.linspace(0.0, scenario.seconds, int(np.ceil(scenario.seconds / step)) + 1)
@@ -178,7 +180,7 @@ def _course(plan: Plan, test: TestTable, known: Known) -> tuple[Scenario, Profil
     return Scenario(**({"title": test.name} | dict(test.scenario or {}))), None
 
 
-def _sensors(plan: Plan, test: TestTable) -> dict[str, tuple[str, Any]]:
+def sensors_of(plan: Plan, test: TestTable) -> dict[str, tuple[str, Any]]:
     """Return sensor -> its node in the model of the test, and its table."""
     at = f"{plan.content.hosts[test.host].unit}." if test.host else ""
     wanted = test.sensors or list(plan.content.sensors)
@@ -191,7 +193,8 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     log = test.log
     assert log is not None
     record = _record(plan, test, log.file, sensors, log.boundaries, log.loads)
-    steady = {record.name: [(literal(a, "s", f"{test.name}, steady"), literal(b, "s", f"{test.name}, steady")) for a, b in test.steady]}
+    windows = [(literal(a, "s", f"{test.name}, steady"), literal(b, "s", f"{test.name}, steady")) for a, b in test.steady]
+    windows = windows or _dwells(trial.course, record.duration)
     told: Calibration | None = None
     if log.simulated:
         other = _record(plan, test, log.simulated, sensors, {}, {})
@@ -205,7 +208,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     found = correlate(
         seen,
         [plan.criteria[n] for n in test.criteria],
-        steady={test.name: steady[record.name]} if steady[record.name] else None,
+        steady={test.name: windows} if windows else None,
         weights=test.weights,
         exclusions=left_out,
         title=test.name,
@@ -213,6 +216,12 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     diagnosis = diagnose(told) if told is not None and found.failed and len({o.sensor for o in seen}) > 1 else None
     made = record.origin
     return replace(trial, told=told, correlation=found, diagnosis=diagnosis, log_sha256=made.sha256, synthetic=made.synthetic)
+
+
+def _dwells(course: ProfileRun | None, end: float) -> list[tuple[float, float]]:
+    """Return the last quarter of every long stay of a course, where its unit is settled; a log must have followed it."""
+    stays = [p for p in course.phases if p.kind == "stay" and p.duration >= LONG] if course is not None else []
+    return [(p.end - 0.25 * p.duration, p.end) for p in stays if p.end <= end]
 
 
 def _without(scenario: Scenario, boundaries: Any, loads: Any) -> Scenario:

@@ -18,7 +18,7 @@ from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, pla
 from thermid.reporting.extras import page_template
 from thermid.reporting.sections import Block, Facts, Heading, Notes, Section, Words, as_block, folded
 
-__all__ = ["parts", "provenance", "step_log", "steps", "study_report"]
+__all__ = ["parts", "provenance", "step_log", "steps", "study_report", "tile"]
 
 
 def study_report(
@@ -57,7 +57,7 @@ def study_report(
         opening=[t for t in (study.subject, f"Intended use: {study.use}.", f"After: {study.document}." if study.document else "") if t],
         watermark=watermark,
         headline="",
-        tile=_tile(watermark),
+        tile=tile(watermark),
         banners=banners,
         failed=len(failed),
         judged=len(campaign.verdicts),
@@ -71,7 +71,7 @@ def study_report(
     return target
 
 
-def _tile(words: str) -> str:
+def tile(words: str) -> str:
     """Return a tile of slanted words as the address of an image, readable on light and on dark."""
     width = 40 + 11 * len(words)
     svg = (

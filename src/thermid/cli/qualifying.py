@@ -1,0 +1,128 @@
+"""``thermid plan``, ``thermid qualify`` and ``thermid correlate``: a plan before data, its verdicts, and two logs side by side."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+__all__ = ["register"]
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]
+Data = Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project.")]
+Page = Annotated[Path | None, typer.Option("--to", help="The page to write.")]
+WORDS = {True: "met", False: "NOT met", None: "not decided"}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command("plan")(plan)
+    app.command("qualify")(qualify)
+    app.command("correlate")(correlate)
+
+
+def plan(
+    file: PlanPath,
+    lock: Annotated[bool, typer.Option("--lock", help="Write hash, date and predictions beside the plan, before any log is read.")] = False,
+    data: Data = None,
+    as_json: Json = False,
+) -> None:
+    """Say what a plan predicts of each test, and whether it stands as it was locked."""
+    from thermid.cli.output import clean
+    from thermid.qualify.lock import lock_plan, lock_status
+    from thermid.qualify.plan import load_plan
+    from thermid.qualify.predictions import pre_test
+
+    given = load_plan(file, data)
+    told = pre_test(given)
+    if lock:
+        lock_plan(given, clean(told))
+    status = lock_status(given)
+    if as_json:
+        shown = {
+            "state": status.state,
+            "sha256": status.sha256,
+            "locked": status.date,
+            "looked": status.looked,
+            "changed": list(status.changed),
+        }
+        typer.echo(json.dumps(clean({"schema": 1, "status": "ok", "title": given.title, "plan": shown, "predictions": told})))
+        return
+    typer.echo(f"{given.title}: {len(given.tests)} tests, {len(given.content.sensors)} sensors, {len(given.limits)} reference points")
+    for test, sensors in told.items():
+        typer.echo(f"  {test}")
+        for sensor, p in sensors.items():
+            ends = [f"{p[f'{end}_C']:.1f} +- {1.96 * p[f'{end}_error_K']:.1f}" for end in ("lowest", "highest")]
+            typer.echo(f"    {sensor}: {' .. '.join(ends)} degC (95 %)")
+    typer.echo(str(status))
+
+
+def qualify(file: PlanPath, to: Page = None, data: Data = None, as_json: Json = False) -> None:
+    """Work a plan through: limits, margins, and the verdict on every log; leave with 1 when something is not met."""
+    from thermid.cli.output import clean
+    from thermid.qualify.programme import run_plan
+
+    def notice(name: str) -> None:
+        if not as_json:
+            typer.echo(name, err=True)
+
+    found = run_plan(file, data=data, notice=notice)
+    page: dict[str, Any] = {}
+    if to is not None:
+        from thermid.reporting.qualification_page import qualification_report
+
+        page = {"page": str(qualification_report(found, to=to))}
+    if as_json:
+        typer.echo(json.dumps(clean(found.to_dict() | page)))
+    else:
+        typer.echo(str(found))
+        if page:
+            typer.echo(f"report: {page['page']}")
+    raise SystemExit(1 if found.passed is False else 0)
+
+
+def correlate(
+    measured: Annotated[Path, typer.Argument(help="A log of readings (CSV).")],
+    simulated: Annotated[Path, typer.Argument(help="A log of the simulation (CSV); columns of one name are compared.")],
+    criteria: Annotated[list[str] | None, typer.Option("--criteria", help="A named set of criteria; may be repeated.")] = None,
+    steady: Annotated[list[str] | None, typer.Option("--steady", help="A settled stretch in seconds, BEGIN:END; may be repeated.")] = None,
+    accuracy: Annotated[str, typer.Option("--accuracy", help="Standard deviation of the sensors' constant error.")] = "0.5 [K]",
+    time: Annotated[str | None, typer.Option("--time", help="The time column.")] = None,
+    to: Page = None,
+    as_json: Json = False,
+) -> None:
+    """Compare two logs column by column: metrics, verdicts, and an overlay with the sensors' uncertainty; leave with 1 when not met."""
+    from thermid.cli.output import clean
+    from thermid.errors import ScenarioError
+    from thermid.qualify.correlation import correlate as compare
+    from thermid.qualify.twologs import read_two
+
+    windows = []
+    for text in steady or []:
+        begin, _, end = text.partition(":")
+        try:
+            windows.append((float(begin), float(end)))
+        except ValueError:
+            raise ScenarioError(f"'{text}' is no stretch; write BEGIN:END in seconds, such as 3600:7200.", "--steady") from None
+    first, second = read_two(measured, simulated, accuracy=accuracy, time=time)
+    found = compare(
+        (first, second),
+        criteria or ["MIL-HDBK-340, transient"],
+        steady={first.name: windows} if windows else None,
+        title=f"{measured.name} against {simulated.name}",
+    )
+    page: dict[str, Any] = {}
+    if to is not None:
+        from thermid.reporting.qualification_page import correlation_report
+
+        page = {"page": str(correlation_report(found, to=to, synthetic=first.origin.synthetic))}
+    if as_json:
+        typer.echo(json.dumps(clean({"schema": 1, "status": "ok", "title": found.title, **found.to_dict(), **page})))
+    else:
+        typer.echo(str(found))
+        if page:
+            typer.echo(f"report: {page['page']}")
+    raise SystemExit(1 if False in found.verdicts.values() else 0)

@@ -1,0 +1,44 @@
+"""Two logs with columns of the same names: readings and a simulation that anybody made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from thermid.errors import RecordError
+from thermid.measure import Record, read_record
+
+__all__ = ["read_two"]
+
+
+def read_two(measured: Path, simulated: Path, *, accuracy: str = "", time: str | None = None) -> tuple[Record, Record]:
+    """Return the columns that two logs have in common, as temperatures.
+
+    Parameters
+    ----------
+    measured, simulated : Path  The logs.
+    accuracy : str              Standard deviation of the sensors' constant error, as text.
+    time : str                  The time column, where it has no usual name.
+
+    Raises
+    ------
+    RecordError   When they have no column in common.
+    """
+    first, second = _columns(measured), _columns(simulated)
+    common = [c for c in first if c in second and c != (time or first[0])]
+    if not common:
+        raise RecordError(
+            f"'{measured.name}' and '{simulated.name}' have no column of one name besides the time: {', '.join(first)} against "
+            f"{', '.join(second)}. Give the columns of the simulation the names of the sensors.",
+            "two logs",
+        )
+    extra: dict[str, object] = {"accuracy": accuracy} if accuracy else {}
+    one = read_record(measured, {c: {"node": c} | extra for c in common}, time=time, name=measured.stem)
+    return one, read_record(simulated, {c: {"node": c} for c in common}, time=time, name=f"{simulated.stem}, simulated")
+
+
+def _columns(path: Path) -> list[str]:
+    """Return the names of a log's columns, without units."""
+    from thermid.measure.columns import name_and_unit
+    from thermid.measure.textfile import read_bytes, read_cells
+
+    return [name_and_unit(c)[0] for c in read_cells(read_bytes(path), path.name, None).header]
