@@ -75,7 +75,7 @@ class Store:
 
     def write(self, body: str) -> None:
         """Append one line and its CRC; what a full disk does not take waits in memory, up to 64 MB."""
-        self._put(log_line(body).encode("latin-1", "backslashreplace"))
+        self._put(log_line(body).encode())
 
     def _put(self, data: bytes) -> None:
         """Append bytes."""

@@ -97,9 +97,12 @@ class Terminal:
         os.set_blocking(self._slave, False)
         while True:
             try:
-                out += os.read(self._slave, 65536)
+                piece = os.read(self._slave, 65536)
             except BlockingIOError:
                 return out
+            if not piece:  # which of both an empty port does depends on how its last reader had set it
+                return out
+            out += piece
 
     def _run(self) -> None:
         """Let the board's time pass, and carry lines to and fro."""

@@ -25,6 +25,7 @@ _BODY: Final = re.compile(r"(\d{1,6}) (\d{1,9}\.\d{6}) (.+)\Z", re.ASCII)
 _FAULTS: Final = {"crc": "wrong CRC", "lost": "sensor lost", "short": "bus shorted", "power": "sensor without supply"}
 _NAMES: Final = {"H": ("heater{}", "%", 0.1), "V": ("voltage{}", "V", 1e-3), "I": ("current{}", "A", 1e-4)}
 _SHOWN: Final = 8
+_UNPRINTABLE: Final = re.compile(r"[^ -~]")
 
 
 def is_bench_log(data: bytes) -> bool:
@@ -35,7 +36,8 @@ def is_bench_log(data: bytes) -> bool:
 
 def log_line(body: str) -> str:
     """Return a line of the log, with its own CRC and its line feed: the stamp of the host must be as sure as the value."""
-    return f"{body} {crc16(body)}\n"
+    plain = _UNPRINTABLE.sub("?", body)
+    return f"{plain} {crc16(plain)}\n"
 
 
 def opened(text: str) -> str:
