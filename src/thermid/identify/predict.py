@@ -71,14 +71,7 @@ def predict(
     given = [spread] if isinstance(spread, Mapping | Spread) else list(spread)
     if draws < 0:
         raise IdentificationError(f"{draws} members cannot be drawn; give 0 for derivatives alone, or some hundred.", base.title)
-    own, thin = left_open(fit), [] if model is not None else split_needed(fit, scenario, [n for s in given for n in _names(s)])
-    if thin:
-        apart = split(fit, thin)
-        base, own = apart.model, [Spread.of(apart.values, cause="fit, and split of effective coefficients"), *own[1:]]
-    loose = ""
-    if model is None:
-        doubted, loose = with_gas_in_joints(fit, apart.values if thin else fit.values, scenario)
-        own = [Spread.of(doubted, cause=f"{own[0].cause}, and gas in joints"), *own[1:]] if loose else own
+    base, own, loose = (base, left_open(fit), "") if model is not None else _in_gas(fit, base, scenario, given)
     names = [n for s in (*own, *given) for n in _names(s)]
     ready = prepare(base, scenario, names, every=every, times=times, options=options)
     spreads = [*own, *(s if isinstance(s, Spread) else Spread.stated(s, ready) for s in given)]
@@ -113,6 +106,18 @@ def predict(
     words = {s.cause: _words([n for t in spreads if t.cause == s.cause for n in t.names]) for s in spreads if s.names}
     warnings = (*run.warnings, *([loose] * bool(loose)), *misfit.guessed(kept, run, moves))
     return Prediction(base.title, scenario.title, ready.times, bands, rest, {**words, **misfit.words}, warnings, found)
+
+
+def _in_gas(fit: Calibration, base: Model, scenario: Scenario, given: Sequence[Any]) -> tuple[Model, list[Spread], str]:
+    """Return the model and what it leaves open, coefficients split and joints doubted where a scenario thins their gas, and a remark."""
+    own, thin = left_open(fit), split_needed(fit, scenario, [n for s in given for n in _names(s)])
+    values, cause = fit.values, own[0].cause
+    if thin:
+        apart = split(fit, thin)
+        base, values, cause = apart.model, apart.values, "fit, and split of effective coefficients"
+    values, remark = with_gas_in_joints(fit, values, scenario)
+    cause += ", and gas in joints" if remark else ""
+    return base, [Spread.of(values, cause=cause) if thin or remark else own[0], *own[1:]], remark
 
 
 def left_open(fit: Calibration) -> list[Spread]:
