@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError, SolverError
 from thermid.identify.calibration import Calibration
 from thermid.identify.further import Further
+from thermid.identify.joint_gas import with_gas_in_joints
 from thermid.identify.prediction import Band, Prediction
 from thermid.identify.split import split, split_needed
 from thermid.identify.spread import Spread
@@ -46,7 +47,8 @@ def predict(
     Errors are carried by the derivatives of every temperature with respect to every value (Joint Committee for Guides in Metrology,
     GUM 2008, 5.2.2), with their whole covariance; where values spread so far that the model bends, ask for `draws`.
 
-    Where the scenario thins the gas of surfaces whose coefficients are effective, these are split first; see `split`.
+    Where the scenario thins the gas of surfaces whose coefficients are effective, these are split first; see `split`. Joints that were
+    fitted in air are then as doubtful as the gas in them is.
 
     Parameters
     ----------
@@ -69,10 +71,7 @@ def predict(
     given = [spread] if isinstance(spread, Mapping | Spread) else list(spread)
     if draws < 0:
         raise IdentificationError(f"{draws} members cannot be drawn; give 0 for derivatives alone, or some hundred.", base.title)
-    own, thin = left_open(fit), [] if model is not None else split_needed(fit, scenario, [n for s in given for n in _names(s)])
-    if thin:
-        apart = split(fit, thin)
-        base, own = apart.model, [Spread.of(apart.values, cause="fit, and split of effective coefficients"), *own[1:]]
+    base, own, loose = (base, left_open(fit), "") if model is not None else _in_gas(fit, base, scenario, given)
     names = [n for s in (*own, *given) for n in _names(s)]
     ready = prepare(base, scenario, names, every=every, times=times, options=options)
     spreads = [*own, *(s if isinstance(s, Spread) else Spread.stated(s, ready) for s in given)]
@@ -105,8 +104,20 @@ def predict(
         if settled:
             rest[n] = Band(n, ready.times[-1:], np.array([settled[n]]), shift[n][-1:], {c: v[-1:] for c, v in parts.items()}).final
     words = {s.cause: _words([n for t in spreads if t.cause == s.cause for n in t.names]) for s in spreads if s.names}
-    warnings = (*run.warnings, *misfit.guessed(kept, run, moves))
+    warnings = (*run.warnings, *([loose] * bool(loose)), *misfit.guessed(kept, run, moves))
     return Prediction(base.title, scenario.title, ready.times, bands, rest, {**words, **misfit.words}, warnings, found)
+
+
+def _in_gas(fit: Calibration, base: Model, scenario: Scenario, given: Sequence[Any]) -> tuple[Model, list[Spread], str]:
+    """Return the model and what it leaves open, coefficients split and joints doubted where a scenario thins their gas, and a remark."""
+    own, thin = left_open(fit), split_needed(fit, scenario, [n for s in given for n in _names(s)])
+    values, cause = fit.values, own[0].cause
+    if thin:
+        apart = split(fit, thin)
+        base, values, cause = apart.model, apart.values, "fit, and split of effective coefficients"
+    values, remark = with_gas_in_joints(fit, values, scenario)
+    cause += ", and gas in joints" if remark else ""
+    return base, [Spread.of(values, cause=cause) if thin or remark else own[0], *own[1:]], remark
 
 
 def left_open(fit: Calibration) -> list[Spread]:

@@ -139,8 +139,7 @@ def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
 def _finished(name: str, where: str) -> Parameter:
     """Return the emissivity of a finish."""
     found = finish(name, where)
-    basis = f"finish '{name}', {found.low:g} to {found.high:g}: {found.source}"
-    return parameter({"value": found.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": basis}, where)
+    return parameter({"value": found.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": found.basis}, where)
 
 
 def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:

@@ -12,7 +12,6 @@ import pytest
 
 from thermid.physics import air, conduction, convection, radiation
 from thermid.physics._number import Number
-from thermid.physics.correlations import correlation
 
 FOLDER = Path(__file__).resolve().parents[4] / "shared" / "data" / "reference_values"
 
@@ -101,24 +100,6 @@ def test_correlations() -> None:
         assert function(*values, **named) == pytest.approx(float(row["expected_value"]), rel=tolerance), row["call"]
         checked.append(name)
     assert len(checked) == 12
-
-
-def test_correlations_that_a_deck_may_name() -> None:
-    """Every value for which a deck's `correlation` gives the library's function, both ways that a surface may face."""
-    pytest.importorskip("ht", reason="the library ht is not installed")
-    checked = set()
-    for row in rows("correlation_test_truths.csv"):
-        call = ast.parse(row["call"], mode="eval").body
-        assert isinstance(call, ast.Call)
-        name, named = ast.unparse(call.func), {str(k.arg) for k in call.keywords}
-        if "conv_free_immersed" not in row["source"] or "coil" in name or len(call.args) != 2 or named - {"buoyancy"}:
-            continue
-        prandtl, grashof = (float(ast.literal_eval(a)) for a in call.args)
-        away = all(ast.literal_eval(k.value) for k in call.keywords)
-        law = correlation(name, "up")
-        assert law.nusselt(prandtl * grashof, prandtl, away) == pytest.approx(float(row["expected_value"]), rel=1e-9), row["call"]
-        checked.add(row["call"])
-    assert len(checked) == 15, checked
 
 
 def test_a_stream_beside_a_wall_is_an_exchanger_without_capacity_ratio() -> None:
