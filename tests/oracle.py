@@ -17,6 +17,9 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 SIGMA = 5.670374419e-8
 SMOOTHING = 0.01
+ATMOSPHERE = 101325.0
+HELIUM = (0.15591, 0.6913, 0.0057, 8.31446261815324 / 0.004002602)
+"""Conductivity at 300 K [W/(m K)] and two exponents, from 200 to 450 K; gas constant [J/(kg K)]. Its ratio of specific heats is 5/3."""
 DECK_TABLES = ("nodes", "surfaces", "conductors", "joints", "loads")
 
 
@@ -178,6 +181,20 @@ class Oracle:
     def radiation(factor: float, area: float) -> Callable[[float, float], float]:
         return lambda a, b: factor * SIGMA * area * (a**4 - b**4)
 
+    @staticmethod
+    def gap(width: float, area: float, accommodation: float) -> Callable[[float, float], float]:
+        """Return helium at rest at one atmosphere: the resistances of the continuum and of molecules that meet the walls alone add up."""
+        k, first, second, gas = HELIUM
+        share = accommodation / (2 - accommodation)
+
+        def heat(a: float, b: float) -> float:
+            mean = (a + b) / 2
+            x = math.log(mean / 300)
+            molecular = share * 4 * math.sqrt(gas / (8 * math.pi * mean)) * ATMOSPHERE
+            return area * (a - b) / (width / (k * math.exp(x * (first + x * second))) + 1 / molecular)
+
+        return heat
+
     def _conductors(self) -> None:
         for c in self.deck.get("conductors", {}).values():
             a, b = c["between"]
@@ -206,6 +223,8 @@ class Oracle:
             return self.natural(c["htc"], area) if isinstance(c["htc"], dict) else self.linear(si(c["htc"]) * area)
         if kind == "radiation":
             return self.radiation(si(c.get("emissivity", c.get("exchange_factor"))), area)
+        if kind == "gas":
+            return self.gap(si(c["gap"]), area, si(c["accommodation"]))
         shape, scale = _curve(c["table"]), si(c.get("scale", 1.0))
         if c["table"]["over"] == "difference":
             return lambda a, b: scale * shape(a - b) * (a - b)

@@ -17,6 +17,13 @@ Deck = dict[str, Any]
 LINEAR = ("conductivity", "conductance", "resistance", "contact", "convection", "effective")
 CROOKED = ("natural", "radiation", "exchange", "over_temperature", "over_difference")
 EVERY = (*LINEAR, *CROOKED, "flow")
+GASES = (
+    *LINEAR,
+    *CROOKED,
+    "gap",
+    "flow",
+    "film",
+)  # with gas at rest in gaps, and convection by correlation, of which tests/oracle.py knows nothing
 WITHOUT_KNEES = tuple(kind for kind in EVERY if kind != "natural")  # natural convection has one where the difference changes sign
 STEADY_LOADS = ("constant",)
 LOADS = ("constant", "polynomial", "exponential", "table", "periodic", "sine", "proportional")
@@ -117,7 +124,7 @@ def decks(
         }
     )
     own = draw(st.integers(1, nodes if flat or depth == 0 else max(1, nodes // 2)))
-    tree = tuple(k for k in kinds if k != "flow")
+    tree = tuple(k for k in kinds if k not in ("flow", "film"))
     for k in range(own):
         name = f"n{k}"
         start = draw(st.sampled_from(level.ends))
@@ -184,6 +191,9 @@ def _law(draw: Any, kind: str) -> Deck:
         return {"kind": "radiation", "emissivity": draw(even(0.1, 0.95)), "area": area()}
     if kind == "exchange":
         return {"kind": "radiation", "exchange_factor": draw(even(0.1, 0.95)), "area": area()}
+    if kind == "gap":
+        width, share = text(draw(spread(2e-4, 2e-3)), "m"), draw(even(0.3, 1.0))
+        return {"kind": "gas", "gas": "He", "gap": width, "area": text(draw(spread(0.002, 0.02)), "m^2"), "accommodation": share}
     if kind == "flow":
         return {"kind": "flow", "mass_flow": text(draw(spread(1e-5, 1e-3)), "kg/s"), "specific_heat": text(1007.0, "J/(kg K)")}
     base = draw(spread(0.1, 2))
@@ -244,13 +254,15 @@ def _surface(draw: Any, level: _Level, node: str, kinds: tuple[str, ...]) -> Non
     area = draw(spread(0.01, 0.2))
     out: Deck = {"of": node, "to": to, "area": text(area, "m^2")}
     crooked = [*(["natural"] if "natural" in kinds else []), *(["both", "emissivity"] if "radiation" in kinds else [])]
-    law = draw(st.sampled_from(["htc", "effective", *crooked]))
+    law = draw(st.sampled_from(["htc", "effective", *crooked, *(["film"] if "film" in kinds else [])]))
     if law in ("htc", "both"):
         out["htc"] = text(draw(spread(2, 20)), "W/(m^2 K)")
     if law == "effective":
         out["effective_htc"] = text(draw(spread(2, 20)), "W/(m^2 K)")
     if law == "natural":
         out["htc"] = {"coefficient": text(draw(spread(1, 4)), "W/(m^2 K)"), "exponent": 0.25}
+    if law == "film":
+        out["htc"] = {"length": text(draw(spread(0.01, 0.3)), "m"), "orientation": draw(st.sampled_from(["vertical", "up", "down"]))}
     if law in ("both", "emissivity"):
         out["emissivity"] = draw(even(0.1, 0.95))
         out["radiates_to"] = draw(st.sampled_from(level.deck["needs"]))
@@ -262,7 +274,7 @@ def _surface(draw: Any, level: _Level, node: str, kinds: tuple[str, ...]) -> Non
 def _extra_conductor(draw: Any, level: _Level, kinds: tuple[str, ...]) -> None:
     a, b = draw(st.sampled_from(level.ends)), draw(st.sampled_from(level.ends))
     if a != b:
-        _conductor(draw, level, a, b, kinds)
+        _conductor(draw, level, a, b, tuple(k for k in kinds if k != "film"))
 
 
 def _joint(draw: Any, level: _Level) -> None:

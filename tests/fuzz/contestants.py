@@ -152,7 +152,7 @@ def _parts(count: int) -> list[int]:
 
 
 def _public(case: Case, method: str) -> Outcome:
-    gases = any(row[0] in (k.GAS, k.NATURAL) for row in case.net.conductors)  # a deck has no word for tables of gases
+    gases = any(row[0] in (k.GAS, k.NATURAL, k.POTENTIAL) for row in case.net.conductors)  # a deck has no word for tables of gases
     if gases or {"t0", "t_end", "breaks"} & set(case.options) or case.times[0] != 0.0:
         return Outcome("refused", None, NOT_ASKED)
     try:

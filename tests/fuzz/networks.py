@@ -101,6 +101,12 @@ class Draw:
             net.link(kind, a, b, net.coef(g), table=net.table(x, self.rng.uniform(0.2, 2, 5), np.zeros(5)))
         elif kind == k.GAS:
             net.link(kind, a, b, net.coef(g), net.coef(self.log(1e-3, 1e4), self.pressure()), table=self.over_film())
+        elif kind == k.POTENTIAL:  # a conductivity that grows with temperature, integrated; the same for both ends
+            x, slope = np.array([0.0, 250.0, 350.0, 600.0]), np.sort(self.rng.uniform(0.3, 2.0, 4))
+            y = np.concatenate(([0.0], np.cumsum(np.diff(x) * (slope[1:] + slope[:-1]) / 2)))
+            first = net.table(x, y, slope)
+            net.table(x, y, slope)
+            net.link(kind, a, b, net.coef(g), table=first)
         elif kind == k.NATURAL:
             rise, slope = self.rng.uniform(0.0, 4.0, 2), self.rng.uniform(0.0, 0.2, 3)
             nusselt = net.table([-40.0, -2.0, 2.0, 40.0], [1 + rise[0], 0.4, 0.4, 1 + rise[1]], [-slope[0], -slope[1], slope[1], slope[2]])
@@ -136,7 +142,7 @@ def _on_jumps(d: Draw, times: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate((times, knots[:5]))) if d.chance(0.5) else times
 
 
-CURVED = (k.LINEAR, k.POWER, k.RADIATION, k.TABLE_MEAN, k.TABLE_DIFF, k.GAS, k.NATURAL)
+CURVED = (k.LINEAR, k.POWER, k.RADIATION, k.TABLE_MEAN, k.TABLE_DIFF, k.GAS, k.NATURAL, k.POTENTIAL)
 
 
 def plain(d: Draw) -> dict[str, Any]:

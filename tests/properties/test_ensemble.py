@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume
 
 import thermid as td
-from strategies import EVERY, SWITCHED, TIGHTER, Case, cases, random_models
+from strategies import GASES, SWITCHED, TIGHTER, Case, cases, random_models
 from thermid import _kernel
 from thermid.errors import SolverError
 
@@ -33,7 +33,7 @@ def _capacitances(case: Case) -> dict[str, float]:
     return {f"{n}.capacitance": float(numbers[f"{n}.capacitance"]) for n, fields in case.deck["nodes"].items() if "capacitance" in fields}
 
 
-@random_models(40, case=cases(kinds=EVERY, loads=SWITCHED))
+@random_models(40, case=cases(kinds=GASES, loads=SWITCHED))
 def test_members_are_single_runs(case: Case) -> None:
     draws = _draws(case)
     assume(draws)
@@ -50,7 +50,7 @@ def test_members_are_single_runs(case: Case) -> None:
             assert np.abs(found.trace(k, node).kelvin - single[node].kelvin).max() < NEAR, (k, node)
 
 
-@random_models(15, case=cases(kinds=EVERY, massless=False))
+@random_models(15, case=cases(kinds=GASES, massless=False))
 def test_instruction_sets_and_threads_agree(case: Case) -> None:
     draws = _draws(case)
     assume(draws)

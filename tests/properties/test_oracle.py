@@ -46,6 +46,13 @@ def test_random_models_without_knees_at_a_tight_tolerance(case: Case) -> None:
     assert _largest_error(case, TIGHT, 1e-9) < 1e-5
 
 
+@random_models(
+    15, case=cases(kinds=("gap", "conductance", "radiation"), loads=SMOOTH, nodes=4, depth=1).filter(lambda c: "'gas'" in str(c.deck))
+)
+def test_random_models_with_gas_in_gaps(case: Case) -> None:
+    assert _largest_error(case, TIGHT, 1e-9) < 1e-5
+
+
 # The oracle finds switching instants on its own dense output: at 1e-8 it errs by 1e-5 K itself. The phase of a thermostat's cycle has
 # nothing that pulls it back, so that errors of the instants add up: 130 switchings at a tolerance of 1e-8 K end 1e-5 K off, 7.6e-8 K each.
 # The bound is twenty tolerances a switching, since about as many steps lie between two of them and each may err by one.

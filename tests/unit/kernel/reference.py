@@ -162,6 +162,8 @@ class Net:
         if kind == k.GAS:  # resistances of the gas as a continuum and of molecules that meet the walls alone, one behind the other
             mean = (ta + tb) / 2
             return g * d / (1 / self.look_up(table, mean) + math.sqrt(mean / ANCHOR) / c[slots[1]])
+        if kind == k.POTENTIAL:
+            return g * (self.look_up(table, ta) - self.look_up(table + 1, tb))
         if kind == k.NATURAL:  # Nu over signed Ra^(1/4); conductivity and Ra^(1/4) for 1 K over film temperature
             mean, root = (ta + tb) / 2, d / (d * d + SMOOTH2) ** 0.375
             nusselt = self.look_up(table, c[slots[1]] * self.look_up(table + 2, mean) * root)
