@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import RecordError, nearest
+from thermid.identify.driven import Inputs, signal_of
 from thermid.identify.sensor_parts import Seat, attached
 from thermid.measure import Channel, Record
 from thermid.measure.part import SensorPart
 from thermid.model.model import Model
-from thermid.model.signal import Constant, Signal, Table
 from thermid.network.network import Network, compile_network
 from thermid.simulation.scenario import Scenario
 
@@ -147,33 +147,6 @@ def _bound(record: Record, channel: Channel, network: Network) -> tuple[str, str
     return role, path
 
 
-@dataclass
-class _Inputs:
-    """What the channels of a record drive, on top of what the scenario gives."""
-
-    boundaries: dict[str, Any]
-    loads: dict[str, Any]
-    commands: dict[str, Any]
-    gains: dict[str, str]
-    shared: dict[str, tuple[str, float]] = field(default_factory=dict)
-
-    def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
-        """Lay the signal of a channel over a boundary or load, with its constant error taken off or noted as one to look for."""
-        if role == "boundary":
-            self.boundaries[path] = signal if errors is None else _corrected(signal, shift=errors.get(channel.name, 0.0))
-            if errors is None and channel.accuracy:
-                self.shared[channel.name] = (path, channel.accuracy)
-        elif channel.gain or role == "command":
-            self.commands[path] = signal
-            if channel.gain:
-                self.gains[path] = channel.gain
-        else:
-            self.loads[path] = signal if errors is None else _corrected(signal, factor=errors.get(channel.name, 1.0))
-            power = _power_while_on(signal)
-            if errors is None and channel.accuracy and power > 0:
-                self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
-
-
 def meet(
     model: Model,
     record: Record,
@@ -205,7 +178,7 @@ def meet(
     network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *driven))
     zero = float(record.times[0])
     given = {network.find(k): v for k, v in base.boundaries.items()}
-    inputs = _Inputs(given, dict(base.loads), dict(base.commands), dict(base.gains))
+    inputs = Inputs(given, dict(base.loads), dict(base.commands), dict(base.gains))
     observed: list[tuple[Channel, str]] = []
     for channel in record.channels.values():
         role, path = _bound(record, channel, network)
@@ -213,7 +186,7 @@ def meet(
             observed.append((channel, path))
         else:
             _bare(channel, role, record)
-            inputs.take(channel, role, path, _signal(record, channel.name, zero, held=role != "boundary"), errors)
+            inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
         raise RecordError(f"no channel observes a node of {network.title}; there is nothing to compare.", record.name)
     grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
@@ -238,26 +211,6 @@ def meet(
         duration=duration,
     )
     return Experiment(record, network, made, times, observations, inputs.shared, readings, loose, tips)
-
-
-def _power_while_on(signal: Signal) -> float:
-    """Return the mean power weighted by itself, so that pauses do not count; zero for a load that is always off. [W]"""
-    values = np.abs(signal.values if isinstance(signal, Table) else signal.at(np.zeros(1)))
-    total = float(values.sum())
-    return float(values @ values) / total if total > 0 else 0.0
-
-
-def _corrected(signal: Signal, factor: float = 1.0, shift: float = 0.0) -> Signal:
-    """Return a logged signal times a factor, with a constant added."""
-    if isinstance(signal, Table):
-        return replace(signal, values=factor * signal.values + shift)
-    return Constant(float(factor * signal.at(np.zeros(1))[0] + shift))
-
-
-def _signal(record: Record, name: str, zero: float, held: bool) -> Signal:
-    table = record.table(name)
-    times = np.asarray(table.times) - zero
-    return Table(times, np.asarray(table.values), held) if times.size > 1 else Constant(float(table.values[0]))
 
 
 def _bare(channel: Channel, role: str, record: Record) -> None:

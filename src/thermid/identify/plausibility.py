@@ -10,7 +10,7 @@ import numpy as np
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.identify.calibration import Calibration
-from thermid.identify.experiment import _power_while_on
+from thermid.identify.driven import power_while_on
 from thermid.identify.split_priors import _from_records
 from thermid.identify.values import FittedValue
 from thermid.model.flat import FlatConductor
@@ -278,7 +278,7 @@ def _power_given(fit: Calibration, network: Network, load: str) -> tuple[str, fl
     logged = [e.scenario.loads[load] for e in fit.experiments if load in e.scenario.loads]
     found = fit.values.items_
     if logged:
-        watts = max(_power_while_on(s) for s in logged)
+        watts = max(power_while_on(s) for s in logged)
         channel = next((n for e in fit.experiments for n, (target, _) in e.shared.items() if target == f"scale.{load}"), "")
         factor = found.get(f"{channel} error")
         return f"{load} as logged", watts * (factor.value if factor else 1.0), watts * factor.error if factor else 0.0

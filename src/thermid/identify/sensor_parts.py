@@ -55,7 +55,7 @@ def sensor_model(part: SensorPart) -> Model:
     It needs `seat`, the node on which it sits, and `far`, where its leads end; `tip` is what it reads.
     """
     lags = bool(part.lag or part.capacitance)
-    foot = "tip" if lags else "seat"
+    foot = "tip" if part.capacitance else "seat"  # without a heat capacity nothing says how well the tip is tied to its node
     deck: dict[str, object] = {"title": "sensor", "needs": ["seat", *(["far"] if part.lead_conductance else [])]}
     conductors: dict[str, object] = {}
     if lags:

@@ -28,6 +28,15 @@ def test_a_sensor_is_a_model_of_the_bench() -> None:
     assert not made.without_test_only().nodes
 
 
+def test_leads_of_a_sensor_without_heat_capacity_take_heat_from_its_node() -> None:
+    """A bead of no heat capacity is tied by next to nothing: leads on it would have it read the room."""
+    keys = {"lag": "60 [s]", "lead": {"conductance": "1 [mW/K]", "to": "air"}}
+    assert sensor_model(td.SensorPart.read(keys, "T")).conductors["lead"].between == ("seat", "far")  # type: ignore[arg-type]
+    heavy = td.SensorPart.read({**keys, "capacitance": "2 [J/K]"}, "T")
+    assert heavy is not None
+    assert sensor_model(heavy).conductors["lead"].between == ("tip", "far")
+
+
 def test_it_is_attached_where_its_channel_says_at_any_depth() -> None:
     inner = box()
     outer = td.model_from_dict({"title": "outer", "needs": ["room"], "submodels": {"box": {"use": inner, "bind": {"air": "room"}}}})

@@ -1,0 +1,62 @@
+"""What the channels of a record drive: boundaries, powers and commands as signals, their constant errors taken off or noted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from thermid.measure import Channel, Record
+from thermid.model.signal import Constant, Signal, Table
+
+__all__ = ["Inputs", "power_while_on", "signal_of"]
+
+
+@dataclass
+class Inputs:
+    """What the channels of a record drive, on top of what the scenario gives."""
+
+    boundaries: dict[str, Any]
+    loads: dict[str, Any]
+    commands: dict[str, Any]
+    gains: dict[str, str]
+    shared: dict[str, tuple[str, float]] = field(default_factory=dict)
+
+    def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
+        """Lay the signal of a channel over a boundary or load, with its constant error taken off or noted as one to look for."""
+        if role == "boundary":
+            self.boundaries[path] = signal if errors is None else _corrected(signal, shift=errors.get(channel.name, 0.0))
+            if errors is None and channel.accuracy:
+                self.shared[channel.name] = (path, channel.accuracy)
+        elif channel.gain or role == "command":
+            self.commands[path] = signal
+            if channel.gain:
+                self.gains[path] = channel.gain
+        else:
+            self.loads[path] = signal if errors is None else _corrected(signal, factor=errors.get(channel.name, 1.0))
+            power = power_while_on(signal)
+            if errors is None and channel.accuracy and power > 0:
+                self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
+
+
+def power_while_on(signal: Signal) -> float:
+    """Return the mean power weighted by itself, so that pauses do not count; zero for a load that is always off. [W]"""
+    values = np.abs(signal.values if isinstance(signal, Table) else signal.at(np.zeros(1)))
+    total = float(values.sum())
+    return float(values @ values) / total if total > 0 else 0.0
+
+
+def _corrected(signal: Signal, factor: float = 1.0, shift: float = 0.0) -> Signal:
+    """Return a logged signal times a factor, with a constant added."""
+    if isinstance(signal, Table):
+        return replace(signal, values=factor * signal.values + shift)
+    return Constant(float(factor * signal.at(np.zeros(1))[0] + shift))
+
+
+def signal_of(record: Record, name: str, zero: float, held: bool) -> Signal:
+    """Return a channel of a record as a signal of a run, whose time counts from `zero` [s]."""
+    table = record.table(name)
+    times = np.asarray(table.times) - zero
+    return Table(times, np.asarray(table.values), held) if times.size > 1 else Constant(float(table.values[0]))
