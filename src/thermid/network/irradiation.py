@@ -19,7 +19,7 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.exposure import on_plane, sky_share
 from thermid.units import TEMPERATURE
 
-__all__ = ["Irradiation", "OpenSky", "absorbers", "added"]
+__all__ = ["HOTTEST", "Irradiation", "OpenSky", "absorbers", "added"]
 
 Array = NDArray[np.float64]
 Given = Mapping[str, Signal]

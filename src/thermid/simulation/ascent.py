@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from thermid.errors import RecordError, ScenarioError, nearest
 from thermid.measure import read_plain
 from thermid.model.signal import Constant, Signal, Table, literal, signal
-from thermid.network.irradiation import Irradiation
+from thermid.network.irradiation import HOTTEST, Irradiation
 from thermid.network.medium import Environment
 from thermid.physics.atmosphere import Air, standard_atmosphere, upper_atmosphere
 from thermid.physics.exposure import molecular_heating
@@ -205,6 +205,14 @@ def _streams(
         raise ScenarioError(f"an accommodation of {accommodation:g} does not exist; give 0 to 1.", title)
     after = np.union1d(times[times > gone], [gone])
     heat = molecular_heating(trajectory.air(after, upper)[1], np.interp(after, trajectory.times, trajectory.speed), accommodation)
+    if heat.max() > HOTTEST:
+        k = int(heat.argmax())
+        height = float(np.interp(after[k], trajectory.times, trajectory.altitude)) / 1e3
+        raise ScenarioError(
+            f"at {after[k]:.4g} s, {height:.4g} km up, the stream would bring {heat[k]:.3g} W/m^2: there the air is "
+            "no stream of single molecules yet. Fairings go where it brings some kilowatts at most; look at separation, altitude and speed.",
+            title,
+        )
     if gone > 0.0:
         # nothing reaches the unit while the fairing stands
         ahead = max(gone - JUMP, 0.5 * gone)

@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 SETTLED: Final = 1e-3
 """Change of every temperature between passes below which the latent heat is in balance with them. [K]"""
 PASSES: Final = 60
+SMALLEST: Final = 0.1
+"""Share of a new latent heat that is taken at least. [-]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,15 +150,21 @@ def moisture(
     wet, names = _with_latent(model, [c.path for c in parts])
     heats: dict[str, Signal] = {name: Constant(0.0) for name in names.values()}
     before: Array | None = None
+    given: list[Array] | None = None
+    step, moved = 1.0, np.inf
     for _ in range(PASSES):
         solution = simulate(wet, scenario.with_(loads=heats), every=every)
         found = follow(solution, parts, open_air, own)
-        if before is not None and np.abs(solution.temperatures - before).max() < SETTLED:
+        # where vapour gives a surface more heat than air does, whole steps overshoot, the longer the run the more
+        last, moved = moved, np.inf if before is None else float(np.abs(solution.temperatures - before).max())
+        step = max(0.5 * step, SMALLEST) if moved > 0.8 * last else step
+        if moved < SETTLED * step:
             each = zip(parts, found.margin, found.film, found.latent, strict=True)
             surfaces = {c.path: SurfaceMoisture(c.path, c.gas, solution.times, *traces) for c, *traces in each}
             return Moisture(solution, found.dew_points, surfaces)
         before = solution.temperatures
-        heats = {names[c.path]: Table(solution.times, latent) for c, latent in zip(parts, found.latent, strict=True)}
+        given = [(1.0 - step) * old + step * new for old, new in zip(given or found.latent, found.latent, strict=True)]
+        heats = {names[c.path]: Table(solution.times, latent) for c, latent in zip(parts, given, strict=True)}
     raise ScenarioError(f"latent heat and temperatures found no balance in {PASSES} passes; give a shorter `every`.", scenario.title)
 
 

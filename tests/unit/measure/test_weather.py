@@ -29,6 +29,28 @@ def test_epw_and_tmy3_say_the_same(tmp_path: Path, write) -> None:  # type: igno
     assert dict(weather.place) == {"latitude": -2.37, "longitude": -44.4, "altitude": 40.0, "timezone": -3.0}
 
 
+def test_an_epw_file_is_a_scenario_by_itself(tmp_path: Path) -> None:
+    """It says where it is; the sun's noon and the warmest hour of the file are where its clock has them."""
+    pytest.importorskip("pvlib")
+    face = {
+        "of": "n",
+        "to": "ambient",
+        "area": "1 [m^2]",
+        "htc": "8 [W/(m^2 K)]",
+        "emissivity": 0.9,
+        "absorptance": 0.5,
+        "facing": {"tilt": 0},
+    }
+    roof = td.model_from_dict(
+        {"title": "roof", "needs": ["ambient"], "nodes": {"n": {"capacitance": "5 [kJ/K]"}}, "surfaces": {"face": face}}
+    )
+    run = td.simulate(roof, td.pad_scenario(weather=td.read_weather(epw(tmp_path / "w.epw"))), every="5 [min]")
+    sun = run.load_powers["face.sun"]
+    noon = 1.0 + run.times[: 24 * 12][sun[: 24 * 12].argmax()] / 3600.0
+    assert noon == pytest.approx(12.0, abs=0.6)
+    assert run.heat_balance().relative < 1e-6
+
+
 def test_months_of_several_years_become_one_and_it_is_said(tmp_path: Path) -> None:
     pytest.importorskip("pvlib")
     weather = td.read_weather(epw(tmp_path / "w.epw", years=(2004, 1999)), year=2026)

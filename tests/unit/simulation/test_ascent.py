@@ -113,6 +113,7 @@ upper = "standard"
         ({"separation": "300 [s]"}, "outside the 240 s"),
         ({"air_temperature": None}, "nothing says how warm the gas of 'gas' is"),
         ({"flow": {"face": 1.0}}, "give a trajectory with speed, and separation"),
+        ({"flow": {"face": 1.0}, "separation": "120 [s]"}, "65 km up, the stream would bring .* no stream of single molecules"),
         ({"flow": {"face": 1.2}, "separation": "170 [s]"}, "the cosine between 'face' and the flight is 1.2"),
         ({"flow": {"face": 1.0}, "separation": "170 [s]", "accommodation": 1.5}, "an accommodation of 1.5"),
     ],

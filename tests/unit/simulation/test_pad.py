@@ -172,6 +172,18 @@ def test_wind_along_a_plate_as_in_a_textbook() -> None:
     )
 
 
+def test_dew_settles_on_a_roof_under_a_clear_night(weather: td.Weather) -> None:
+    """Long hours of dew, where vapour gives the roof more heat than air does, find their balance with its temperature."""
+    roof = skin(facing={"tilt": 0})
+    damp = td.moisture(roof, td.pad_scenario(SITE, weather, begin="03-21 18:00", duration="10 [h]"), {"ambient": 0.9}, every="5 [min]")
+    front = damp["face"]
+    assert front.margin.min() < -0.1
+    assert front.film.max() > 0.0
+    # the roof cannot be colder than it would be dry
+    dry = td.simulate(roof, td.pad_scenario(SITE, weather, begin="03-21 18:00", duration="10 [h]"), every="5 [min]")
+    assert (damp.solution["skin"].kelvin > dry["skin"].kelvin - 1e-3).all()
+
+
 def test_a_scenario_file_says_the_same(tmp_path: Path, weather: td.Weather) -> None:
     (tmp_path / "pad.toml").write_text(
         """
