@@ -35,7 +35,10 @@ def hold(
     """
     from thermid.errors import SolverError
     from thermid.qualify.holdfile import load_hold
+    from thermid.reporting.trust import check_ending, picture
 
+    if figure is not None:
+        check_ending(figure)
     asked = load_hold(question)
     folder = to if to is not None else question.parent / "results"
     progress = _Progress()
@@ -47,8 +50,6 @@ def hold(
     finally:
         progress.end()
     if figure is not None:
-        from thermid.reporting.trust import picture
-
         picture(found, figure)
     typer.echo(json.dumps(clean({"schema": SCHEMA, "status": "ok", **found.to_dict()})) if as_json else str(found))
 

@@ -156,6 +156,6 @@ class Names:
         path = self._alias.get(path, path)
         if path not in self.nodes and path not in self.boundaries:
             known = [*self.nodes, *self.boundaries]
-            hint = nearest(path, known) or (f" There are {', '.join(known)}." if len(known) <= FEW else "")
+            hint = nearest(path, [*known, *self.model.aliases]) or (f" There are {', '.join(known)}." if len(known) <= FEW else "")
             raise NameNotFoundError(f"no node '{raw}'.{hint}", where or self.model.title)
         return path

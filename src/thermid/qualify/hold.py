@@ -17,7 +17,7 @@ from thermid.qualify.drivers import Driver, drivers_of
 from thermid.qualify.uncertain import UncertainRuns
 from thermid.units import TEMPERATURE
 
-__all__ = ["Hold", "HoldPoint", "hold"]
+__all__ = ["Hold", "HoldPoint", "check_members", "hold", "limits_of"]
 
 Array = NDArray[np.float64]
 MONTE_CARLO = 0.95
@@ -172,14 +172,8 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
     ScenarioError       When a limit is none, or so few members cannot tell such a probability.
     NameNotFoundError   When a limited node was not kept.
     """
-    if not 0.5 <= confidence < 1.0:
-        raise ScenarioError(f"a probability of {confidence:g} is no confidence; give 0.95 or another number from 0.5 up to 1.", runs.title)
-    wanted = [(name, side, value) for name, given in limits.items() for side, value in _sides(name, given)]
-    if not wanted:
-        raise ScenarioError('there is no limit. Give one: { "FOG_x" = "50 [degC]" }.', runs.title)
-    if runs.reached.size * (1.0 - confidence) < 1.0:
-        enough = math.ceil(20 / (1 - confidence))
-        raise ScenarioError(f"{runs.reached.size} members cannot tell {100 * confidence:g} %; ask for {enough} or more.", runs.title)
+    wanted = limits_of(limits, runs.title)
+    check_members(runs.reached.size, confidence, runs.title)
     draws = {n: v[runs.reached] for n, v in runs.draws.items()}
     points = [_point(runs, draws, name, side, value, confidence) for name, side, value in wanted]
     points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))
@@ -187,6 +181,33 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
     return Hold(
         runs.title, runs.scenario, confidence, runs.times, runs.reached.size, tuple(points), together, len(runs.assumed), runs.warnings
     )
+
+
+def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, float]]:
+    """Return name, side and temperature [K] of every limit.
+
+    Raises
+    ------
+    ScenarioError   When there is none, or one is no limit.
+    """
+    wanted = [(name, side, value) for name, given in limits.items() for side, value in _sides(name, given)]
+    if not wanted:
+        raise ScenarioError('there is no limit. Give one: { "FOG_x" = "50 [degC]" }.', title)
+    return wanted
+
+
+def check_members(members: int, confidence: float, title: str) -> None:
+    """Refuse a probability that is none, and one that so few members cannot tell.
+
+    Raises
+    ------
+    ScenarioError   With how many would do.
+    """
+    if not 0.5 <= confidence < 1.0:
+        raise ScenarioError(f"a probability of {confidence:g} is no confidence; give 0.95 or another number from 0.5 up to 1.", title)
+    if members * (1.0 - confidence) < 1.0:
+        enough = math.ceil(20 / (1 - confidence))
+        raise ScenarioError(f"{members} members cannot tell {100 * confidence:g} %; ask for {enough} or more.", title)
 
 
 def _sides(name: str, given: Any) -> list[tuple[str, float]]:

@@ -12,7 +12,7 @@ from thermid.errors import DeckError, nearest
 from thermid.identify.values import FittedValues, load_values
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
-from thermid.qualify.hold import Hold, hold
+from thermid.qualify.hold import Hold, check_members, hold, limits_of
 from thermid.qualify.macro import macro_model
 from thermid.qualify.uncertain import Progress, UncertainRuns, uncertain_runs
 from thermid.simulation.scenario import Scenario, load_scenario
@@ -71,6 +71,8 @@ class HoldQuestion:
         progress: Progress | None = None,
     ) -> tuple[UncertainRuns, Hold]:
         """Return the runs, and how long the limits are kept in them; arguments as in `uncertain_runs`."""
+        limits_of(self.limits, self.model.title)
+        check_members(n or self.members, self.confidence, self.model.title)
         runs = uncertain_runs(
             self.model,
             self.scenarios,

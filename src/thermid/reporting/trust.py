@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["picture"]
+__all__ = ["check_ending", "picture"]
 
 PICTURES = (".png", ".svg", ".pdf")
 LEVELS = {2.30: "68 %", 5.99: "95 %"}
@@ -52,12 +52,23 @@ def picture(thing: Profile | Valley | Criticism | Hold | ProfileRun, to: str | o
         raise ThermidError(
             f"there is no picture of a {type(thing).__name__}; there are pictures of {', '.join(t.__name__ for t in drawers)}."
         )
-    target = Path(to)
-    if target.suffix.lower() not in PICTURES:
-        raise ThermidError(f"'{target.name}': a picture ends in {', '.join(PICTURES)}.")
+    target = check_ending(to)
     with _canvas() as figure:
         drawers[type(thing)](figure, thing)
         figure.savefig(target, dpi=144, metadata={"Date": None} if target.suffix == ".svg" else None)
+    return target
+
+
+def check_ending(to: str | os.PathLike[str]) -> Path:
+    """Return a path whose ending is that of a picture.
+
+    Raises
+    ------
+    ThermidError   When it is another.
+    """
+    target = Path(to)
+    if target.suffix.lower() not in PICTURES:
+        raise ThermidError(f"'{target.name}': a picture ends in {', '.join(PICTURES)}.")
     return target
 
 

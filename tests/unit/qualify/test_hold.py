@@ -169,6 +169,16 @@ def test_an_interrupted_command_says_how_to_go_on(
     assert "interrupted with 500 of 1000 members done. The same command goes on from there." in capsys.readouterr().err
 
 
+def test_mistakes_are_told_before_anything_runs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command("hold", folder / "hold.toml", "--members", 10) == 2
+    assert command("hold", folder / "hold.toml", "--figure", "curve.gif") == 2
+    said = capsys.readouterr().err
+    assert "10 members cannot tell 95 %; ask for 400 or more." in said
+    assert "'curve.gif': a picture ends in .png, .svg, .pdf." in said
+    assert "of 400 members" not in said
+    assert not (folder / "results").exists()
+
+
 def test_a_mistake_on_the_command_line_is_an_object_too(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command("hold", folder / "hole.toml", "--json") == 2
     assert "Did you mean 'hold.toml'?" in json.loads(capsys.readouterr().out)["message"]

@@ -106,6 +106,19 @@ def test_what_a_fit_left_open_is_drawn_with_its_covariance() -> None:
     assert (np.exp(log_g.mean()), watts.mean()) == pytest.approx((0.48, 11.0), rel=5e-3)
 
 
+def test_a_calibration_is_drawn_as_its_values_file(tmp_path: Path) -> None:
+    times = np.arange(0.0, 3601.0, 60.0)
+    truth = td.simulate(plate().with_values({"loss.conductance": "0.47 [W/K]"}), SCENARIO, times=times)["body"].kelvin
+    noisy = truth + 0.1 * np.random.default_rng(2).standard_normal(times.size)
+    channel = td.Channel.of("T", noisy, role="node", target="body", noise=0.1)
+    fit = td.calibrate(plate(), td.Record.from_arrays("log", times, {"T": channel}), ["loss.conductance"], scenario=SCENARIO)
+    fit.values.save(tmp_path / "fit.values.toml")
+    own, filed = (runs(values=v, spread={}) for v in (fit, td.load_values(tmp_path / "fit.values.toml")))
+    assert own.draws["loss.conductance"].mean() == pytest.approx(fit["loss.conductance"].value, abs=fit["loss.conductance"].error)
+    assert own.draws["loss.conductance"].std() == pytest.approx(fit["loss.conductance"].error, rel=0.3)
+    assert np.allclose(own.draws["loss.conductance"], filed.draws["loss.conductance"], rtol=1e-9)
+
+
 def test_values_of_a_unit_reach_it_on_its_host() -> None:
     host = td.model_from_dict(
         {"title": "host", "needs": ["out"], "submodels": {"unit": {"use": plate(), "bind": {"air": "out"}}}, "aliases": {"U": "unit.body"}}
