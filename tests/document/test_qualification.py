@@ -46,7 +46,7 @@ def test_A8_two_logs_in_metrics_and_overlay_out(tmp_path: Path) -> None:  # noqa
     assert "SYNTHETIC DATA" in text
 
 
-@pytest.mark.parametrize("course", ["thermal cycling", "thermal vacuum", "humidity"])
+@pytest.mark.parametrize("course", ["thermal cycling", "thermal vacuum", pytest.param("humidity", marks=pytest.mark.campaign)])
 def test_W2_a_log_of_every_kind_of_profile_is_judged(tmp_path: Path, course: str) -> None:  # noqa: N802
     """A8 on thermal, vacuum and humidity profiles: the same plan, its course by a profile, its log by another unit's sensors."""
     names = {"thermal cycling": "unit thermal cycle", "thermal vacuum": "unit thermal vacuum", "humidity": "unit humidity"}
