@@ -46,6 +46,7 @@ LOADERS = {
     "study": td.load_study,
     "hold": td.load_hold,
     "profile": td.load_profile,
+    "plan": td.load_plan,
 }
 
 

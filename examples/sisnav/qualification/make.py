@@ -59,7 +59,7 @@ def logs() -> None:
     plan = load_plan(HERE / "plan.toml")
     hidden = td.macro_model(HERE / "fixture.toml", unit=laboratory.World.make().models["m_Sd"])
     sensors = laboratory.TESTS["sd_all"].sensors
-    (HERE / "logs").mkdir(exist_ok=True)
+    (HERE / "readings").mkdir(exist_ok=True)
     for k, (test, name) in enumerate(RECORDS.items()):
         (planned,) = (t for t in plan.tests if t.name == test)
         trial = tried(plan, planned.model_copy(update={"log": None}))
@@ -74,7 +74,9 @@ def logs() -> None:
             columns[column] = run[boundary].celsius + CHAMBER["offset"] + CHAMBER["noise"] * rng.standard_normal(times.size)
         head = f"# {laboratory.REMARK.replace('laboratory.py', 'make.py')}\n" + ",".join(["time_s", *columns])
         table = np.column_stack([times, *columns.values()])
-        np.savetxt(HERE / "logs" / f"{name}.csv", table, delimiter=",", header=head, comments="", fmt=["%.0f"] + ["%.2f"] * len(columns))
+        np.savetxt(
+            HERE / "readings" / f"{name}.csv", table, delimiter=",", header=head, comments="", fmt=["%.0f"] + ["%.2f"] * len(columns)
+        )
 
 
 if __name__ == "__main__":

@@ -1,0 +1,43 @@
+"""The navigation unit qualified: one plan, one page, and what it says of itself."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+import thermid as td
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+KINDS = {"thermal cycling", "thermal vacuum", "humidity", "hold", "ascent", "on-board"}
+
+
+def test_the_plan_stands_as_it_was_locked_before_any_log() -> None:
+    """Its decks, values, limits and scenarios among it."""
+    from thermid.qualify.lock import lock_status
+
+    plan = td.load_plan(EXAMPLES / "sisnav" / "qualification" / "plan.toml")
+    status = lock_status(plan)
+    assert status.sound, str(status)
+    assert {t.kind for t in plan.tests} == KINDS
+
+
+@pytest.mark.campaign
+def test_the_unit_qualified_on_one_page(tmp_path: Path) -> None:
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    found = td.run_plan(tmp_path / "examples" / "sisnav" / "qualification" / "plan.toml")
+    assert all(t.within for t in found.trials)
+    assert found.worst is not None
+    assert found.worst[:2] == ("FOG_x", "thermal vacuum")
+    logged = [t for t in found.trials if t.correlation is not None]
+    assert {t.test.kind for t in logged} == {"thermal cycling", "thermal vacuum", "humidity"}
+    assert all(t.correlation.passed("ECSS") for t in logged if t.correlation is not None and "ECSS" in t.correlation.verdicts)
+    assert all(m.margin > 0 for m in found.margins)
+    assert found.demonstration.startswith("demonstration: 56 assumed parameters, synthetic data")
+    text = td.qualification_report(found, to=tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "DEMONSTRATION: 56 ASSUMED PARAMETERS, SYNTHETIC DATA" in text
+    assert "EXTRAPOLATION" in text
+    assert not re.search(r"<script|https?://(?!www\.w3\.org)", text)
+    assert len(text) < 2_000_000

@@ -1,0 +1,109 @@
+"""Plans: what is refused, what is hashed, and what is said when a plan changes after a log was looked at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from thermid.errors import DeckError, NameNotFoundError, ScenarioError
+from thermid.qualify.lock import lock_plan, lock_status, note_look
+from thermid.qualify.plan import load_plan
+from thermid.qualify.programme import run_plan
+from unit.qualify.project import PLAN, measured, project, with_log
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "word"),
+    [
+        ("", DeckError, "the plan is empty. It says what is to be shown before any log is read"),
+        ('title = "x"\n', DeckError, "the plan has no objectives, no model, no limits, no sensors, no tests"),
+        (PLAN.replace('kind = "on-board"', 'kind = "onboard"'), DeckError, "'on-board' or 'other'"),
+        (PLAN.replace('criteria = ["ECSS", "ours"]', 'criteria = ["ECS"]'), NameNotFoundError, "Did you mean 'ECSS'?"),
+        (PLAN.replace('sensors = ["T_PROC"]', 'sensors = ["T_PROK"]'), NameNotFoundError, "Did you mean 'T_PROC'?"),
+        (
+            PLAN.replace('scenario = { boundaries = { air = "10', 'host = "bus"\nscenario = { boundaries = { air = "10'),
+            NameNotFoundError,
+            "no host 'bus'",
+        ),
+        (PLAN.replace('["-20 [degC]", "70 [degC]"]', '["70 [degC]", "-20 [degC]"]'), ScenarioError, "is not below the upper one"),
+        (PLAN.replace('deck = "unit.toml"', 'deck = "unit.toml"\nstage = "x"'), DeckError, "a stage of a campaign: campaign and stage"),
+        (PLAN.replace('name = "experiment on board"', 'name = "hot"'), DeckError, "a test needs a name of its own"),
+        (
+            with_log(PLAN).replace('steady = [["5 [h]", "6 [h]"]]\n', ""),
+            DeckError,
+            "'ECSS' judges settled cases, and test 'hot' names no settled",
+        ),
+        (PLAN.replace("[exclusions]", '[margins]\npolicy = "SMC"\n[exclusions]'), NameNotFoundError, "no margin policy 'SMC'"),
+    ],
+)
+def test_what_is_no_plan_is_refused(tmp_path: Path, text: str, error: type[Exception], word: str) -> None:
+    with pytest.raises(error) as caught:
+        load_plan(project(tmp_path, text))
+    assert word in str(caught.value)
+
+
+def test_a_test_without_a_course_is_refused(tmp_path: Path) -> None:
+    text = PLAN.replace('scenario = { boundaries = { air = "10 [degC]" }, start = "20 [degC]", duration = "2 [h]" }', "")
+    with pytest.raises(DeckError, match="needs its course: a profile or a scenario"):
+        load_plan(project(tmp_path, text))
+
+
+def test_what_is_added_as_tests_are_made_is_no_change_of_plan(tmp_path: Path) -> None:
+    before = load_plan(project(tmp_path)).sha256
+    after = load_plan(project(tmp_path, with_log(PLAN, state='"run"', deviations='["door opened"]'))).sha256
+    assert before == after
+
+
+def test_a_change_of_plan_or_deck_changes_the_hash(tmp_path: Path) -> None:
+    before = load_plan(project(tmp_path)).sha256
+    assert load_plan(project(tmp_path, PLAN.replace('each = "2 [K]"', 'each = "3 [K]"'))).sha256 != before
+    file = project(tmp_path)
+    (tmp_path / "unit.toml").write_text((tmp_path / "unit.toml").read_text().replace("600", "601"), encoding="utf-8")
+    assert load_plan(file).sha256 != before
+
+
+def test_the_life_of_a_lock(tmp_path: Path) -> None:
+    """Open; locked; changed before a look; locked again; looked at; changed after it, and no new lock makes that good."""
+    file = project(tmp_path)
+    assert lock_status(load_plan(file)).state == "open"
+    lock_plan(load_plan(file), date="2026-01-01")
+    assert lock_status(load_plan(file)).state == "locked"
+    project(tmp_path, PLAN.replace('mean = "1 [K]"', 'mean = "1.5 [K]"'))
+    changed = lock_status(load_plan(file))
+    assert (changed.state, changed.changed) == ("changed", ("criteria.ours.mean",))
+    lock_plan(load_plan(file), date="2026-01-02")
+    note_look(load_plan(file), "hot", "abc", date="2026-02-01")
+    good = lock_status(load_plan(file))
+    assert good.sound
+    assert "locked on 2026-01-02" in str(good)
+    project(tmp_path, PLAN.replace('mean = "1 [K]"', 'mean = "4 [K]"'))
+    lock_plan(load_plan(file), date="2026-02-02")
+    moved = lock_status(load_plan(file))
+    assert moved.state == "moved"
+    assert str(moved).startswith("THE PLAN WAS CHANGED AFTER LOGS WERE LOOKED AT on 2026-02-01: criteria.ours.mean")
+
+
+def test_a_lock_that_comes_after_the_look_is_late(tmp_path: Path) -> None:
+    file = project(tmp_path)
+    note_look(load_plan(file), "hot", "abc", date="2026-02-01")
+    lock_plan(load_plan(file), date="2026-02-02")
+    late = lock_status(load_plan(file))
+    assert late.state == "late"
+    assert "before the plan was locked" in str(late)
+
+
+def test_a_damaged_lock_is_no_fresh_start(tmp_path: Path) -> None:
+    file = project(tmp_path)
+    file.with_suffix(".lock.json").write_text("{", encoding="utf-8")
+    with pytest.raises(DeckError, match="a new one would forget the looks"):
+        lock_status(load_plan(file))
+
+
+def test_reading_a_log_is_noted_as_a_look(tmp_path: Path) -> None:
+    measured(tmp_path)
+    file = project(tmp_path, with_log(PLAN))
+    lock_plan(load_plan(file))
+    assert run_plan(file).lock.state == "locked"
+    project(tmp_path, with_log(PLAN).replace('each = "2 [K]"', 'each = "9 [K]"'))
+    assert run_plan(file).lock.state == "moved"
