@@ -40,14 +40,17 @@ def planted(seed: int = 1) -> World:
     size = len(space.nodes)
     # one step with held inputs: the exponential of the matrix and its inputs together
     inputs = np.column_stack([space.B_boundary[:, 0], space.B_load[:, 0]])
-    both = expm(np.block([[space.A, inputs], [np.zeros((2, size + 2))]]) * STEP)
+    joint = np.block([[space.A, inputs], [np.zeros((2, size + 2))]])
+    whole, half = expm(joint * STEP), expm(joint * STEP / 2.0)
     state = np.full(size, 21.0)
 
     def world(seconds: float, duties: tuple[float, float]) -> list[float]:
         nonlocal state
         room = 21.0 + np.sin(seconds / 2500.0)
-        state = both[:size, :size] @ state + both[:size, size:] @ [room, 6.0 * duties[0]]
-        felt = dict(zip(space.nodes, state, strict=True)) | {"room": room}
+        state = whole[:size, :size] @ state + whole[:size, size:] @ [room, 6.0 * duties[0]]
+        # sensors keep what they are told for the step that follows: its middle, or all would lag by half a step
+        middle = half[:size, :size] @ state + half[:size, size:] @ [room, 6.0 * duties[0]]
+        felt = dict(zip(space.nodes, middle, strict=True)) | {"room": room}
         return [felt[name] + rng.normal(0.0, NOISE) for name in NAMES]
 
     return world

@@ -18,6 +18,8 @@ from typing import Any
 from unittest import mock
 
 import thermid as td
+from thermid.acquire.programme import load_programme
+from thermid.acquire.sensormap import load_sensors
 from thermid.cli import main
 from thermid.identify.campaignfile import read_campaign
 
@@ -47,6 +49,8 @@ LOADERS = {
     "hold": td.load_hold,
     "profile": td.load_profile,
     "plan": td.load_plan,
+    "map": load_sensors,
+    "programme": load_programme,
 }
 
 

@@ -1,0 +1,55 @@
+"""The whole way without hardware: model -> simulated sensors -> compiled firmware -> logger -> fit."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import subprocess
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import thermid as td
+
+pytest.importorskip("serial", reason="pyserial is not installed: thermid[log]")
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def example() -> ModuleType:
+    if shutil.which("make") is None:
+        pytest.skip("make is missing")
+    done = subprocess.run(["make", "bench-tools"], cwd=ROOT, capture_output=True, text=True)
+    if "is missing" in done.stderr:
+        pytest.skip(done.stderr.strip().splitlines()[0])
+    assert done.returncode == 0, done.stderr
+    spec = importlib.util.spec_from_file_location("closed_loop", ROOT / "examples" / "bench" / "closed_loop.py")
+    assert spec is not None
+    assert spec.loader is not None
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+def test_the_heater_warms_the_model_through_the_firmware(example: ModuleType, tmp_path: Path) -> None:
+    path = tmp_path / "bench.log"
+    example.run(path, 0.02)
+    record = td.read_record(path, {"plate": "plate", "heater1": {"command": "heater"}})
+    duties, plate = record["heater1"], record["plate"]
+    assert set(np.round(duties.values[duties.valid], 3)) == {0.0, 0.5, 1.0}
+    assert plate.values[plate.valid].max() - plate.values[plate.valid][0] > 1.0
+
+
+@pytest.mark.campaign
+def test_three_planted_values_are_found_in_five_hours(example: ModuleType, tmp_path: Path) -> None:
+    path = tmp_path / "bench.log"
+    took = example.run(path, 5.0)
+    found = example.fit(path)
+    print(f"five hours in {took:.0f} s\n{found}")
+    for name, text in example.PLANTED.items():
+        planted, value = float(text.partition(" ")[0]), found[name]
+        assert abs(value.in_unit - planted) < 3.0 * value.error, name
+        assert value.error < 0.02 * planted
