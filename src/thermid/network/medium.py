@@ -226,9 +226,14 @@ class Media:
         at = gas.at(temperature, np.maximum(pressure, 1e-30))
         return np.asarray(environment.gravity * at.expansion_at(temperature) / (at.kinematic_viscosity * at.thermal_diffusivity()))
 
-    def idle_winds(self, conductors: Iterable[FlatConductor]) -> tuple[str, ...]:
-        """Return a sentence for each gas with wind that does not reach a fixed coefficient."""
-        out = []
+    def remarks(self, conductors: Iterable[FlatConductor]) -> tuple[str, ...]:
+        """Return a sentence for each wind that does not reach a fixed coefficient, and for each stream of a gas that is not there."""
+        skins = {c.gas for c in conductors if c.kind in ("convection", "effective")}
+        out = [
+            f"'{c.path}' carries heat to '{c.ends[1]}', where there is no gas: a stream stays in vacuum. Schedule its flow"
+            for c in conductors
+            if c.kind == "flow" and c.ends[1] in skins and self.empty(c.ends[1])
+        ]
         for gas in dict.fromkeys(c.gas for c in conductors):
             if self._environment(gas).windy:
                 fixed = [
