@@ -38,8 +38,8 @@ def hours(seconds: float) -> str:
 
 def tests(q: Qualification) -> Table:
     """Return the tests: kind, state, course, criteria, limits and correlation."""
-    columns = [Column("test"), Column("kind"), Column("state"), Column("lasts", True), Column("course and its trust", wrapped=True)]
-    columns += [Column("nearest to a limit"), Column("at", True), Column("room, K", True), Column("limits"), Column("correlation")]
+    columns = [Column("test"), Column("limits"), Column("correlation"), Column("nearest to a limit"), Column("at", True)]
+    columns += [Column("room, K", True), Column("state"), Column("lasts", True), Column("course and its trust", wrapped=True)]
     rows: list[Line] = []
     for t in q.trials:
         course = t.course.profile.title if t.course is not None else t.foresight.scenario.title
@@ -52,18 +52,7 @@ def tests(q: Qualification) -> Table:
             where.append(Cell(f"{worst.room:.1f}", "", "bad" if worst.room < 0 else "main"))
         judged = verdict(t.correlated) if t.correlation is not None else Cell("no log", "", "soft")
         length = hours(float(t.foresight.solution.times[-1]))
-        rows.append(
-            [
-                Cell(t.test.name, t.test.purpose, "main"),
-                t.test.kind,
-                t.test.state,
-                length,
-                course + trust,
-                *where,
-                verdict(t.within),
-                judged,
-            ]
-        )
+        rows.append([Cell(t.test.name, t.test.purpose, "main"), verdict(t.within), judged, *where, t.test.state, length, course + trust])
     return Table.of(columns, rows)
 
 
