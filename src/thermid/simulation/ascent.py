@@ -210,7 +210,7 @@ def _streams(
         height = float(np.interp(after[k], trajectory.times, trajectory.altitude)) / 1e3
         raise ScenarioError(
             f"at {after[k]:.4g} s, {height:.4g} km up, the stream would bring {heat[k]:.3g} W/m^2: there the air is "
-            "no stream of single molecules yet. Fairings go where it brings some kilowatts at most; look at separation and speed.",
+            "no stream of single molecules yet. Fairings go where it brings some kilowatts at most; look at its time and speed.",
             title,
         )
     if gone > 0.0:
