@@ -69,7 +69,7 @@ to wander, which in rounded readings one fit in six does. That one share of sixt
 
 Hidden coefficients are drawn between 0.8 and 2.2 W/(m^2 K) at 1 K and emissivities between 0.05 and 0.9. Fitted is one test at 24 C.
 Half-widths and errors (root mean square of truth less prediction) are in kelvin, rises are those of the truth (median). On the right the
-same predictions without the discrepancy of [decision 041](decisions/041-constant-coefficients.md).
+same predictions without the discrepancy of [decision 034](decisions/034-constant-coefficients.md).
 
 | assembly | scenario | node | rise | holds the truth | half-width | error | without | half-width | error |
 |---|---|---|---|---|---|---|---|---|---|

@@ -82,10 +82,9 @@ def test_the_change_log_has_a_place_for_what_comes() -> None:
     assert len(re.findall(r"^- ", section, re.MULTILINE)) >= 10
 
 
-def test_decisions_are_numbered_once() -> None:
-    names = [path.name for path in DECISIONS]
-    assert len(names) >= 10
-    assert len({name[:3] for name in names}) == len(names)
+def test_decisions_are_numbered_without_gaps() -> None:
+    names = sorted(path.name for path in DECISIONS)
+    assert [name[:3] for name in names] == [f"{number:03d}" for number in range(1, len(names) + 1)]
     assert all(re.fullmatch(r"\d{3}-[a-z0-9-]+\.md", name) for name in names)
 
 

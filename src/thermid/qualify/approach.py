@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 BINS: Final = 120
 """Medians that stand for the readings."""
 SKIP: Final = 0.3
-"""Share of the stretch whose beginning is left to the fast parts, which two exponentials do not describe; decision 085 has the figures."""
+"""Share of the stretch whose beginning is left to the fast parts, which two exponentials do not describe; decision 067 has the figures."""
 FASTEST: Final = 1.0 / 12.0
 """Shortest time constant tried, over the stretch."""
 STEPS: Final = 12
