@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from recovery.cases import ICE, STACK
+from thermid.errors import IdentificationError
 from thermid.identify.calibrate import calibrate
 from thermid.identify.predict import predict
 from thermid.measure import Channel, Record
@@ -119,13 +120,17 @@ def scenario(study: Mismatch, which: str) -> Scenario:
 
 @dataclass(frozen=True)
 class Hits:
-    """Of one node in one scenario, draw by draw: truth less prediction, and its standard error, with and without the discrepancy. [K]"""
+    """Of one node in one scenario, draw by draw: truth less prediction, and its standard error, with and without the discrepancy. [K]
+
+    `refused` counts draws whose fit was refused, since its log could not tell a value; nothing is predicted from them.
+    """
 
     missed: np.ndarray
     wide: np.ndarray
     missed_plain: np.ndarray
     narrow: np.ndarray
     rise: np.ndarray
+    refused: int = 0
 
     def coverage(self, wide: bool = True) -> float:
         """Share of draws whose 95 % band holds the truth."""
@@ -145,9 +150,14 @@ def campaign(case: str, draws: int, seed: int) -> dict[tuple[str, str], Hits]:
     """Return (scenario, node) -> how predictions meet hidden truths."""
     rng = np.random.default_rng(seed)
     rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}
+    refused = 0
     for _ in range(draws):
         study, hidden = CASES[case](rng)
-        found = calibrate(study.model, bench(study, hidden, rng), list(study.free))
+        try:
+            found = calibrate(study.model, bench(study, hidden, rng), list(study.free))
+        except IdentificationError:
+            refused += 1
+            continue
         for which in SCENARIOS:
             given = scenario(study, which)
             truth = simulate(hidden, given)
@@ -157,4 +167,4 @@ def campaign(case: str, draws: int, seed: int) -> dict[tuple[str, str], Hits]:
                 rise = truth[node].final - given.boundaries[study.boundary].value + ICE
                 end = truth[node].final
                 rows.setdefault((which, node), []).append((end - a.celsius, a.error, end - b.celsius, b.error, rise))
-    return {key: Hits(*np.array(several).T) for key, several in rows.items()}
+    return {key: Hits(*np.array(several).T, refused) for key, several in rows.items()}

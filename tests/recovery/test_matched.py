@@ -53,6 +53,7 @@ def test_matched_in_a_thousand_cases(case: str) -> None:
 def test_mismatched_in_three_hundred_cases(case: str) -> None:
     for key, h in mismatch.campaign(case, 300, SEED + 1).items():
         assert h.coverage() >= 0.9, f"{key}: {h.coverage():.3f}"
+        assert h.refused <= 3, "a refusal is an honest answer, but no way to be right: one draw in a hundred at most"
 
 
 def test_the_page_says_what_must_be_shown() -> None:

@@ -71,6 +71,8 @@ def log(
             terminal = stack.enter_context(simulated())
             find = lambda: terminal.port  # noqa: E731
         elif port is not None:
+            if port.startswith("/") and not Path(port).exists():
+                raise RecordError(f"there is no port '{port}'. Plug the board in, leave --port out, or try it with --simulate.", "--port")
             find = lambda: port  # noqa: E731
         else:
             find_port()  # a first look, so that a missing board is an error and not a wait

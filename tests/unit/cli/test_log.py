@@ -56,6 +56,10 @@ def test_no_board_is_an_error_and_not_a_wait(call: Call, tmp_path: Path, monkeyp
     said = call("log", tmp_path / "bench.log")
     assert said.code == 2
     assert "no board found (ports: none)" in said.err
+    named = call("log", tmp_path / "bench.log", "--port", tmp_path / "ttyUSB9")
+    assert named.code == 2
+    assert "there is no port" in named.err
+    assert not (tmp_path / "bench.log").exists()
 
 
 def test_several_boards_are_asked_about(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
