@@ -10,7 +10,7 @@ from thermid.identify.calibrate import calibrate
 
 pytestmark = pytest.mark.recovery
 
-LEVEL, SIGMAS, SEED, REPEATS = 0.95, 3.5, 20260801, 24
+LEVEL, SIGMAS, SEED, REPEATS = 0.95, 3.5, 20260801, 40
 
 
 def check(found: Outcome, seed: int = SEED) -> None:
@@ -26,7 +26,7 @@ def check(found: Outcome, seed: int = SEED) -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_coverage(case: str) -> None:
-    check(outcome(CASES[case](), 25, SEED))
+    check(outcome(CASES[case](), 50, SEED))
 
 
 @pytest.mark.campaign
@@ -48,7 +48,7 @@ def test_the_check_can_fail() -> None:
 def test_the_random_error_alone_would_not_do() -> None:
     # meters and sensors have errors that no repeat shows: within the random error the truth is hardly ever found
     bench, rng, inside = one_htc_mass(), np.random.default_rng(SEED), []
-    for _ in range(12):
+    for _ in range(20):
         truth, records = draw(bench, rng)
         found = calibrate(bench.model, records, list(truth))
         inside += [abs(found[p].value - value) <= Z95 * found[p].error_random for p, value in truth.items()]

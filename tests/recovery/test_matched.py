@@ -13,7 +13,7 @@ from recovery import matched, mismatch
 pytestmark = pytest.mark.recovery
 PAGE = Path(__file__).parents[2] / "docs" / "coverage.md"
 SEED = 20261122
-DRAWS = 25
+DRAWS = 50
 """Of the quick run; the whole campaigns have a thousand."""
 
 
@@ -28,13 +28,13 @@ def test_fits_and_predictions_of_matched_truths(case: str) -> None:
 
 
 def test_without_constant_errors_hardly_any_interval_holds_the_truth() -> None:
-    rows = matched.campaign("m_PrE", 10, SEED, biases=False)
+    rows = matched.campaign("m_PrE", 20, SEED, biases=False)
     assert np.mean([row.coverage for row in rows.values()]) < 0.5
 
 
 @pytest.mark.parametrize("case", mismatch.CASES)
 def test_predictions_of_mismatched_truths(case: str) -> None:
-    found = mismatch.campaign(case, 6, SEED)
+    found = mismatch.campaign(case, 12, SEED)
     far = [h for (scenario, _), h in found.items() if scenario in ("room at +61 C", "room at -34 C")]
     assert np.mean([h.coverage() for h in found.values()]) >= 0.9
     assert np.mean([h.coverage(wide=False) for h in far]) < 0.5
@@ -45,7 +45,7 @@ def test_predictions_of_mismatched_truths(case: str) -> None:
 @pytest.mark.parametrize("case", matched.CASES)
 def test_matched_in_a_thousand_cases(case: str) -> None:
     for name, row in matched.campaign(case, 1000, SEED + 1).items():
-        assert abs(row.coverage - 0.95) <= 3.5 * np.sqrt(0.95 * 0.05 / 1000), f"{name}: {row.coverage:.3f}"
+        assert 0.93 <= row.coverage <= 0.97, f"{name}: {row.coverage:.3f}"
 
 
 @pytest.mark.campaign
@@ -62,9 +62,7 @@ def test_the_page_says_what_must_be_shown() -> None:
         float(re.split(r" \| ", line)[2].rstrip(" %")) for line in matched_rows.splitlines() if line.startswith(("| m_PrE", "| four"))
     ]
     assert len(shares) == 5 + 11
-    # 3.5 standard deviations of a share in 1000 draws; the goal of 93 to 97 % is met but for one node with 97.1 %
-    assert all(abs(s - 95.0) <= 350.0 * np.sqrt(0.95 * 0.05 / 1000) for s in shares), shares
-    assert sum(93.0 <= s <= 97.0 for s in shares) >= len(shares) - 1
+    assert [s for s in shares if not 93.0 <= s <= 97.0] == [97.1], "the one miss that the page and its text name"
     held = [
         float(re.split(r" \| ", line)[4].rstrip(" %")) for line in mismatched_rows.splitlines() if line.startswith(("| box", "| stack"))
     ]
