@@ -184,10 +184,13 @@ static void bus_driven(struct avr_irq_t *irq, uint32_t value, void *param) {
 
 // ---- supply monitor -----------------------------------------------------------------------------------------------------------------
 
+// Its current is that of a heater under PWM at half duty: what was not averaged has caught it on or off.
+enum { INA_FRESH = 0x399F, INA_AVERAGES = 0x0078 };
+
 static struct {
     bool there, selected;
     uint8_t pointer, index;
-    uint16_t millivolts;
+    uint16_t settings, millivolts;
     int16_t tenths;  // of a milliampere
     avr_irq_t *in;
 } supply;
@@ -203,11 +206,15 @@ static void supply_asked(struct avr_irq_t *irq, uint32_t value, void *param) {
     }
     if (!supply.selected) return;
     if (v.u.twi.msg & TWI_COND_WRITE) {
-        supply.pointer = v.u.twi.data;
+        if (!supply.index) supply.pointer = v.u.twi.data;
+        else if (!supply.pointer) supply.settings = supply.index == 1 ? v.u.twi.data << 8 : supply.settings | v.u.twi.data;
+        supply.index++;
         avr_raise_irq(supply.in, avr_twi_irq_msg(TWI_COND_ACK, v.u.twi.addr, 1));
     }
     if (v.u.twi.msg & TWI_COND_READ) {
-        uint16_t word = supply.pointer == 1 ? (uint16_t)supply.tenths : supply.pointer == 2 ? (uint16_t)((supply.millivolts / 4) << 3) | 2 : 0x399F;
+        static bool on;
+        int16_t current = (supply.settings & INA_AVERAGES) == INA_AVERAGES ? supply.tenths : (on = !on) ? 2 * supply.tenths : 0;
+        uint16_t word = supply.pointer == 1 ? (uint16_t)current : supply.pointer == 2 ? (uint16_t)((supply.millivolts / 4) << 3) | 2 : supply.settings;
         uint8_t byte = supply.index++ ? word & 0xFF : word >> 8;
         avr_raise_irq(supply.in, avr_twi_irq_msg(TWI_COND_READ, v.u.twi.addr, byte));
     }
@@ -345,6 +352,7 @@ static bool obey(char *text) {
         shorted = k;
         settle(avr, avr->cycle, NULL);
     } else if (sscanf(text, "supply %d %d", &a, &b) == 2) {
+        if (!a) supply.settings = INA_FRESH;  // without supply it forgets
         supply.millivolts = a;
         supply.tenths = b;
     } else if (sscanf(text, "t %d %d", &k, &a) == 2 && k >= 0 && k < count) sensors[k].raw = a;
@@ -385,7 +393,7 @@ int main(int argc, char **argv) {
     for (int k = 1; k < argc; k++) {
         if (!strcmp(argv[k], "--sensors") && k + 1 < argc) count = atoi(argv[++k]);
         else if (!strcmp(argv[k], "--step") && k + 1 < argc) step_ms = atoi(argv[++k]);
-        else if (!strcmp(argv[k], "--supply")) supply.there = true;
+        else if (!strcmp(argv[k], "--supply")) supply.there = true, supply.settings = INA_FRESH;
         else if (!strcmp(argv[k], "--parasite")) parasite_seen = true;
         else elf = argv[k];
     }

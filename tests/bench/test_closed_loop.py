@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import shutil
-import subprocess
 from pathlib import Path
 from types import ModuleType
 
@@ -13,20 +11,10 @@ import pytest
 
 import thermid as td
 
-pytest.importorskip("serial", reason="pyserial is not installed: thermid[log]")
-
-ROOT = Path(__file__).parents[2]
-
 
 @pytest.fixture(scope="module")
-def example() -> ModuleType:
-    if shutil.which("make") is None:
-        pytest.skip("make is missing")
-    done = subprocess.run(["make", "bench-tools"], cwd=ROOT, capture_output=True, text=True)
-    if "is missing" in done.stderr:
-        pytest.skip(done.stderr.strip().splitlines()[0])
-    assert done.returncode == 0, done.stderr
-    spec = importlib.util.spec_from_file_location("closed_loop", ROOT / "examples" / "bench" / "closed_loop.py")
+def example(tools: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("closed_loop", Path(__file__).parents[2] / "examples" / "bench" / "closed_loop.py")
     assert spec is not None
     assert spec.loader is not None
     made = importlib.util.module_from_spec(spec)

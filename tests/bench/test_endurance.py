@@ -20,7 +20,6 @@ from thermid.acquire.terminal import Terminal
 from thermid.errors import ThermidError
 from thermid.measure.wire import parse_line
 
-pytest.importorskip("serial", reason="pyserial is not installed: thermid[log]")
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
 
 LOGGER = """

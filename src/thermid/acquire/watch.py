@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from thermid.measure.benchlog import RANGE
+from thermid.measure.benchlog import MOST_CURRENT, RANGE
 from thermid.measure.wire import Line
 
 __all__ = ["Watch"]
@@ -15,6 +15,7 @@ _WORDS = {
     "short": "the bus is held low",
     "power": "it was without supply and may show 85 degC",
     "range": "its value lies outside -55 to 125 degC",
+    "over": f"{MOST_CURRENT:g} A, the most that it can measure, is reached",
     "85": "it shows the 85 degC of power-up",
 }
 _QUIET = ("count",)
@@ -50,6 +51,8 @@ class Watch:
                 fault = "range"
             elif value == 85.0 and abs(self.values.get(source, 0.0) - 85.0) > 2.0:
                 fault = "85"
+        elif not fault and source[0] == "I" and value is not None and abs(value) >= MOST_CURRENT:
+            fault = "over"
         before = self.faults.get(source, "")
         if fault:
             self.faults[source] = fault

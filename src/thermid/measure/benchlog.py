@@ -16,10 +16,12 @@ from thermid.measure.part import SensorCertificate
 from thermid.measure.textfile import Cells
 from thermid.measure.wire import Line, crc16, parse_line
 
-__all__ = ["RANGE", "bench_cells", "is_bench_log", "log_line", "opened"]
+__all__ = ["MOST_CURRENT", "RANGE", "bench_cells", "is_bench_log", "log_line", "opened"]
 
 RANGE: Final = (-55.0, 125.0)
 """What a DS18B20 can measure, by its data sheet; -127, which its usual driver gives for a lost one, lies outside. [degC]"""
+MOST_CURRENT: Final = 3.2
+"""What an INA219 can measure with 0.1 ohm; at that it shows the limit itself. [A]"""
 
 _BODY: Final = re.compile(r"(\d{1,6}) (\d{1,9}\.\d{6}) (.+)\Z", re.ASCII)
 _FAULTS: Final = {"crc": "wrong CRC", "lost": "sensor lost", "short": "bus shorted", "power": "sensor without supply"}
@@ -197,6 +199,8 @@ class _Columns:
                 reasons.setdefault(_FAULTS[line.fields[2]], []).append(row)
         values = np.round(values, 9)
         notes = []
+        if source[0] == "I" and not is_sensor and (over := np.flatnonzero(np.abs(values) >= MOST_CURRENT).tolist()):
+            reasons["outside its range"] = over
         if is_sensor:
             reasons |= _not_real(values, np.array(sorted({row for rows in reasons.values() for row in rows}), dtype=int))
             if bits is not None:

@@ -87,6 +87,15 @@ def test_power_is_voltage_times_current(tmp_path: Path) -> None:
     np.testing.assert_allclose(record["power1"].values, 6.0)
 
 
+def test_a_current_at_the_end_of_the_monitors_scale_is_no_current(tmp_path: Path) -> None:
+    made = Sheet().start()
+    for k, raw in enumerate([5000, 32000, -32000, 5000]):
+        made.say(float(k), 1000 * k, f"{A},320,ok").say(k + 0.1, 1000 * k, "V1,12000,ok").say(k + 0.2, 1000 * k, f"I1,{raw},ok")
+    record = td.read_record(made.save(tmp_path / "b.log"), {"power1": {"load": "h"}, "current1": {"command": "i"}})
+    assert record["current1"].flags == {"outside its range": 2}
+    np.testing.assert_array_equal(record["power1"].valid, [True, False, False, True])
+
+
 def test_the_drift_of_the_board_is_taken_out(tmp_path: Path) -> None:
     record = read(sheet(900, drift=1.0 + 2e-3), tmp_path)
     np.testing.assert_allclose(np.diff(record.times), 1.002, atol=1e-6)
