@@ -14,7 +14,7 @@ SANITIZED := tests/unit/kernel tests/unit/network tests/unit/simulation tests/un
 install = { command -v uv >/dev/null && uv pip install --quiet --python $(BIN)/python --require-hashes -r $(1); } \
 	|| $(BIN)/python -m pip install --disable-pip-version-check --quiet --require-hashes -r $(1)
 
-.PHONY: help setup setup-test demo test test-all bench firmware bench-tools lint sanitize format lengths lock clean
+.PHONY: help setup setup-test demo test test-all bench firmware bench-tools docs lint sanitize format lengths lock clean
 
 help:  ## what can be made
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
@@ -42,6 +42,10 @@ firmware:  ## the firmware of the bench (needs avr-gcc), with its flash and RAM
 
 bench-tools: firmware  ## the simulated bench that runs it (needs libsimavr)
 	@$(MAKE) --no-print-directory -C bench
+
+docs: setup-test  ## the documentation as pages that open from the disk; ends with the path of the first
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@echo $(CURDIR)/build/docs/index.html
 
 sanitize: setup-test  ## the tests that reach the kernel, with a kernel built under address and undefined behaviour sanitizers (gcc)
 	scripts/sanitize -m pytest -n 2 -m "not campaign" -rs -p no:cacheprovider $(SANITIZED)

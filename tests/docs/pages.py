@@ -8,7 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))))
+FOLDERS = (".", "from", "howto")
+"""Folders of docs/ whose pages are worked through."""
+PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
+PAGES += tuple(str(path.relative_to(ROOT)) for folder in FOLDERS for path in sorted((ROOT / "docs" / folder).glob("*.md")))
 DECISIONS = tuple(sorted((ROOT / "docs" / "decisions").glob("*.md")))
 
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])")

@@ -1,0 +1,231 @@
+"""What the documentation site has beside the pages of docs/: mkdocs calls the functions `on_...` of this file (see mkdocs.yml).
+
+Pages of the reference, of the command line and of the decisions are written from the code; changes and contributing come
+from the root; pictures are made by the product's commands; fences say their file's name; formulas become MathML; links to
+files of the repository lead there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import sys
+import tempfile
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+import thermid as td
+from thermid import errors
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from formulas import mathml
+
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).parent.parent
+ROOT_PAGES = {"changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.md"}
+"""Page of the site -> file at the root of the repository."""
+
+ROOMS = {
+    "model": "What the hardware is: parts, decks, areas, laws.",
+    "network": "The equations behind a model, and the gas and radiation that they stand in.",
+    "simulation": "What is done to the hardware, and what comes out.",
+    "measure": "Logs, their channels and sensors; weather.",
+    "identify": "Fits, what logs can tell, campaigns, predictions, replaced parts.",
+    "qualify": "Profiles, plans, limits, margins, correlation, hold times, deliveries.",
+    "reporting": "Pages and pictures.",
+    "physics": "The comparison of a measured coefficient with correlations.",
+    "interop": "Parameters from other tools, models to other tools.",
+}
+"""Room -> what is in it; the package's folders, in reading order."""
+
+PICTURES = {
+    "pictures/stack.svg": ("diagram", "examples/02_stack/m_PrE.toml"),
+    "pictures/accelerometer.svg": ("diagram", "examples/01_accelerometer/accelerometer.toml"),
+}
+"""Picture -> the arguments of `thermid` that make it, before `--to`."""
+
+FENCE = re.compile(r"^```(\w+)((?: +\S+)*) *$", re.MULTILINE)
+FORMULA = re.compile(r"^```formula.*?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+CODE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
+SHOWN = (".md", ".png", ".svg", ".toml", ".csv")
+
+
+def virtual_pages() -> dict[str, str]:
+    """Return the pages that no file holds: path in the site -> Markdown."""
+    pages = {f"reference/{room}.md": reference(room) for room in ROOMS}
+    pages["reference/errors.md"] = _errors()
+    pages["commands.md"] = commands()
+    pages["decisions/index.md"] = decisions()
+    return pages | {name: (ROOT / file).read_text(encoding="utf-8") for name, file in ROOT_PAGES.items()}
+
+
+def rooms() -> dict[str, list[str]]:
+    """Return the public names by room, in the order of the package."""
+    found: dict[str, list[str]] = {room: [] for room in [*ROOMS, "errors"]}
+    for name, module in td._PUBLIC.items():
+        found[module.partition(".")[0]].append(name)
+    return found
+
+
+def reference(room: str) -> str:
+    """Return the page of a room: every public name of it."""
+    names = "\n\n".join(f"::: thermid.{name}" for name in rooms()[room])
+    return f"# {room.capitalize()}\n\n{ROOMS[room]} `import thermid as td`, then `td.<name>`.\n\n{names}\n"
+
+
+def _errors() -> str:
+    head = "Every error is a `ThermidError`: what is wrong, where, and what to do. A command leaves with the exit code of its class."
+    made = [name for name, thing in vars(errors).items() if isinstance(thing, type) and thing.__module__ == errors.__name__]
+    return "\n\n".join(["# Errors", head, *(f"::: thermid.errors.{name}" for name in made)]) + "\n"
+
+
+def commands() -> str:
+    """Return the page of the command line, from the commands themselves."""
+    import typer
+
+    from thermid.cli import app as cli
+
+    group: Any = typer.main.get_command(cli.app)
+    parts = [
+        "# Command line",
+        "What each command takes; `thermid COMMAND --help` says the same. [Files and commands](files.md) shows them at work.",
+    ]
+    for name, command in group.commands.items():
+        context = command.make_context(name, [], resilient_parsing=True)
+        usage = context.get_usage().removeprefix("Usage: ")
+        rows = [record for record in (one.get_help_record(context) for one in command.params) if record]
+        lines = "\n".join(f"| `{words}` | {_clean(meaning)} |" for words, meaning in rows)
+        table = f"| argument or option | meaning |\n|---|---|\n{lines}"
+        parts += [f"## {name}", _clean(command.help or ""), f"```sh\nthermid {usage}\n```", table]
+    return "\n\n".join(parts) + "\n"
+
+
+def _clean(text: str) -> str:
+    """Return help text as one paragraph of Markdown."""
+    return re.sub(r"([|<>*_\[\]])", r"\\\1", " ".join(text.split()))
+
+
+def decisions() -> str:
+    """Return the list of the decisions."""
+    rows = []
+    for path in sorted((ROOT / "docs/decisions").glob("[0-9]*.md")):
+        title = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+        rows.append(f"- [{title}]({path.name})")
+    return (
+        "# Decisions\n\nWhy it is as it is: each note has the question, the choices, the decision, and what would change our mind.\n\n"
+        + "\n".join(rows)
+        + "\n"
+    )
+
+
+def draw(name: str, folder: Path) -> str:
+    """Return a picture of the site, drawn by the command line."""
+    from thermid.cli import main
+
+    target = folder / Path(name).name
+    arguments, here = sys.argv, Path.cwd()
+    sys.argv = ["thermid", *PICTURES[name], "--to", str(target)]
+    os.chdir(ROOT)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            main()
+    except SystemExit as end:
+        if end.code:
+            raise RuntimeError(f"{name}: thermid {' '.join(PICTURES[name])} left with {end.code}") from end
+    finally:
+        sys.argv = arguments
+        os.chdir(here)
+    return target.read_text(encoding="utf-8")
+
+
+def file_of(page: str) -> PurePosixPath:
+    """Return where a page of the site lies in the repository."""
+    return PurePosixPath(ROOT_PAGES.get(page, f"docs/{page}"))
+
+
+def place_of(file: PurePosixPath) -> str | None:
+    """Return where a file of the repository lies in the site; None where it is not shown."""
+    text = str(file)
+    for page, root in ROOT_PAGES.items():
+        if text == root:
+            return page
+    if text == "docs/decisions":
+        return "decisions/index.md"
+    if text == "README.md":
+        return "index.md"
+    if file.parts[0] == "docs" and "schema" not in file.parts:
+        return str(file.relative_to("docs"))
+    return f"project/{text}" if file.suffix in SHOWN else None
+
+
+def _leads(page: str, target: str) -> str | None:
+    """Return a link of a page as it must read in the site; None where what it leads to is not shown."""
+    path, mark, anchor = target.partition("#")
+    if "://" in target or not path:
+        return target
+    here = file_of(page) if not page.startswith("project/") else PurePosixPath(page.removeprefix("project/"))
+    place = place_of(PurePosixPath(os.path.normpath(here.parent / path)))
+    return None if place is None else os.path.relpath(place, PurePosixPath(page).parent) + mark + anchor
+
+
+def outside(pages: dict[str, str]) -> set[str]:
+    """Return the files of the repository beside docs/ to which pages lead."""
+    found = set()
+    for page, text in pages.items():
+        here = file_of(page).parent
+        for part in CODE.split(text)[::2]:
+            for _, _, target in LINK.findall(part):
+                file = PurePosixPath(os.path.normpath(here / target.partition("#")[0]))
+                if "://" not in target and (place_of(file) or "").startswith("project/"):
+                    found.add(str(file))
+    return found
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add what docs/ does not hold."""
+    from mkdocs.structure.files import File
+
+    pages = virtual_pages()
+    for name, text in pages.items():
+        files.append(File.generated(config, name, content=text))
+    with tempfile.TemporaryDirectory() as folder:
+        for name in PICTURES:
+            files.append(File.generated(config, name, content=draw(name, Path(folder))))
+    written = {file.src_uri: file.content_string for file in files.documentation_pages() if file.src_uri not in pages}
+    for name in sorted(outside(written | pages)):
+        files.append(File.generated(config, f"project/{name}", abs_src_path=str(ROOT / name)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Turn a page as the repository has it into one as the site has it."""
+    return turned(markdown, page.file.src_uri)
+
+
+def turned(markdown: str, page: str) -> str:
+    """Return a page with links, fences and formulas as the site needs them."""
+
+    def link(found: re.Match[str]) -> str:
+        leads = _leads(page, found[3])
+        if leads is None:
+            return found[2]
+        return f"{found[1]}[{found[2]}]({leads})"
+
+    text = "".join(part if k % 2 else LINK.sub(link, part) for k, part in enumerate(CODE.split(markdown)))
+    text = FORMULA.sub(lambda found: "\n".join(mathml(line) for line in found[1].splitlines() if line.strip()), text)
+    return FENCE.sub(_fence, text)
+
+
+def _fence(found: re.Match[str]) -> str:
+    """Say the name of the file that a block is, in the manner of the site."""
+    language, words = found[1], found[2].split()
+    file = next((word for word in words if "." in word or "/" in word), None)
+    return f"```{language}" + (f' title="{file}"' if file else "")
