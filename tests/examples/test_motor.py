@@ -28,16 +28,23 @@ def example() -> ModuleType:
 
 
 def test_an_unseen_run_is_met_to_ten_kelvin(example: ModuleType) -> None:
-    study = example.fitted(DATA, ("run 1", "run 3"))
-    found = example.predicted(DATA, "run 2", study)
-    winding = found.record.channels["WINDING"]
+    fit = example.fitted(DATA, ("run 1", "run 3"))
+    verdict = example.predicted(DATA, "run 2", fit)
+    found = verdict.prediction
+    winding = example.joined(DATA, "run 2").channels["WINDING"]
     readings = winding.values[winding.valid]
     assert readings.max() - readings[0] > 100.0
-    assert found.rmse["WINDING"] < 10.0
-    assert found.rmse["STATOR"] < 5.0
-    assert abs(found.largest["WINDING"][0]) < 15.0
-    # the controller's rows of this run are about a quarter longer than its author takes them for
-    assert 1.15 < found.rate < 1.3
-    assert not found.record.origin.synthetic
+    assert verdict.passed
+    assert verdict.fitted_locally == ("clock offset", "clock rate")
+    assert found.sensors["WINDING"].rmse < 6.5
+    assert found.sensors["STATOR"].rmse < 3.0
+    assert abs(found.sensors["WINDING"].largest) < 13.0
+    # the controller's rows of this run are about a fifth longer than its author takes them for
+    clock = {i.name: i for i in found.local}
+    assert 1.15 < clock["clock rate"].value < 1.25
+    assert not found.synthetic
     for path in example.FREE:
-        assert 2 * study.fit[path].error < study.fit[path].value
+        assert 2 * fit[path].error < fit[path].value
+    beside = example.aligned(DATA, "run 2", fit)
+    assert abs(beside.offset - clock["clock offset"].value) < 3 * clock["clock offset"].error
+    assert abs(beside.rate - clock["clock rate"].value) < 3 * clock["clock rate"].error

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from thermid.identify.calibration import Calibration
+from thermid.identify.clock_search import at_clocks, in_turns, with_clocks
 from thermid.identify.gather import problem_for
 from thermid.identify.refusals import refuse_after, refuse_before
 from thermid.identify.request import LocalSpec, Request
@@ -91,12 +92,15 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     if known is not None and list(known) == [u.name for u in problem.unknowns]:
         found = ended(problem, np.array(list(known.values())), request.loss, request.knee)
     else:
+        problem = with_clocks(problem, request.loss, request.knee)
         refuse_before(request, problem, lambda r: fit(r))
         found = searched(problem, request.search, request.loss, request.knee, progress)
+        problem, found = in_turns(problem, found, request.loss, request.knee, progress)
         if not stated:
             weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
             again = minimise(weighed, request.loss, request.knee, found.fitted, progress)
             found = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
+    problem = at_clocks(problem, found.fitted)
     if not stated:
         # from the end alone, so that a fit taken from before says the same
         problem = replace(problem, noise=_measured_noise(problem, found, request.loss))

@@ -219,4 +219,4 @@ def _bias_text(sensor: str, fit: Calibration) -> str:
 def _local_text(i: Local) -> str:
     if i.unit == "degC":
         return f"{i.value - 273.15:.2f} +- {i.error:.2g} degC"
-    return f"{i.value:.4g} +- {i.error:.2g} {i.unit}"
+    return f"{_digits(i.value, i.error)} +- {i.error:.2g} {i.unit if i.unit != '1' else ''}".rstrip()

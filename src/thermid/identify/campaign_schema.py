@@ -22,6 +22,14 @@ class LocalTable(_Strict):
     sd: str | None = None
 
 
+class JoinedTable(_Strict):
+    """Another log of the same test, on a clock of its own; pairs are ranges in which the fit finds offset and rate."""
+
+    record: str
+    offset: str | tuple[str, str] = "0 [s]"
+    rate: float | tuple[float, float] = 1.0
+
+
 class RecordTable(_Strict):
     """A log, or a pattern of logs, with what its columns are."""
 
@@ -30,6 +38,7 @@ class RecordTable(_Strict):
     time: str | None = None
     channels: dict[str, str | Annotated[dict[str, Any], WithJsonSchema(channel_schema())]]
     prepare: list[dict[str, Any]] = []
+    joined: JoinedTable | None = None
     local: dict[str, LocalTable] = {}
     separator: str | None = None
     decimal: str | None = None

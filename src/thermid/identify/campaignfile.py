@@ -15,6 +15,7 @@ from thermid.identify.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
+from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -145,10 +146,23 @@ class CampaignSource:
                         f"this is not the log that the campaign was made for.{f' {table.get}' if table.get else ''}",
                         where,
                     )
-                self._records[name] = raw.prepare(table.prepare)
+                self._records[name] = self._joined(raw.prepare(table.prepare), table, where)
             except ThermidError as error:
                 raise placed(error, where) from None
         return self._records[name]
+
+    def _joined(self, record: Record, table: RecordTable, where: str) -> Record:
+        """Return a record with the log beside it, where the campaign names one."""
+        if table.joined is None:
+            return record
+        if table.files is not None:
+            raise DeckError("a pattern of files cannot be joined with one log. Give each log a record of its own by `file`.", where)
+        other, offset, rate = table.joined.record, table.joined.offset, table.joined.rate
+        if other not in self.names() or self.names()[other][1].joined is not None:
+            what = "is joined with a third" if other in self.names() else "is not in this campaign"
+            raise RecordError(f"it is joined with record '{other}', which {what}.{nearest(other, self.names())}", where)
+        ends = tuple(literal(text, "s", f"{where}.joined.offset") for text in ((offset, offset) if isinstance(offset, str) else offset))
+        return record.joined(self.record(other), (ends[0], ends[1]), rate)
 
     def bound(self, name: str, stage: StageTable) -> Record:
         """Return a record with the bindings of a stage in place of its own."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thermid.errors import RecordError, nearest
 from thermid.identify.driven import Inputs, signal_of
 from thermid.identify.sensor_parts import Seat, attached
+from thermid.identify.ticks import Ticks
 from thermid.measure import Channel, Record
 from thermid.measure.part import SensorPart
 from thermid.model.model import Model
@@ -85,6 +86,7 @@ class Experiment:
                                 start (of a boundary: throughout).
     loose : tuple of str        Observed nodes whose start nothing gives but their own readings.
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
+    ticks : Ticks or None       What was logged on a second clock that is known within a range only.
     """
 
     record: Record
@@ -96,6 +98,7 @@ class Experiment:
     readings: Mapping[str, str] = field(default_factory=dict)
     loose: tuple[str, ...] = ()
     tips: Mapping[str, str] = field(default_factory=dict)
+    ticks: Ticks | None = None
 
     @property
     def bare(self) -> Scenario:
@@ -173,19 +176,23 @@ def meet(
     RecordError   When a channel is bound to nothing, or no channel observes a node.
     """
     base = scenario or Scenario(record.name)
-    driven = [c.target or c.name for c in record.channels.values() if c.role == "prescribed"]
+    prescribed = [c.target or c.name for c in record.channels.values() if c.role == "prescribed"]
     whole, seats = attached(model, record)
-    network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *driven))
-    zero = float(record.times[0])
+    network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
+    second = record.second
+    zero, last = (float(record.times[0]), float(record.times[-1])) if second is None else second.times
     given = {network.find(k): v for k, v in base.boundaries.items()}
     inputs = Inputs(given, dict(base.loads), dict(base.commands), dict(base.gains))
     observed: list[tuple[Channel, str]] = []
+    driven: dict[str, str] = {}
     for channel in record.channels.values():
         role, path = _bound(record, channel, network)
         if role == "node":
+            _timed(channel, record)
             observed.append((channel, path))
         else:
             _bare(channel, role, record)
+            driven[channel.name] = path
             inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
         raise RecordError(f"no channel observes a node of {network.title}; there is nothing to compare.", record.name)
@@ -198,7 +205,7 @@ def meet(
     start, initial, readings, loose = _starts(record, base, network, first, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
-    duration = float(record.times[-1]) - zero
+    duration = last - zero
     made = replace(
         base,
         title=record.name,
@@ -210,7 +217,22 @@ def meet(
         initial=initial,
         duration=duration,
     )
-    return Experiment(record, network, made, times, observations, inputs.shared, readings, loose, tips)
+    ticks = None
+    if second is not None:
+        tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
+        followed = tuple((name, p) for c, p in driven.items() if c in second.channels for name, held in tables if p in held)
+        ticks = Ticks(second, followed, zero, second.at)
+    return Experiment(record, network, made, times, observations, inputs.shared, readings, loose, tips, ticks)
+
+
+def _timed(channel: Channel, record: Record) -> None:
+    """Refuse temperatures that are compared, but on a clock that the fit has yet to find."""
+    if record.second is not None and channel.name in record.second.channels:
+        raise RecordError(
+            "its readings are compared with the model, but its clock is yet to be found; the log with the compared temperatures gives the "
+            "time. Join the logs the other way round, or, where both hold such temperatures, find the clock with td.align first.",
+            f"{record.name}, {channel.name}",
+        )
 
 
 def _bare(channel: Channel, role: str, record: Record) -> None:

@@ -12,6 +12,7 @@ from thermid.identify.inherit import handed_on
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.identify.sensor_parts import gain_of, instruments
+from thermid.identify.ticks import clock_unknowns
 from thermid.identify.ties import tied
 from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
 from thermid.model.signal import Constant, Table, literal
@@ -42,7 +43,12 @@ def problem_for(request: Request) -> Problem:
         meet(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
     )
     _check_weights(request, experiments, where)
-    unknowns = [*_parameters(request, experiments), *_locals(request, experiments), *_nuisances(request, experiments)]
+    unknowns = [
+        *_parameters(request, experiments),
+        *_locals(request, experiments),
+        *clock_unknowns(experiments),
+        *_nuisances(request, experiments),
+    ]
     starts = [_starts(request, e) for e in experiments]
     unknowns = _reaching(unknowns, starts, request.held_bias)
     settled = tuple(_settled(request, e, s) for e, s in zip(experiments, starts, strict=True))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.residuals import Problem
+from thermid.identify.statistics import loss_of
 from thermid.identify.unknowns import Unknown
 from thermid.simulation.members import run_members
 
@@ -74,7 +75,7 @@ class Population:
             for o in seen:
                 bias, _ = self.problem._bias(o.sensor, points[0])
                 residuals = (o.measured[:, None] - found.temperatures(o.node)[o.index] - bias) / o.sigma(self.problem.noise)
-                cost += _losses(residuals, self.loss, self.knee).sum(axis=0)
+                cost += loss_of(residuals**2, self.loss, self.knee)[0].sum(axis=0)
         return np.where(np.isfinite(cost), 0.5 * cost, np.inf)
 
 
@@ -91,15 +92,3 @@ def box_of(unknown: Unknown) -> tuple[float, float]:
         low, high = max(low, middle - reach), min(high, middle + reach)
     low = low if math.isfinite(low) else min(middle - reach, high - reach)
     return low, high if math.isfinite(high) else max(middle + reach, low + reach)
-
-
-def _losses(residuals: Array, loss: str, knee: float) -> Array:
-    """Return the loss of residuals in units of the noise, as the kernel counts it. [-]"""
-    z = (residuals / knee) ** 2
-    if loss == "soft_l1":
-        return np.asarray(2.0 * knee**2 * (np.sqrt(1.0 + z) - 1.0))
-    if loss == "huber":
-        return np.asarray(knee**2 * np.where(z > 1.0, 2.0 * np.sqrt(z) - 1.0, z))
-    if loss == "cauchy":
-        return np.asarray(knee**2 * np.log1p(z))
-    return np.asarray(residuals**2)

@@ -14,6 +14,7 @@ from thermid.errors import SolverError
 from thermid.identify.blocks import Block, Compressed, Predictions
 from thermid.identify.experiment import Experiment, Observation
 from thermid.identify.statistics import Sums
+from thermid.identify.ticks import OFFSET, RATE, clock_at, compressed_in_full, slopes_of_clock
 from thermid.identify.unknowns import Target, Unknown
 from thermid.simulation.engine import Engine, Options
 from thermid.simulation.squares import Squares, Weighing
@@ -25,6 +26,8 @@ __all__ = ["Bench", "Block", "Compressed", "Predictions", "Problem"]
 Array = NDArray[np.float64]
 FAILED = 1e4
 """Residual that stands for a run that the integrator could not finish; the optimiser then turns back."""
+KEPT = 32
+"""Benches at other offsets and rates of second clocks that are kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,18 +126,37 @@ class Problem:
     fixed_bias: dict[str, float] = field(default_factory=dict)
     coupled: tuple[tuple[NDArray[np.int64], Array, Array], ...] = ()
     _benches: list[Bench] = field(default_factory=list, repr=False)
+    _moved: dict[tuple[int, float, float], Bench] = field(default_factory=dict, repr=False)
 
     def benches(self) -> list[Bench]:
         """Return one bench per experiment, made once."""
         if not self._benches:
             for i, experiment in enumerate(self.experiments):
-                names = dict.fromkeys(target.name for _, target in self._acting(i))
-                self._benches.append(Bench.of(experiment, tuple(names)))
+                self._benches.append(Bench.of(experiment, self._names(i)))
         return self._benches
+
+    def bench(self, i: int, fitted: Array) -> Bench:
+        """Return the bench of an experiment with its second clock where the unknowns put it."""
+        experiment = self.experiments[i]
+        if experiment.ticks is None or (at := clock_at(self, i, fitted)) == experiment.ticks.at:
+            return self.benches()[i]
+        if (i, *at) not in self._moved:
+            if len(self._moved) > KEPT:
+                self._moved.clear()
+            self._moved[i, *at] = Bench.of(experiment.ticks.moved(experiment, at), self._names(i))
+        return self._moved[i, *at]
+
+    def ticking(self, i: int) -> list[tuple[int, str]]:
+        """Return position and name of the unknowns that are offset or rate of an experiment's second clock."""
+        return [(k, t.name) for k, u in enumerate(self.unknowns) for t in u.targets if t.experiment == i and t.name in (OFFSET, RATE)]
+
+    def _names(self, i: int) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(target.name for _, target in self._acting(i)))
 
     def _acting(self, i: int) -> list[tuple[int, Target]]:
         """Return position and target of every unknown that acts in an experiment; several may act on one name."""
-        return [(k, target) for k, u in enumerate(self.unknowns) for target in u.targets if target.experiment == i]
+        there = [(k, target) for k, u in enumerate(self.unknowns) for target in u.targets if target.experiment == i]
+        return [(k, target) for k, target in there if target.name not in (OFFSET, RATE)]
 
     def _bias(self, sensor: str, fitted: Array) -> tuple[float, int | None]:
         """Return the constant error of a sensor and its position among the unknowns."""
@@ -154,15 +176,18 @@ class Problem:
 
     def blocks(self, fitted: Array) -> list[Block]:
         """Return measured and predicted readings of every sensor of every record."""
-        out = []
-        for i, bench in enumerate(self.benches()):
-            x, _ = self.inputs(i, fitted)
-            columns, _ = bench.temperatures(x, False, self.options)
-            for k, o in enumerate(bench.experiment.observations):
-                bias, _ = self._bias(o.sensor, fitted)
-                predicted = columns[o.index, k] + bias
-                times = bench.experiment.times[o.index]
-                out.append(Block(bench.experiment.record.name, o.sensor, o.seat, times, o.measured, predicted, o.sigma(self.noise)))
+        return [block for i in range(len(self.experiments)) for block in self.blocks_of(i, fitted)]
+
+    def blocks_of(self, i: int, fitted: Array) -> list[Block]:
+        """Return measured and predicted readings of every sensor of a record."""
+        out, bench = [], self.bench(i, fitted)
+        x, _ = self.inputs(i, fitted)
+        columns, _ = bench.temperatures(x, False, self.options)
+        for k, o in enumerate(bench.experiment.observations):
+            bias, _ = self._bias(o.sensor, fitted)
+            predicted = columns[o.index, k] + bias
+            times = bench.experiment.times[o.index]
+            out.append(Block(bench.experiment.record.name, o.sensor, o.seat, times, o.measured, predicted, o.sigma(self.noise)))
         return out
 
     def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
@@ -181,6 +206,11 @@ class Problem:
         taken: list[Array] = []
         chi = 0.0
         for i, bench in enumerate(self.benches()):
+            if bench.experiment.ticks is not None:
+                own, part, square, sizes = compressed_in_full(self, i, fitted, loss, knee)
+                rows, slopes, chi, sums = [*rows, own], [*slopes, part], chi + square, [*sums, *sizes]
+                taken.append(np.zeros(0))
+                continue
             x, chain = self.inputs(i, fitted)
             seen = bench.experiment.observations
             bias, columns, shifts = self._shifts(bench, x, chain, fitted)
@@ -245,10 +275,12 @@ class Problem:
 
     def slopes(self, i: int, fitted: Array, times: Array | None = None) -> Array:
         """Return d weighted residuals / d fitted (times, sensors, unknowns) of an experiment, at its own times or at others [s]."""
-        bench = self.benches()[i]
+        bench = self.bench(i, fitted)
         x, chain = self.inputs(i, fitted)
         columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
         out = -(derivatives @ chain) if x.size else np.zeros((*columns.shape, len(self.unknowns)))
+        for at, own in slopes_of_clock(self, i, fitted, times).items():
+            out[:, :, at] -= own
         for k, o in enumerate(bench.experiment.observations):
             _, position = self._bias(o.sensor, fitted)
             if position is not None:

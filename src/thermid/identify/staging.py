@@ -163,6 +163,7 @@ def key_of(request: Request, below: list[str]) -> str:
             r.name: [
                 r.origin.sha256,
                 list(r.steps),
+                *([repr(r.second)] if r.second else []),
                 {n: [c.role, c.target, c.gain, c.noise, c.accuracy, *([repr(c.part)] if c.part else [])] for n, c in r.channels.items()},
             ]
             for r in request.records

@@ -8,7 +8,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SensorStatistics", "Sums", "pooled"]
+__all__ = ["SensorStatistics", "Sums", "loss_of", "pooled"]
 
 Array = NDArray[np.float64]
 
@@ -103,3 +103,16 @@ class Sums:
 def pooled(parts: list[Sums]) -> Sums:
     """Return the sums of several stretches, one after the other."""
     return reduce(Sums.followed_by, parts)
+
+
+def loss_of(squares: Array, loss: str, knee: float) -> tuple[Array, Array]:
+    """Return the loss of squared residuals in units of the noise, as the kernel counts it, and its derivative. [-]"""
+    z = squares / knee**2
+    if loss == "soft_l1":
+        return 2.0 * knee**2 * (np.sqrt(1.0 + z) - 1.0), 1.0 / np.sqrt(1.0 + z)
+    if loss == "huber":
+        root = np.sqrt(np.maximum(z, 1.0))
+        return knee**2 * np.where(z > 1.0, 2.0 * root - 1.0, z), 1.0 / root
+    if loss == "cauchy":
+        return knee**2 * np.log1p(z), 1.0 / (1.0 + z)
+    return squares, np.ones_like(squares)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from thermid.identify.residuals import Problem
 from thermid.identify.solve import Fit, covariances
+from thermid.identify.statistics import loss_of
 
 __all__ = ["Binned", "Trace", "Wander", "binned", "wander"]
 
@@ -129,20 +129,8 @@ def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0
     return Wander(tuple(traces), level, excess)
 
 
-def _psi(loss: str, knee: float) -> Callable[[Array], Array]:
-    """Return the weight that a loss gives to a residual in units of the noise."""
-    forms: dict[str, Callable[[Array], Array]] = {
-        "linear": np.ones_like,
-        "soft_l1": lambda r: 1.0 / np.sqrt(1.0 + (r / knee) ** 2),
-        "huber": lambda r: np.minimum(1.0, knee / np.maximum(np.abs(r), 1e-300)),
-        "cauchy": lambda r: 1.0 / (1.0 + (r / knee) ** 2),
-    }
-    return forms[loss]
-
-
 def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 1.0) -> dict[tuple[str, str], Binned]:
     """Return (record, sensor) -> its residuals in stretches of time."""
-    weight = _psi(loss, knee)
     out: dict[tuple[str, str], Binned] = {}
     blocks = iter(problem.blocks(fitted))
     for i, experiment in enumerate(problem.experiments):
@@ -154,7 +142,7 @@ def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 
         for k, o in enumerate(experiment.observations):
             block = next(blocks)
             z = block.residuals / o.sigma(problem.noise)
-            w = weight(z)
+            w = loss_of(z**2, loss, knee)[1]
             place = np.searchsorted(edges, times[o.index], side="right") - 1
             count = np.bincount(place, minlength=edges.size).astype(float)
             mean = np.bincount(place, w * z, minlength=edges.size) / np.maximum(count, 1.0)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,20 +15,63 @@ from thermid.measure.channel import Channel
 if TYPE_CHECKING:
     from thermid.measure.record import Record
 
-__all__ = ["joined"]
+__all__ = ["SecondClock", "joined"]
 
 
-def joined(first: Record, second: Record, offset: float, rate: float) -> Record:
+@dataclass(frozen=True)
+class SecondClock:
+    """A clock beside a record's own, known within ranges only: a time t on it is ``offset + rate t``. A fit finds both.
+
+    Parameters
+    ----------
+    channels : tuple of str         What was logged on it.
+    offset, rate : (low, high)      Where they are looked for. [s, -]
+    at : (offset, rate)             Those at which the record holds these channels. [s, -]
+    times : (first, last)           Of the log with the other clock, to which the fit counts. [s]
+    step : float                    Median interval of the log on this clock. [s]
+    """
+
+    channels: tuple[str, ...]
+    offset: tuple[float, float]
+    rate: tuple[float, float]
+    at: tuple[float, float]
+    times: tuple[float, float]
+    step: float
+
+
+def joined(first: Record, second: Record, offset: float | tuple[float, float], rate: float | tuple[float, float]) -> Record:
     """Return both records' channels on the times of both.
 
-    A time t of the second record's clock is ``offset + rate t`` on the first one's. [s]
+    A time t of the second record's clock is ``offset + rate t`` on the first one's. [s] Where either is a range, the record stands in its
+    middle and a fit finds it.
 
     Raises
     ------
-    RecordError   When the rate is not above zero, a channel is in both, or the logs do not overlap.
+    RecordError   When the rate is not above zero, a channel is in both, the logs do not overlap, or a range is none.
     """
-    if not rate > 0:
-        raise RecordError(f"a clock runs forward; its rate {rate:g} must be above zero.", second.name)
+    offsets, rates = (_range(given, name, second.name) for given, name in ((offset, "offset"), (rate, "rate")))
+    at = 0.5 * sum(offsets), 0.5 * sum(rates)
+    made = _at(first, second, *at, rates[0])
+    if offsets[0] == offsets[1] and rates[0] == rates[1]:
+        return made
+    if first.second is not None or second.second is not None:
+        raise RecordError("one of them holds a clock already that a fit has to find. One at a time can be left open.", first.name)
+    step = float(np.median(np.diff(second.times)))
+    clock = SecondClock(tuple(second.channels), offsets, rates, at, (float(first.times[0]), float(first.times[-1])), step)
+    between = f"between {offsets[0]:.6g} and {offsets[1]:.6g} s late and {rates[0]:.6g} to {rates[1]:.6g} times as slow, by the fit"
+    return replace(made, second=clock, steps=(*made.steps[:-1], f"joined with {second.origin.file}, whose clock is {between}"))
+
+
+def _range(given: float | tuple[float, float], name: str, where: str) -> tuple[float, float]:
+    low, high = given if isinstance(given, tuple | list) else (given, given)
+    if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+        raise RecordError(f"the range {low:g} .. {high:g} of its clock's {name} must go from a lower to a higher number.", where)
+    return float(low), float(high)
+
+
+def _at(first: Record, second: Record, offset: float, rate: float, slowest: float) -> Record:
+    if not slowest > 0:
+        raise RecordError(f"a clock runs forward; its rate {slowest:g} must be above zero.", second.name)
     both = sorted(set(first.channels) & set(second.channels))
     if both:
         raise RecordError(f"'{both[0]}' is a channel of both logs. Rename it in one of them.", f"{first.name}, {second.name}")

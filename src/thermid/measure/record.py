@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from thermid.errors import NameNotFoundError, RecordError, nearest
 from thermid.measure import export, flags, join, part, prepare
 from thermid.measure.channel import BoolArray, Channel, FloatArray, Origin, digest, frozen
+from thermid.measure.join import SecondClock
 from thermid.measure.steps import run_steps
 from thermid.measure.windows import usual_step
 
@@ -50,6 +51,7 @@ class Record:
     channels : mapping to Channel    Channels by name.
     origin : Origin                  Where the samples came from; kept by every copy.
     steps : tuple of str             What was done to the samples, in words and numbers.
+    second : SecondClock or None     A clock beside its own that a fit has yet to find.
 
     Raises
     ------
@@ -61,6 +63,7 @@ class Record:
     channels: Mapping[str, Channel]
     origin: Origin
     steps: tuple[str, ...] = ()
+    second: SecondClock | None = None
 
     def __post_init__(self) -> None:
         """Check the channels against the times and each other."""
@@ -193,8 +196,11 @@ class Record:
         """Return the record with times from zero."""
         return prepare.shift_start(self)
 
-    def joined(self, other: Record, offset: float = 0.0, rate: float = 1.0) -> Record:
-        """Return the channels of both records: a time t on the other's clock is ``offset + rate t`` on this one's. [s]"""
+    def joined(self, other: Record, offset: float | tuple[float, float] = 0.0, rate: float | tuple[float, float] = 1.0) -> Record:
+        """Return the channels of both records: a time t on the other's clock is ``offset + rate t`` on this one's. [s]
+
+        Pairs are ranges, within which `calibrate` finds them.
+        """
         return join.joined(self, other, offset, rate)
 
     def steady(

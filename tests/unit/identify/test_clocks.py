@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import IdentificationError, RecordError
+from thermid.errors import DeckError, IdentificationError, RecordError
+from thermid.identify.gather import problem_for
+from thermid.identify.request import Request
+from thermid.model.signal import Table
 
 BOX = td.model_from_dict(
     {
@@ -20,6 +26,25 @@ BOX = td.model_from_dict(
 SLOW = np.arange(0.0, 1801.0, 5.0)
 FAST = np.arange(0.0, 1201.0, 2.0)
 POWER = np.where((FAST > 100) & (FAST < 500), 20.0, np.where((FAST > 700) & (FAST < 1100), 12.0, 0.0))
+CAMPAIGN = """
+title = "clocks"
+
+[records.bench]
+file     = "bench.csv"
+channels = { T = { node = "case", noise = "0.05 [K]" } }
+joined   = { record = "meter", offset = ["0 [s]", "5 [min]"], rate = [0.9, 1.2] }
+
+[records.meter]
+file     = "meter.csv"
+channels = { P = { load = "heat" } }
+
+[[stages]]
+name     = "box"
+model    = "box.toml"
+records  = ["bench"]
+free     = ["case.capacitance", "out.conductance"]
+scenario = { boundaries = { air = "20 [degC]" }, start = "20 [degC]" }
+"""
 AIR = td.Scenario("s", {"air": "20 [degC]"}, start="20 [degC]")
 
 
@@ -73,3 +98,122 @@ def test_records_that_cannot_be_joined() -> None:
         first.joined(first)
     with pytest.raises(RecordError, match="do not overlap"):
         first.joined(second, 5000.0)
+
+
+def held(offset: float, rate: float, seed: int = 3) -> tuple[td.Record, td.Record]:
+    """Return the same logs where the meter's readings hold until the next one, as the meter's log is read."""
+    first, second = logs(offset, rate)
+    power = Table(offset + rate * FAST, POWER, hold=True)
+    made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
+    noise = 0.05 * np.random.default_rng(seed).standard_normal(SLOW.size)
+    read = first.channels["T"]
+    return first.with_channels(replace(read, values=td.simulate(BOX, made, times=SLOW)["case"].kelvin + noise)), second
+
+
+def open_clock(offset: float, rate: float, seed: int = 3) -> td.Record:
+    first, second = held(offset, rate, seed)
+    return first.joined(second, (0.0, 300.0), (0.9, 1.2))
+
+
+FREE = ["case.capacitance", "out.conductance"]
+
+
+def test_a_fit_finds_a_clock_beside_its_values() -> None:
+    fit = td.calibrate(BOX, open_clock(130.0, 1.08), FREE, scenario=AIR)
+    clock = {i.name: i for i in fit.local}
+    for name, truth, sure in (("clock offset", 130.0, 0.3), ("clock rate", 1.08, 6e-4)):
+        assert abs(clock[name].value - truth) < 3.0 * clock[name].error
+        assert 0.0 < clock[name].error < sure
+    for path, truth in zip(FREE, (300.0, 0.5), strict=True):
+        assert abs(fit[path].value - truth) < 3.0 * fit[path].error
+    assert fit.sensors["T"].rmse < 0.055
+    assert "bench: clock offset 130." in str(fit)
+    assert fit.request is not None
+    assert "by the fit" in fit.request.records[0].steps[-1]
+    # the errors of the values count that the clock is not known
+    known = td.calibrate(BOX, held(130.0, 1.08)[0].joined(held(130.0, 1.08)[1], 130.0, 1.08), FREE, scenario=AIR)
+    assert fit["case.capacitance"].error > 1.05 * known["case.capacitance"].error
+
+
+def test_a_held_rate_and_a_robust_loss() -> None:
+    first, second = held(130.0, 1.0)
+    readings = first.channels["T"]
+    wild = readings.values.copy()
+    wild[::40] += 30.0
+    record = first.with_channels(replace(readings, values=wild)).joined(second, (0.0, 300.0))
+    fit = td.calibrate(BOX, record, FREE, scenario=AIR, loss="cauchy")
+    (clock,) = fit.local
+    assert abs(clock.value - 130.0) < max(3.0 * clock.error, 1.0)
+    assert fit["out.conductance"].value == pytest.approx(0.5, rel=0.005)
+
+
+def test_a_verdict_finds_the_clock_of_its_record() -> None:
+    fit = td.calibrate(BOX, open_clock(130.0, 1.08), FREE, scenario=AIR)
+    verdict = td.validate(fit, open_clock(60.0, 1.0, seed=5), td.Criteria(rmse="0.1 [K]"), scenario=AIR)
+    assert verdict.passed
+    assert verdict.fitted_locally == ("clock offset", "clock rate")
+    assert verdict.prediction.local[0].value == pytest.approx(60.0, abs=1.0)
+
+
+def test_derivatives_of_a_clock_are_those_of_the_residuals() -> None:
+    request = Request(BOX, (open_clock(130.0, 1.08),), ("out.conductance",), {"*": AIR})
+    problem = problem_for(request)
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    found = problem.compressed(at)
+    # rows and slopes hold all that the full residuals say
+    full, slopes = problem.residuals(at), problem.jacobian(at)
+    assert found.rows @ found.rows == pytest.approx(full @ full)
+    assert found.slopes.T @ found.slopes == pytest.approx(slopes.T @ slopes, rel=1e-6)
+    assert found.slopes.T @ found.rows == pytest.approx(slopes.T @ full, rel=1e-5)
+    step = np.zeros(at.size)
+    step[1] = 0.5
+    assert (problem.residuals(at + step) - problem.residuals(at - step)) == pytest.approx(
+        slopes[:, 1], abs=0.02 * np.abs(slopes[:, 1]).max()
+    )
+
+
+def test_clocks_that_cannot_be_left_open() -> None:
+    first, second = held(130.0, 1.0)
+    with pytest.raises(RecordError, match="gives the time"):
+        td.calibrate(BOX, second.joined(first, (-300.0, 0.0)), FREE, scenario=AIR)
+    with pytest.raises(RecordError, match="from a lower to a higher"):
+        first.joined(second, (300.0, 0.0))
+    third = td.Record.from_arrays("third", FAST, {"Q": td.Channel.of("Q", 293.15 + 0 * FAST, role="boundary", target="air")})
+    with pytest.raises(RecordError, match="One at a time"):
+        first.joined(second, (0.0, 300.0)).joined(third, (0.0, 300.0))
+
+
+def test_a_campaign_says_which_log_has_another_clock(tmp_path: Path) -> None:
+    first, second = held(130.0, 1.08)
+    first.to_csv(tmp_path / "bench.csv")
+    second.to_csv(tmp_path / "meter.csv")
+    td.save_model(BOX, tmp_path / "box.toml")
+    campaign = tmp_path / "campaign.toml"
+    campaign.write_text(CAMPAIGN)
+    found = td.run_stages(campaign, cache=tmp_path / "results")
+    clock = {i.name: i.value for i in found["box"].local}
+    assert clock == pytest.approx({"clock offset": 130.0, "clock rate": 1.08}, abs=0.6)
+    again = td.run_stages(campaign, cache=tmp_path / "results")
+    assert again["box"].fitted == found["box"].fitted
+    assert again["box"]["out.conductance"].error == pytest.approx(found["box"]["out.conductance"].error, rel=1e-5)
+    campaign.write_text(CAMPAIGN.replace('record = "meter"', 'record = "metre"'))
+    with pytest.raises(RecordError, match=r"joined with record 'metre', which is not in this campaign.*meter"):
+        td.run_stages(campaign)
+    campaign.write_text(CAMPAIGN.replace('file     = "bench.csv"', 'files = "ben*.csv"'))
+    with pytest.raises(DeckError, match="a pattern of files cannot be joined"):
+        td.run_stages(campaign)
+
+
+@pytest.mark.campaign
+def test_intervals_of_clocks_hold_the_truth() -> None:
+    pulls = []
+    for seed in range(60):
+        fit = td.calibrate(BOX, open_clock(130.0, 1.08, seed), FREE, scenario=AIR)
+        clock = {i.name: i for i in fit.local}
+        pulls.append(
+            [(clock[n].value - t) / clock[n].error for n, t in (("clock offset", 130.0), ("clock rate", 1.08))]
+            + [(fit[p].value - t) / fit[p].error for p, t in zip(FREE, (300.0, 0.5), strict=True)]
+        )
+    held_in = np.mean(np.abs(pulls) < 1.96, axis=0)
+    assert (held_in > 0.86).all(), held_in
+    assert (np.mean(np.square(pulls), axis=0) > 0.5).all()
