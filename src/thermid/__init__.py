@@ -106,18 +106,18 @@ if TYPE_CHECKING:
     from thermid.qualify.foresight import Foresight as Foresight
     from thermid.qualify.foresight import Known as Known
     from thermid.qualify.foresight import foresee as foresee
+    from thermid.qualify.heaters import heater_duty as heater_duty
     from thermid.qualify.hold import Hold as Hold
     from thermid.qualify.hold import hold as hold
     from thermid.qualify.holdfile import HoldQuestion as HoldQuestion
     from thermid.qualify.holdfile import load_hold as load_hold
+    from thermid.qualify.limit_checks import check_limits as check_limits
     from thermid.qualify.limits import Limits as Limits
-    from thermid.qualify.limits import check_limits as check_limits
     from thermid.qualify.limits import load_limits as load_limits
     from thermid.qualify.lock import lock_plan as lock_plan
     from thermid.qualify.macro import assumed as assumed
     from thermid.qualify.macro import macro_model as macro_model
     from thermid.qualify.margins import Margin as Margin
-    from thermid.qualify.margins import heater_duty as heater_duty
     from thermid.qualify.margins import margins as margins
     from thermid.qualify.plan import Plan as Plan
     from thermid.qualify.plan import load_plan as load_plan
@@ -286,13 +286,13 @@ _PUBLIC = {
     "Forecast": "qualify.forecast",
     "Limits": "qualify.limits",
     "load_limits": "qualify.limits",
-    "check_limits": "qualify.limits",
+    "check_limits": "qualify.limit_checks",
     "Known": "qualify.foresight",
     "Foresight": "qualify.foresight",
     "foresee": "qualify.foresight",
     "margins": "qualify.margins",
     "Margin": "qualify.margins",
-    "heater_duty": "qualify.margins",
+    "heater_duty": "qualify.heaters",
     "CriteriaSet": "qualify.criteria",
     "correlate": "qualify.correlation",
     "Correlation": "qualify.correlation",

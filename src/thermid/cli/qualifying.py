@@ -14,7 +14,8 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on sta
 PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]
 Data = Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project.")]
 Page = Annotated[Path | None, typer.Option("--to", help="The page to write.")]
-WORDS = {True: "met", False: "NOT met", None: "not decided"}
+LEAVES = {True: 0, False: 1, None: 4}
+"""Verdict -> exit code."""
 
 
 def register(app: typer.Typer) -> None:
@@ -61,7 +62,7 @@ def plan(
 
 
 def qualify(file: PlanPath, to: Page = None, data: Data = None, as_json: Json = False) -> None:
-    """Work a plan through: limits, margins, and the verdict on every log; leave with 1 when something is not met."""
+    """Work a plan through: limits, margins, and the verdict on every log; leave with 1 when something is not met, 4 when not decided."""
     from thermid.cli.output import clean
     from thermid.qualify.programme import run_plan
 
@@ -81,7 +82,7 @@ def qualify(file: PlanPath, to: Page = None, data: Data = None, as_json: Json = 
         typer.echo(str(found))
         if page:
             typer.echo(f"report: {page['page']}")
-    raise SystemExit(1 if found.passed is False else 0)
+    raise SystemExit(LEAVES[found.passed])
 
 
 def correlate(
@@ -94,10 +95,11 @@ def correlate(
     to: Page = None,
     as_json: Json = False,
 ) -> None:
-    """Compare two logs column by column: metrics, verdicts, and an overlay with the sensors' uncertainty; leave with 1 when not met."""
+    """Compare two logs column by column: metrics, verdicts, an overlay with the sensors' errors; leave with 1 when not met, 4 when open."""
     from thermid.cli.output import clean
     from thermid.errors import ScenarioError
     from thermid.qualify.correlation import correlate as compare
+    from thermid.qualify.marks import weigh
     from thermid.qualify.twologs import read_two
 
     windows = []
@@ -125,4 +127,4 @@ def correlate(
         typer.echo(str(found))
         if page:
             typer.echo(f"report: {page['page']}")
-    raise SystemExit(1 if False in found.verdicts.values() else 0)
+    raise SystemExit(LEAVES[weigh(found.verdicts.values())])

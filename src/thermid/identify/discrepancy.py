@@ -29,8 +29,9 @@ from thermid.identify.wander import binned
 if TYPE_CHECKING:
     from thermid.identify.calibration import Calibration
     from thermid.identify.coefficients import Course, Pattern
+    from thermid.identify.wander import Wander
 
-__all__ = ["Discrepancy", "conditions_found", "discrepancy"]
+__all__ = ["Discrepancy", "conditions_found", "discrepancy", "misfit_found", "misfit_kept"]
 
 Array = NDArray[np.float64]
 Key = tuple[str, str]
@@ -175,11 +176,19 @@ def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequ
 
 def _misfit(fit: Calibration) -> dict[str, float]:
     """Return node -> standard deviation of what wanders in its residuals, over all records. [K]"""
-    if fit.problem is None or fit.wander is None:
-        return {}
-    slow = {(t.record, t.sensor): t.slow for t in fit.wander.traces}
+    return misfit_found(fit.problem, fit.wander) if fit.problem is not None and fit.wander is not None else {}
+
+
+def misfit_found(problem: Problem, wander: Wander) -> dict[str, float]:
+    """Return node -> standard deviation of what wanders in its residuals, over all records. [K]"""
+    slow = {(t.record, t.sensor): t.slow for t in wander.traces}
     parts: dict[str, list[float]] = {}
-    for e in fit.problem.experiments:
+    for e in problem.experiments:
         for o in e.observations:
-            parts.setdefault(o.seat, []).append(slow.get((e.record.name, o.sensor), 0.0) * o.sigma(fit.problem.noise) ** 2)
+            parts.setdefault(o.seat, []).append(slow.get((e.record.name, o.sensor), 0.0) * o.sigma(problem.noise) ** 2)
     return {n: float(np.sqrt(np.mean(several))) for n, several in parts.items()}
+
+
+def misfit_kept(values: FittedValues) -> dict[str, float]:
+    """Return node -> standard deviation of what the fit could not follow, as fitted values keep it; empty where they are of before. [K]"""
+    return {n: float(size) for n, size in values.provenance.get("misfit", {}).items()}

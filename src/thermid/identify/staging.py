@@ -151,7 +151,8 @@ def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
     """Return fitted values under the paths that they have in the model above."""
     items = {prefix + p if v.kind == "parameter" else p: replace(v, also=tuple(prefix + q for q in v.also)) for p, v in values.items()}
     conditions = {prefix + p: at for p, at in values.provenance.get("conditions", {}).items()}
-    return replace(values, items_=items, provenance={**values.provenance, "conditions": conditions})
+    misfit = {prefix + n: size for n, size in values.provenance.get("misfit", {}).items()}
+    return replace(values, items_=items, provenance={**values.provenance, "conditions": conditions, "misfit": misfit})
 
 
 def key_of(request: Request, below: list[str]) -> str:

@@ -20,7 +20,7 @@ from thermid.units import TEMPERATURE
 if TYPE_CHECKING:
     from thermid.qualify.plan_schema import TestTable, ValidityTable
 
-__all__ = ["Assumption", "assumptions", "extrapolations"]
+__all__ = ["Assumption", "assumptions", "effects", "extrapolations", "ranked", "uncounted"]
 
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
@@ -64,34 +64,60 @@ def assumptions(
     runs : dict     Run -> what is expected of it.
     nodes : dict    Run -> node -> name of its reference point.
     """
+    return ranked([a for name, run in runs.items() for a in effects(known[name], name, run, nodes[name])])
+
+
+def ranked(effects_: Sequence[Assumption]) -> tuple[Assumption, ...]:
+    """Return every assumed value once, where it moves a reference point most, the largest effect first."""
     best: dict[str, Assumption] = {}
-    for name, run in runs.items():
-        model = known[name].model
-        ahead = f"{known[name].at}." if known[name].at else ""
-        fitted = {ahead + p for v in known[name].values for p in (*v, *(q for w in v.values() for q in w.also))}
-        table = parameter_table(model)
-        numbers = compile_network(model, media=run.scenario.media()).numbers().values
-        loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in fitted]
-        driven = {model.canonical(p) for p in (*run.scenario.schedule, *run.scenario.gains.values())}
-        moved = {p for name in driven if name in table for p in (name, ParameterSet(model).literal_behind(name))}
-        free = [p for p in loose if value_of(numbers[p]) and p not in moved]
-        if not free:
-            continue
-        times = run.solution.times[:: max(1, run.solution.times.size // 60)]
-        ready = prepare(model, run.scenario, free, times=times)
-        found = ready.run(sensitivities=True)
-        slopes = {n: np.abs(found.slopes(n)).max(axis=0) for n in nodes[name]}
-        for k, path in enumerate(ready.free):
-            given, value = table[path].parameter, abs(float(value_of(numbers[path])))
-            low, high = given.minimum, given.maximum
-            ranged = low is not None and high is not None and bool(np.isfinite(high - low))
-            size = (high - low) / 12**0.5 if low is not None and high is not None and ranged else TENTH * value
-            node = max(slopes, key=lambda n: float(slopes[n][k]))
-            effect = float(slopes[node][k]) * size
-            key, around = path.removeprefix(ahead), bool(fitted) and path.startswith(ahead)
-            if key not in best or effect > best[key].effect:
-                best[key] = Assumption(key, given.text, given.basis, size / value, effect, nodes[name][node], name, ranged, around)
+    for a in effects_:
+        if a.path not in best or a.effect > best[a.path].effect:
+            best[a.path] = a
     return tuple(sorted(best.values(), key=lambda a: (a.fitted_around, -a.effect)))
+
+
+def effects(known: Known, name: str, run: Foresight, nodes: Mapping[str, str]) -> list[Assumption]:
+    """Return every assumed value at every reference point in one run; arguments as in `assumptions`."""
+    model = known.model
+    ahead = f"{known.at}." if known.at else ""
+    fitted = {ahead + p for v in known.values for p in (*v, *(q for w in v.values() for q in w.also))}
+    table = parameter_table(model)
+    numbers = compile_network(model, media=run.scenario.media()).numbers().values
+    loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in fitted]
+    driven = {model.canonical(p) for p in (*run.scenario.schedule, *run.scenario.gains.values())}
+    moved = {p for n in driven if n in table for p in (n, ParameterSet(model).literal_behind(n))}
+    free = [p for p in loose if value_of(numbers[p]) and p not in moved]
+    if not free:
+        return []
+    times = run.solution.times[:: max(1, run.solution.times.size // 60)]
+    ready = prepare(model, run.scenario, free, times=times)
+    found = ready.run(sensitivities=True)
+    slopes = {n: np.abs(found.slopes(n)).max(axis=0) for n in nodes}
+    out = []
+    for k, path in enumerate(ready.free):
+        given, value = table[path].parameter, abs(float(value_of(numbers[path])))
+        low, high = given.minimum, given.maximum
+        ranged = low is not None and high is not None and bool(np.isfinite(high - low))
+        size = (high - low) / 12**0.5 if low is not None and high is not None and ranged else TENTH * value
+        key, around = path.removeprefix(ahead), bool(fitted) and path.startswith(ahead)
+        for node, point in nodes.items():
+            effect = float(slopes[node][k]) * size
+            out.append(Assumption(key, given.text, given.basis, size / value, effect, point, name, ranged, around))
+    return out
+
+
+def uncounted(found: Sequence[Assumption], point: str, run: str, stated: Sequence[str]) -> float:
+    """Return what assumed values that no fit was made around, and that no spread names, may move a point by: 95 %, together. [K]
+
+    Parameters
+    ----------
+    found : sequence    Of `effects`.
+    point, run : str    Reference point and run.
+    stated : sequence   Names that are spread in that run, as in the model; ``scale.<load>`` stands for the load's power.
+    """
+    names = {*stated, *(f"{n.removeprefix('scale.')}.power" for n in stated if n.startswith("scale."))}
+    own = [a.effect for a in found if (a.point, a.run) == (point, run) and not a.fitted_around and a.path not in names]
+    return 1.96 * float(np.sqrt(np.sum(np.square(own))))
 
 
 def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nodes: Sequence[str], ahead: str = "") -> tuple[str, ...]:
@@ -106,14 +132,18 @@ def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nod
     ahead : str                 What the paths of the unit's loads begin with.
     """
     out = []
+    unsaid = [k for k in ("temperature", "pressure", "power", "gravity", "orientation") if not getattr(validity, k)]
+    if unsaid:
+        out.append(f"{', '.join(unsaid)}: the plan does not say where the model was calibrated")
+    unsaid = [k for k in ("gravity", "orientation") if getattr(validity, k) and not getattr(test, k)]
+    if unsaid:
+        out.append(f"{', '.join(unsaid)}: the test does not say")
     if validity.temperature:
         low, high = (literal(t, TEMPERATURE, "validity.temperature") - ICE_POINT for t in validity.temperature)
         seen = [run.prediction[n].celsius for n in nodes]
         least, most = min(float(s.min()) for s in seen), max(float(s.max()) for s in seen)
         if least < low - 0.05 or most > high + 0.05:
             out.append(f"temperature {least:.0f} .. {most:.0f} degC; calibrated {low:.0f} .. {high:.0f} degC")
-    else:
-        out.append("temperature: the plan does not say where the model was calibrated")
     if validity.pressure:
         low, high = (literal(t, "Pa", "validity.pressure") for t in validity.pressure)
         least, most = _pressures(run)

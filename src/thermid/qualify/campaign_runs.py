@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
 from thermid.model.model import Model
-from thermid.qualify.chances import Inputs, is_shift
+from thermid.qualify.chances import MISFIT, Inputs, is_shift
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
@@ -116,6 +116,7 @@ def work(job: Job, first: int, members: int, threads: int = 1) -> Chunk:
 def run_members_of(job: Job, numbers: Array, threads: int = 1) -> tuple[Array, dict[int, str], str]:
     """Return temperatures (members, nodes, times) [K] at numbers (streams, members), members that failed, and the instruction set."""
     values, variant = job.inputs.values(numbers)
+    misfit = values.pop(MISFIT, None)
     out = np.full((numbers.shape[1], len(job.nodes), job.times.size), np.nan)
     failed: dict[int, str] = {}
     simd = ""
@@ -132,6 +133,9 @@ def run_members_of(job: Job, numbers: Array, threads: int = 1) -> tuple[Array, d
         if len(together.failed) < members.size:
             for k, node in enumerate(job.nodes):
                 out[members, k] = together.temperatures(node).T
+    if misfit is not None:
+        for k, node in enumerate(job.nodes):
+            out[:, k] += (job.inputs.misfit[node] * misfit)[:, None]
     return out, failed, simd
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,12 @@ from thermid.model.signal import literal
 from thermid.simulation.simulator import Simulator
 from thermid.units import TEMPERATURE
 
-__all__ = ["Chance", "Inputs", "chance", "is_shift", "root_of", "uniforms"]
+__all__ = ["MISFIT", "Chance", "Inputs", "chance", "is_shift", "root_of", "uniforms"]
 
 Array = NDArray[np.float64]
 FORMS = {"sd": {"sd"}, "log_sd": {"log_sd"}, "low": {"low", "high"}}
+MISFIT = "misfit"
+"""Stream of what a fit could not follow."""
 LEAST = 1e-3
 """Probability within a deck's bounds below which a spread does not fit them. [-]"""
 
@@ -168,6 +170,7 @@ class Inputs:
     variants : int                  Scenarios, one of which every member has, all as likely.
     chosen : str                    What tells the scenarios apart: ``scenario``, ``start_time`` or both.
     roots : tuple of array          Of each spread, a matrix L (names, names) with ``L L'`` its covariance.
+    misfit : dict                   Kept node -> standard deviation of what a fit could not follow; one draw a member for all. [K]
     """
 
     chances: tuple[Chance, ...]
@@ -176,6 +179,7 @@ class Inputs:
     variants: int = 1
     chosen: str = "scenario"
     roots: tuple[Array, ...] = ()
+    misfit: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Take the roots once, so that every process and machine has the same ones."""
@@ -185,7 +189,12 @@ class Inputs:
     def streams(self) -> tuple[str, ...]:
         """Names of the streams of numbers that a member needs."""
         fitted = tuple(n for s in self.spreads for n in s.names)
-        return (*(c.name for c in self.chances), *fitted, *((self.chosen,) if self.variants > 1 else ()))
+        return (
+            *(c.name for c in self.chances),
+            *fitted,
+            *((self.chosen,) if self.variants > 1 else ()),
+            *((MISFIT,) if self.misfit else ()),
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -216,6 +225,8 @@ class Inputs:
                     deviation = deviation + weight * z
                 centre = self.centres[name]
                 out |= dict.fromkeys((name, *s.also.get(name, ())), centre * np.exp(deviation) if log else centre + deviation)
+        if self.misfit:
+            out[MISFIT] = ndtri(numbers[-1])
         if self.variants > 1:
             return out, np.minimum((numbers[row] * self.variants).astype(np.int64), self.variants - 1)
         return out, np.zeros(numbers.shape[1], dtype=np.int64)

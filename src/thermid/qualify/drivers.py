@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.qualify.campaign_runs import Job, MissingPackageError, run_members_of
+from thermid.qualify.chances import MISFIT
 
 __all__ = ["Driver", "Sobol", "drivers_of", "sobol_of"]
 
@@ -160,4 +161,5 @@ def _groups(job: Job) -> Sequence[str]:
     """Return the group of every stream."""
     own = [c.name for c in job.inputs.chances]
     fitted = [s.cause for s in job.inputs.spreads for _ in s.names]
-    return [*own, *fitted, *([job.inputs.chosen] if job.inputs.variants > 1 else [])]
+    last = [job.inputs.chosen] * (job.inputs.variants > 1) + [MISFIT] * bool(job.inputs.misfit)
+    return [*own, *fitted, *last]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.calibration import Calibration
+from thermid.identify.discrepancy import misfit_kept
+from thermid.identify.further import MISFIT
 from thermid.identify.predict import predict
 from thermid.identify.prediction import Band, Prediction
 from thermid.identify.split import split, split_needed
@@ -22,10 +24,12 @@ from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
 
-__all__ = ["Foresight", "Known", "foresee", "prior_spread"]
+__all__ = ["IN_TESTS", "Foresight", "Known", "foresee", "prior_spread", "widened"]
 
 Array = NDArray[np.float64]
 Given = Mapping[str, Any]
+IN_TESTS = "misfit in tests"
+"""Cause: what the model could not follow in the logs of a plan."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +57,13 @@ class Known:
         if isinstance(source, Model):
             return cls(source)
         return cls(source.fitted_model, (*source.held, source.values), source, source.synthetic)
+
+    @property
+    def misfit(self) -> dict[str, float]:
+        """Node -> standard deviation of what the fit could not follow; empty where the values do not say it. [K]"""
+        ahead = f"{self.at}." if self.at else ""
+        found = next((m for v in reversed(self.values) if (m := misfit_kept(v))), {})
+        return {ahead + n: size for n, size in found.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +154,10 @@ def prior_spread(values: Sequence[FittedValues], at: str = "") -> Spread:
 
 
 def _told(known: Known, scenario: Scenario, nodes: Sequence[str], given: Sequence[Given], times: Any, options: Options | None) -> Foresight:
-    """Return what values say whose records are not at hand: their covariance and what is stated, no discrepancy; one run for all of it."""
+    """Return what values say whose records are not at hand: their covariance, what their fit could not follow, and what is stated.
+
+    What constant coefficients leave out needs the records. One run for all of it.
+    """
     spreads = [Spread.of(v, at=known.at, cause=f"fit of {v.stage}") for v in known.values if v.parameters]
     prior = prior_spread(known.values, known.at)
     names = [n for s in (*spreads, prior) for own in s.names for n in (own, *s.also.get(own, ()))] + [n for s in given for n in s]
@@ -157,7 +171,35 @@ def _told(known: Known, scenario: Scenario, nodes: Sequence[str], given: Sequenc
     causes = {s.cause: f"what is left open of {', '.join(s.names[:4])}{' and more' if len(s.names) > 4 else ''}" for s in spreads}
     find = {n: run[n].path for n in wanted}
     told = Prediction(known.model.title, scenario.title, ready.times, bands, {}, causes, tuple(run.warnings), find)
-    return Foresight(scenario, run, told, _sizes(ready, prior, wanted, run) if prior.names else {})
+    seen = Foresight(scenario, run, told, _sizes(ready, prior, wanted, run) if prior.names else {})
+    return widened(seen, known.misfit, MISFIT, "what the model could not follow in the records that it was fitted to")
+
+
+def widened(seen: Foresight, sizes: Mapping[str, float], cause: str, words: str) -> Foresight:
+    """Return what is expected with a further standard deviation for what the model could not follow.
+
+    Nodes without a reading of their own get the root mean square of those that have one; boundaries get none. What is counted of this
+    already, under another of the two causes, is not added up but the larger one taken.
+
+    Parameters
+    ----------
+    seen : Foresight
+    sizes : dict        Node -> standard deviation; empty for none. [K]
+    cause, words : str  What it is called, and what it stands for.
+    """
+    if not any(sizes.values()):
+        return seen
+    other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
+    boundaries = seen.solution._run.network.boundaries
+    bands = {}
+    for path, band in seen.prediction.bands.items():
+        variance = 0.0 if path in boundaries else sizes.get(path, other) ** 2
+        parts = dict(band.parts)
+        before = parts.pop(MISFIT, np.zeros(band.times.size))
+        parts |= {cause: np.full(band.times.size, variance)} if variance > float(before.max()) else {MISFIT: before}
+        bands[path] = replace(band, parts=parts)
+    told = replace(seen.prediction, bands=bands, causes={**seen.prediction.causes, cause: words})
+    return replace(seen, prediction=told)
 
 
 def _columns(ready: Simulator, spreads: Sequence[Spread], nodes: Sequence[str], run: Solution) -> dict[str, dict[str, Array]]:

@@ -77,6 +77,7 @@ class Hold:
     together : HoldPoint        Whichever limit is passed first, member by member.
     assumed : int               How many values of the model are assumed.
     warnings : tuple of str     What a reader must know.
+    discrepancy : float         Standard deviation that members have for what a fit could not follow, the largest; None without. [K]
     """
 
     title: str
@@ -88,6 +89,7 @@ class Hold:
     together: HoldPoint
     assumed: int
     warnings: tuple[str, ...] = ()
+    discrepancy: float | None = None
 
     def __getitem__(self, name: str) -> HoldPoint:
         """Return the entry of a limit by the name that was given to it, or by its node."""
@@ -122,7 +124,14 @@ class Hold:
             lines.append(f"  {p.name} {'above' if p.side == 'highest' else 'below'} {p.limit:g} degC: kept for {until}, {never}")
             lines += [f"    driven by {named}" for named in [driven_by(p)] if named]
         lines.append(f"  {self.members} members; intervals are what their number leaves open, not what the model does not know")
-        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+        return "\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)])
+
+    @property
+    def counted(self) -> str:
+        """Whether the model's discrepancy is in the bands, in words."""
+        if self.discrepancy is None:
+            return "the model's discrepancy is not counted: no values of a fit say what it could not follow"
+        return f"the model's discrepancy is counted: {self.discrepancy:.2g} K (one standard deviation), what its fit could not follow"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a file or a page needs. Times in seconds, temperatures in degrees Celsius; null for beyond the scenario."""
@@ -150,6 +159,7 @@ class Hold:
             "times_s": self.times.tolist(),
             "points": {p.name: of(p) for p in self.points},
             "together": of(self.together),
+            "discrepancy_K": self.discrepancy,
             "warnings": list(self.warnings),
         }
 
@@ -178,9 +188,9 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
     points = [_point(runs, draws, name, side, value, confidence) for name, side, value in wanted]
     points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))
     together = _together(runs, points, confidence)
-    return Hold(
-        runs.title, runs.scenario, confidence, runs.times, runs.reached.size, tuple(points), together, len(runs.assumed), runs.warnings
-    )
+    sizes = [runs.job.inputs.misfit[p.node] for p in points if runs.job.inputs.misfit]
+    known = (len(runs.assumed), runs.warnings, max(sizes, default=None))
+    return Hold(runs.title, runs.scenario, confidence, runs.times, runs.reached.size, tuple(points), together, *known)
 
 
 def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, float]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import NormalDist
 
 import numpy as np
@@ -11,66 +11,12 @@ import numpy as np
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.foresight import Foresight
-from thermid.qualify.limits import Limits, times_in_state
+from thermid.qualify.limit_checks import times_in_state
+from thermid.qualify.limits import Limits
 from thermid.qualify.marks import Figure, weakest
+from thermid.qualify.policies import POLICIES, SMC, Policy, flat_margin
 
-__all__ = ["POLICIES", "HeaterDuty", "Margin", "Policy", "flat_margin", "heater_duty", "margins"]
-
-SMC = "SMC-S-016"
-COLDER = ((-70, 11), (-87, 10), (-105, 9), (-123, 8), (-141, 7), (-159, 6), (-177, 5), (-195, 4), (-213, 3), (-232, 2))
-"""Lowest temperature [degC] down to which a flat margin [K] holds: SMC-S-016, Table 4.4-2."""
-
-
-HEATER = Figure(0.25, "read", f"{SMC}, 4.4.2.2")
-
-
-@dataclass(frozen=True)
-class Policy:
-    """What is added to a predicted temperature.
-
-    Parameters
-    ----------
-    name : str
-    acceptance, qualification : Figure      Margins beyond predicted and uncertainty. [K]
-    level : float                           Probability that the model's uncertainty stands for, both sides. [-]
-    heater : Figure                         Power margin of an actively controlled heater. [-]
-    """
-
-    name: str
-    acceptance: Figure
-    qualification: Figure
-    level: float = 0.95
-    heater: Figure = HEATER
-
-
-POLICIES = {
-    p.name: p
-    for p in (
-        Policy(SMC, Figure(0.0, "read", f"{SMC}, 6.3.8.3"), Figure(10.0, "read", f"{SMC}, 6.3.8.3: qualification 10 C beyond acceptance")),
-        Policy(
-            f"{SMC}, protoqualification",
-            Figure(0.0, "read", f"{SMC}, 6.3.8.3"),
-            Figure(5.0, "read", f"{SMC}, 6.3.8.3: protoqualification 5 C"),
-        ),
-        Policy("ECSS", Figure(5.0, "memory", "ECSS-E-ST-31C"), Figure(5.0, "memory", "ECSS-E-ST-31C")),
-    )
-}
-"""Named rules; a project may give its own."""
-
-
-def flat_margin(kelvin: float, tested: bool) -> Figure:
-    """Return the flat thermal uncertainty margin of passive hardware. [K]
-
-    SMC-S-016, 4.4.2.1 and Table 4.4-2: 11 C where a balance test correlated the model, 17 C where none did; less for colder hardware.
-
-    >>> flat_margin(300.0, True).value, flat_margin(300.0, False).value, flat_margin(153.0, True).value
-    (11.0, 17.0, 8.0)
-    """
-    if not tested:
-        return Figure(17.0, "read", f"{SMC}, 4.4.2.1")
-    celsius = kelvin - ICE_POINT
-    found = next((m for low, m in COLDER if celsius >= low), 1)
-    return Figure(float(found), "read", f"{SMC}, 4.4.2.1, Table 4.4-2")
+__all__ = ["Margin", "margins"]
 
 
 @dataclass(frozen=True)
@@ -89,6 +35,9 @@ class Margin:
     limit_mark : str            Mark of the limit.
     policy : Policy
     tested : bool               Whether a balance test correlated the model.
+    course_mark : str           Mark of the course: 'memory' where the run goes by numbers that nobody has checked.
+    assumed : float             What assumed values that no spread names may move it by, 95 %; in no sum. [K]
+    not_counted : tuple of str  What the uncertainty does not hold, in words.
     """
 
     point: str
@@ -104,6 +53,9 @@ class Margin:
     limit_mark: str
     policy: Policy
     tested: bool
+    course_mark: str = "read"
+    assumed: float = 0.0
+    not_counted: tuple[str, ...] = field(default=())
 
     @property
     def sign(self) -> float:
@@ -150,22 +102,46 @@ class Margin:
     @property
     def mark(self) -> str:
         """The least sure of the marks that the margin rests on."""
-        return weakest(self.limit_mark, self.policy.acceptance.mark, self.policy.qualification.mark)
+        return weakest(self.limit_mark, self.policy.acceptance.mark, self.policy.qualification.mark, self.course_mark)
+
+    @property
+    def with_assumed(self) -> float:
+        """What is left once assumed values that no spread names are counted too. [K]"""
+        return self.margin + self.uncertainty - float(np.hypot(self.uncertainty, self.assumed))
+
+    @property
+    def undecided(self) -> str:
+        """Why it is not decided; empty where it is."""
+        if self.mark == "memory":
+            return "a number from memory"
+        if self.margin < 0:
+            return ""
+        if self.error <= 0 and not self.given:
+            return "nothing is known of the model's error: fit it, or state a spread"
+        if self.with_assumed < 0:
+            return f"assumed values alone may move it by {self.assumed:.1f} K. Measure them, or state their spread"
+        return ""
+
+    @property
+    def given(self) -> bool:
+        """Whether the temperature is the given one of a start, which the model says nothing about."""
+        return self.time <= 0.0
 
     @property
     def passed(self) -> bool | None:
-        """Whether anything is left; None where a number from memory would decide."""
-        return None if self.mark == "memory" else self.margin >= 0
+        """Whether anything is left; None where that is not decided, see `undecided`."""
+        return None if self.undecided else self.margin >= 0
 
     def __str__(self) -> str:
         """Return the sum as a line."""
         p = self.policy
-        word = {None: "not decided: a number from memory", True: "met", False: "NOT met"}[self.passed]
+        word = f"not decided: {self.undecided}" if self.undecided else "met" if self.passed else "NOT met"
+        less = f"; not counted: {'; '.join(self.not_counted)}" if self.not_counted else ""
         return (
             f"{self.point}, {self.side} ({self.run}, {self.time / 3600:.2f} h, {self.state}): {self.predicted - ICE_POINT:.1f} degC, "
             f"uncertainty {self.uncertainty:.1f} + acceptance {p.acceptance.value:g} [{p.acceptance.mark}] + qualification "
             f"{p.qualification.value:g} [{p.qualification.mark}], limit {self.limit - ICE_POINT:.1f} degC: {self.margin:+.1f} K, {word}; "
-            f"by the flat {self.flat.value:g} K: {self.flat_left:+.1f} K"
+            f"by the flat {self.flat.value:g} K: {self.flat_left:+.1f} K{less}"
         )
 
 
@@ -223,75 +199,3 @@ def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Po
         figures = (float(band.times[at]), float(band.kelvin[at]), float(error[at]), float(before[at]) if before is not None else np.nan)
         out.append(Margin(one.point, side, own, name, *figures, shares, ends[k], one.mark, policy, tested))
     return out
-
-
-@dataclass(frozen=True)
-class HeaterDuty:
-    """How busy a controlled heater is, and whether its power margin is left.
-
-    Parameters
-    ----------
-    load, run : str
-    duty : float        Mean power over full power in the window. [-]
-    full : float        Full power. [W]
-    window : (begin, end)   [s]
-    rule : Figure       The power margin. [-]
-    """
-
-    load: str
-    run: str
-    duty: float
-    full: float
-    window: tuple[float, float]
-    rule: Figure
-
-    @property
-    def most(self) -> float:
-        """The largest duty that leaves the margin: 80 % for a margin of 25 %. [-]"""
-        return 1.0 / (1.0 + self.rule.value)
-
-    @property
-    def margin(self) -> float:
-        """Power at full duty over the power needed, less one. [-]"""
-        return np.inf if self.duty <= 0 else 1.0 / self.duty - 1.0
-
-    @property
-    def passed(self) -> bool | None:
-        """Whether the margin is left; None where the rule is from memory."""
-        return self.duty <= self.most + 1e-12 if self.rule.decides else None
-
-
-def heater_duty(
-    run: Foresight, load: str, full: float, *, window: tuple[float, float] | None = None, name: str = "", policy: Policy | str = SMC
-) -> HeaterDuty:
-    """Return the duty of a heater: its mean power over its full power, at the lowest bus voltage of the coldest case.
-
-    Parameters
-    ----------
-    run : Foresight     The coldest run.
-    load : str          The heater.
-    full : float        Its power when it is on, at that voltage. [W]
-    window : (begin, end)   Over which it is averaged, several of its cycles; the second half of the run by default. [s]
-    name : str          Of the run.
-    policy : Policy, str    Holds the power margin.
-
-    Raises
-    ------
-    NameNotFoundError   When there is no such load.
-    ScenarioError       When the full power is not above zero, or the window lies outside the run.
-    """
-    rule = (POLICIES[policy] if isinstance(policy, str) else policy).heater
-    powers, times = run.solution.load_powers, run.solution.times
-    if load not in powers:
-        raise NameNotFoundError(f"no load '{load}'.{nearest(load, powers)}", run.solution.title)
-    if full <= 0:
-        raise ScenarioError(f"the full power of heater '{load}' must be above zero.", run.solution.title)
-    begin, end = window or (0.5 * float(times[-1]), float(times[-1]))
-    inside = (times >= begin) & (times <= end)
-    if np.count_nonzero(inside) < 2:
-        raise ScenarioError(
-            f"the window of heater '{load}', {begin:g} s to {end:g} s, holds fewer than two stored times.", run.solution.title
-        )
-    watts = np.broadcast_to(powers[load], times.shape)[inside]
-    mean = float(np.trapezoid(watts, times[inside]) / (times[inside][-1] - times[inside][0]))
-    return HeaterDuty(load, name or run.scenario.title, mean / full, full, (begin, end), rule)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from thermid.errors import ScenarioError, nearest
 
-__all__ = ["MARKS", "Figure", "check_mark", "weakest"]
+__all__ = ["MARKS", "VERDICTS", "Figure", "check_mark", "weakest", "weigh"]
 
 MARKS = {
     "read": "read in the text of its source",
@@ -15,6 +16,8 @@ MARKS = {
     "memory": "from memory; shown, decides nothing",
 }
 """Mark -> what it says, the surest first."""
+VERDICTS = {True: "met", False: "NOT met", None: "not decided"}
+"""Verdict -> its words."""
 
 
 @dataclass(frozen=True)
@@ -62,3 +65,13 @@ def weakest(*marks: str) -> str:
     """
     order = list(MARKS)
     return max(marks, key=order.index)
+
+
+def weigh(verdicts: Iterable[bool | None]) -> bool | None:
+    """Return the verdict on several: False where one is, else None where one is not decided, or where there is none at all.
+
+    >>> weigh([True, None, True]), weigh([None, False]), weigh([])
+    (None, False, None)
+    """
+    found = list(verdicts)
+    return False if False in found else None if None in found or not found else True

@@ -18,7 +18,7 @@ from thermid.qualify.criteria import CRITERIA, CriteriaSet, read_criteria
 from thermid.qualify.foresight import Known
 from thermid.qualify.limits import Limits, load_limits, read_limits
 from thermid.qualify.macro import macro_model
-from thermid.qualify.margins import POLICIES
+from thermid.qualify.policies import POLICIES
 
 if TYPE_CHECKING:
     from thermid.qualify.plan_schema import PlanFile, TestTable

@@ -128,6 +128,7 @@ class TestTable(_Strict):
     criteria: list[str] = []
     weights: dict[str, float] = {}
     steady: list[list[str]] = []
+    stable: str = "3 C/h"
     spread: dict[str, str] = {}
     heaters: dict[str, str] = {}
     gravity: str = ""

@@ -6,7 +6,7 @@ from typing import Any
 
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.plan import Plan
-from thermid.qualify.trial import sensors_of, tried
+from thermid.qualify.trying import sensors_of, tried
 
 __all__ = ["pre_test"]
 

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.qualify.assumptions import Assumption, assumptions
+from thermid.identify.coefficients import constant_coefficients
+from thermid.identify.further import MISFIT
+from thermid.network.network import compile_network
+from thermid.qualify.assumptions import Assumption, effects, ranked, uncounted
+from thermid.qualify.foresight import IN_TESTS, widened
 from thermid.qualify.limits import Limits
 from thermid.qualify.lock import LockStatus, lock_status, note_look
 from thermid.qualify.margins import Margin, margins
+from thermid.qualify.marks import weigh
 from thermid.qualify.plan import Plan, load_plan
-from thermid.qualify.trial import Trial, tried
+from thermid.qualify.trial import Trial
+from thermid.qualify.trying import tried
 
 if TYPE_CHECKING:
     from thermid.qualify.foresight import Known
@@ -59,9 +65,24 @@ class Qualification:
 
     @property
     def passed(self) -> bool | None:
-        """Whether nothing failed; None where nothing failed but something is not decided."""
-        found = [t.passed for t in self.trials] + [m.passed for m in self.margins]
-        return False if False in found else None if None in found else True
+        """Whether nothing failed; None where nothing failed but something is not decided, see `open`."""
+        return weigh([*(t.passed for t in self.trials), *(m.passed for m in self.margins), *([None] if self.open else [])])
+
+    @property
+    def open(self) -> tuple[str, ...]:
+        """Why the whole is not decided, as far as it is not; empty where nothing is open."""
+        out = [f"{t.test.name}: {why}" for t in self.trials for why in t.open]
+        out += [f"margin of {m.point}, {m.side}: {m.undecided}" for m in self.margins if m.undecided]
+        if not self.margins:
+            out.append("no margin could be taken: no reference point was in a state that has limits")
+        if any(t.correlation is not None for t in self.trials) and not self.lock.sound:
+            out.append(str(self.lock))
+        return tuple(out)
+
+    @property
+    def waived(self) -> tuple[str, ...]:
+        """Tests that were waived: held against their limits alone."""
+        return tuple(t.test.name for t in self.trials if t.test.state == "waived")
 
     @property
     def demonstration(self) -> str:
@@ -92,6 +113,8 @@ class Qualification:
             "status": "ok",
             "title": self.plan.title,
             "passed": self.passed,
+            "open": list(self.open),
+            "waived": list(self.waived),
             "demonstration": self.demonstration,
             "plan": {"state": self.lock.state, "sha256": self.lock.sha256, "locked": self.lock.date, "changed": list(self.lock.changed)},
             "worst": None if worst is None else {"point": worst[0], "test": worst[1], "time_s": worst[2], "room_K": worst[3]},
@@ -104,6 +127,7 @@ class Qualification:
         """Return the verdicts as text."""
         words = {True: "PASSED", False: "FAILED", None: "NOT DECIDED"}
         head = f"{self.plan.title}: {words[self.passed]}"
+        head += f", {len(self.waived)} tests waived: {', '.join(self.waived)}" if self.waived else ""
         lines = [head + (f"  ({self.demonstration})" if self.demonstration else ""), f"  {self.lock}"]
         for t in self.trials:
             lines += [f"  {line}" for line in str(t).splitlines()]
@@ -112,6 +136,7 @@ class Qualification:
             left = f"{room:.1f} K left" if room >= 0 else f"{-room:.1f} K beyond its limit"
             lines.append(f"  worst: {point} in {test} at {time / 3600:.2f} h, {left}")
         lines += [f"  margin: {m}" for m in self.margins]
+        lines += [f"  open: {o}" for o in self.open]
         lines += [f"  assumed: {a.path} = {a.text} moves {a.point} by {a.effect:.2g} K ({a.run})" for a in self.assumptions[:5]]
         return "\n".join(lines)
 
@@ -120,8 +145,9 @@ def _margin(m: Margin) -> dict[str, Any]:
     celsius = {"predicted_C": m.predicted - 273.15, "limit_C": m.limit - 273.15}
     sizes = {"uncertainty_K": m.uncertainty, "acceptance_K": m.policy.acceptance.value, "qualification_K": m.policy.qualification.value}
     flat = {"flat_K": m.flat.value, "flat_left_K": m.flat_left, "bought_K": m.bought}
+    counted = {"counted": dict(m.shares), "not_counted": list(m.not_counted), "assumed_K": m.assumed}
     where = {"point": m.point, "side": m.side, "test": m.run, "time_s": m.time, "state": m.state}
-    return where | celsius | sizes | {"margin_K": m.margin, "mark": m.mark, "passed": m.passed} | flat
+    return where | celsius | sizes | {"margin_K": m.margin, "mark": m.mark, "passed": m.passed, "undecided": m.undecided} | flat | counted
 
 
 def run_plan(
@@ -148,19 +174,76 @@ def run_plan(
         if trial.log_sha256:
             note_look(given, test.name, trial.log_sha256)
         trials.append(trial)
-    runs = {t.test.name: t.foresight for t in trials}
-    service = [t for t in trials if t.test.service] or trials
-    found: list[Margin] = []
-    for one in given.limits:
+    trials = _alike(_informed(trials))
+    found = {t.test.name: effects(t.known, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials}
+    every = [a for several in found.values() for a in several]
+    return Qualification(given, lock_status(given), tuple(trials), tuple(_margins(given, trials, every)), ranked(every), given.limits)
+
+
+def _informed(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the tests with what the model could not follow in the logs that have come back added to what is expected of all."""
+    found: dict[str, list[float]] = {}
+    for t in (t for t in trials if t.correlation is not None):
+        assert t.correlation is not None
+        ahead = f"{t.known.at}." if t.known.at else ""
+        counted = [o for o in t.correlation.overlays if o.sensor not in t.correlation.exclusions.reasons and o.node]
+        for o in counted:
+            found.setdefault(o.node.removeprefix(ahead), []).append(float(np.mean(o.residuals**2)))
+    sizes = {n: float(np.sqrt(np.mean(several))) for n, several in found.items()}
+
+    def under(t: Trial) -> dict[str, float]:
+        ahead = f"{t.known.at}." if t.known.at else ""
+        return {ahead + n: size for n, size in sizes.items()}
+
+    words = "root mean square of what the readings of this plan's tests differ from the model by, the sensors' own errors among it"
+    return [replace(t, foresight=widened(t.foresight, under(t), IN_TESTS, words)) for t in trials]
+
+
+def _alike(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the tests, with a doubt where two of them came back with the same log."""
+    out = []
+    for t in trials:
+        same = [o.test.name for o in trials if o is not t and t.log_sha256 and o.log_sha256 == t.log_sha256]
+        doubt = f"its log is that of {', '.join(same)} too, byte by byte"
+        out.append(replace(t, doubts=(*t.doubts, doubt)) if same else t)
+    return out
+
+
+def _margins(plan: Plan, trials: Sequence[Trial], every: Sequence[Assumption]) -> list[Margin]:
+    """Return the tightest margin of every reference point on each side over the service cases."""
+    service = [t for t in trials if t.test.service] or list(trials)
+    out: list[Margin] = []
+    for one in plan.limits:
         own: list[Margin] = []
         for t in service:
             (here,) = (x for x in t.limits if x.point == one.point)
             state = {t.test.name: "operating" if t.test.operating else "non-operating"}
-            own += margins(
-                {t.test.name: t.foresight}, [here], given.content.margins.policy, tested=given.content.margins.balance_tested, states=state
+            more = margins(
+                {t.test.name: t.foresight}, [here], plan.content.margins.policy, tested=plan.content.margins.balance_tested, states=state
             )
+            mark = "read" if t.course is None or t.course.decides else "memory"
+            moved = uncounted(every, one.point, t.test.name, _stated(t))
+            own += [replace(m, course_mark=mark, assumed=moved, not_counted=_not_counted(t, m, moved)) for m in more]
         for side in ("cold", "hot"):
-            found += sorted((m for m in own if m.side == side), key=lambda m: m.margin)[:1]
-    nodes = {t.test.name: {x.node: x.point for x in t.limits} for t in trials}
-    ranked = assumptions({t.test.name: t.known for t in trials}, runs, nodes)
-    return Qualification(given, lock_status(given), tuple(trials), tuple(found), ranked, given.limits)
+            out += sorted((m for m in own if m.side == side), key=lambda m: m.with_assumed)[:1]
+    return out
+
+
+def _stated(t: Trial) -> list[str]:
+    """Return the names that a test spreads, as they stand in the model."""
+    find = t.known.model.canonical
+    return [f"scale.{find(n.removeprefix('scale.'))}" if n.startswith("scale.") else find(n) for n in t.test.spread]
+
+
+def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
+    """Return in words what the uncertainty of a margin does not hold."""
+    out = []
+    if m.given and m.error <= 0:
+        out.append("the temperature of the start, which is given and not predicted")
+    if not {MISFIT, IN_TESTS} & {*m.shares}:
+        out.append("discrepancy: no log of the fit is at hand and none of a test has come back")
+    if t.known.fit is None and constant_coefficients(compile_network(t.known.model, media=t.foresight.scenario.media())):
+        out.append("what constant coefficients leave out")
+    if moved >= 0.05:
+        out.append(f"assumed values that no spread names, up to {moved:.1f} K")
+    return tuple(out)

@@ -10,6 +10,7 @@ import numpy as np
 
 from thermid.errors import NameNotFoundError, ScenarioError
 from thermid.identify.calibration import Calibration
+from thermid.identify.discrepancy import misfit_kept
 from thermid.identify.predict import left_open
 from thermid.identify.spread import Spread
 from thermid.identify.values import FittedValues
@@ -65,8 +66,8 @@ def plan_runs(
     centres = {n: 0.0 if is_shift(ready, n) else ready.nominal[n] for s in spreads for n in s.names}
     variants = tuple(begun_at(s, t) for s in scenarios for t in begun)
     chosen = " and ".join(n for n, several in (("scenario", len(scenarios)), ("start_time", len(begun))) if several > 1)
-    inputs = Inputs(chances, spreads, centres, len(variants), chosen)
     kept = tuple(dict.fromkeys(ready.wiring.network.find(n) for n in (nodes if nodes is not None else _reference_points(ready))))
+    inputs = Inputs(chances, spreads, centres, len(variants), chosen, misfit=_misfit(given, at, kept))
     return Job(base, variants, inputs, kept, grid, seed, chunk, options or Options(), version("thermid")), remarks
 
 
@@ -97,6 +98,17 @@ def _spreads(given: Values, at: str) -> list[Spread]:
         for s in left_open(given)
         if s.names
     ]
+
+
+def _misfit(given: Sequence[Values], at: str, kept: Sequence[str]) -> dict[str, float]:
+    """Return kept node -> what the fits could not follow; nodes without a reading at the root mean square of the others. [K]"""
+    ahead = f"{at}." if at else ""
+    known = [misfit_kept(v.values if isinstance(v, Calibration) else v) for v in given if not isinstance(v, Spread)]
+    sizes = {ahead + n: size for several in known for n, size in several.items()}
+    if not any(sizes.values()):
+        return {}
+    other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
+    return {n: sizes.get(n, other) for n in kept}
 
 
 def _groups(model: Model, stated: Mapping[str, Any]) -> list[tuple[list[str], Any]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from thermid.model.flat import flatten
 from thermid.qualify.correlation import Correlation
+from thermid.qualify.marks import weigh
 from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
 from thermid.reporting import qualification_tables as tables
@@ -40,6 +41,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     judged = [t.passed for t in q.trials] + [m.passed for m in q.margins]
     failed, open_ = judged.count(False), judged.count(None)
     summary = f"{len(q.trials)} tests, {len(q.margins)} margins" + (f"; {open_} not decided" if open_ else "")
+    summary += f"; {len(q.waived)} waived" if q.waived else ""
     if worst is not None:
         left = f"{worst[3]:.1f} K left" if worst[3] >= 0 else f"{-worst[3]:.1f} K beyond its limit"
         summary += f"; nearest to a limit: {worst[0]} in {worst[1]} at {tables.hours(worst[2])}, {left}"
@@ -52,10 +54,11 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
         opening=[t for t in (f"Intended use: {content.use}." if content.use else "", content.note) if t],
         watermark=watermark,
         banners=[(watermark, "No statement on this page is about real hardware.")] if watermark else [],
+        passed=q.passed,
         failed=failed,
         judged=len(judged),
         summary=summary,
-        outcome=[facts, Words(f"{str(q.lock)[0].upper()}{str(q.lock)[1:]}."), tables.tests(q), *_courses(q)],
+        outcome=[facts, Words(f"{str(q.lock)[0].upper()}{str(q.lock)[1:]}."), tables.tests(q), *_what_is_open(q), *_courses(q)],
         sections=_sections(q),
     )
 
@@ -89,6 +92,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         opening=[],
         watermark=watermark,
         banners=banner,
+        passed=weigh(found),
         failed=found.count(False),
         judged=len(found),
         summary=said,
@@ -97,13 +101,34 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
     )
 
 
-def _write(to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[Block | Table], **shown: object) -> Path:
+def _write(
+    to: str | os.PathLike[str],
+    *,
+    watermark: str,
+    outcome: Sequence[Block | Table],
+    passed: bool | None,
+    failed: int,
+    judged: int,
+    **shown: object,
+) -> Path:
+    """Write a page; one without a failure and with something open says so in its head, in place of a count of what passed."""
     template = page_template("study.html.jinja")
-    content = template.render(headline="", watermark=watermark, tile=tile(watermark), outcome=[as_block(b) for b in outcome], **shown)
+    head = {"headline": "? Not decided", "judged": 0} if passed is None else {"headline": "", "judged": judged}
+    content = template.render(
+        **head, failed=failed, watermark=watermark, tile=tile(watermark), outcome=[as_block(b) for b in outcome], **shown
+    )
     target = Path(to)
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(content, encoding="utf-8")
     return target
+
+
+def _what_is_open(q: Qualification) -> list[Block]:
+    """Return what is not decided and why, what was waived, and what must be known of the logs."""
+    waived = tuple(f"{n}: held against its limits alone" for n in q.waived)
+    remarks = tuple(f"{t.test.name}: {r}" for t in q.trials for r in t.remarks)
+    found = (("Not decided", q.open), ("Waived", waived), ("Remarks", remarks))
+    return [Notes(lines, title) for title, lines in found if lines]
 
 
 def _courses(q: Qualification) -> list[Block]:

@@ -11,7 +11,8 @@ from thermid.physics.constants import ICE_POINT
 from thermid.qualify.correlation import Correlation
 from thermid.qualify.marks import MARKS
 from thermid.qualify.programme import Qualification
-from thermid.qualify.trial import Trial, sensors_of
+from thermid.qualify.trial import Trial
+from thermid.qualify.trying import sensors_of
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
 from thermid.reporting.sections import Block, as_block, folded
 
@@ -19,10 +20,10 @@ __all__ = ["assumed", "changes", "checks", "deviations", "diagnoses", "duties", 
 __all__ += ["outside", "phases", "sensors", "tests", "verdict"]
 
 
-def verdict(passed: bool | None) -> Cell:
-    """Return a verdict as a cell."""
+def verdict(passed: bool | None, why: str = "") -> Cell:
+    """Return a verdict as a cell, why it is not decided behind it."""
     if passed is None:
-        return Cell("not decided", "", "warn")
+        return Cell("not decided", why, "warn")
     return Cell("✓ met", "", "good") if passed else Cell("✗ not met", "", "bad")
 
 
@@ -44,16 +45,32 @@ def tests(q: Qualification) -> Table:
     for t in q.trials:
         course = t.course.profile.title if t.course is not None else t.foresight.scenario.title
         trust = f": {t.course.trust}" if t.course is not None else ""
-        worst = t.worst
+        worst, why = t.worst, "; ".join(t.open)
         where = [Cell(DASH), Cell(DASH), Cell(DASH)]
         if worst is not None:
             hot = worst.limits[1] - worst.highest <= worst.lowest - worst.limits[0]
             where = [Cell(f"{worst.point}, {worst.state}"), Cell(hours(worst.highest_time if hot else worst.lowest_time))]
             where.append(Cell(f"{worst.room:.1f}", "", "bad" if worst.room < 0 else "main"))
-        judged = verdict(t.correlated) if t.correlation is not None else Cell("no log", "", "soft")
+        judged = verdict(t.correlated, why) if t.correlation is not None else _no_log(t)
         length = hours(float(t.foresight.solution.times[-1]))
-        rows.append([Cell(t.test.name, t.test.purpose, "main"), verdict(t.within), judged, *where, t.test.state, length, course + trust])
+        rows.append(
+            [
+                Cell(t.test.name, t.test.purpose, "main"),
+                verdict(t.within, why),
+                judged,
+                *where,
+                t.test.state,
+                length,
+                course + trust,
+            ]
+        )
     return Table.of(columns, rows)
+
+
+def _no_log(t: Trial) -> Cell:
+    if t.test.state == "waived":
+        return Cell("waived", t.test.note, "warn")
+    return Cell("not decided: no log", "", "warn") if t.test.criteria else Cell("analysis", "", "soft")
 
 
 def sensors(q: Qualification) -> Table:
@@ -284,7 +301,8 @@ def excluded(q: Qualification) -> Table:
 
 def checks(q: Qualification) -> Table:
     """Return every reference point in every test and state against its limits, crossings with their times."""
-    columns = [Column("test"), Column("reference point"), Column("state"), Column("lowest, °C", True), Column("highest, °C", True)]
+    columns = [Column("test"), Column("reference point"), Column("state"), Column("by")]
+    columns += [Column("lowest, °C", True), Column("highest, °C", True)]
     columns += [
         Column("limits, °C", True),
         Column("room, K", True),
@@ -303,8 +321,15 @@ def checks(q: Qualification) -> Table:
             room = Cell(f"{c.room:.1f}" if math.isfinite(c.room) else DASH, "", "bad" if c.room < 0 else "")
             times = [hours(first), hours(beyond)] if c.crossings else [DASH, DASH]
             lowest, highest = (Cell(celsius(v), f"at {hours(at)}") for v, at in ((c.lowest, c.lowest_time), (c.highest, c.highest_time)))
-            rows.append([head, c.point, c.state, lowest, highest, ends, room, *times, Cell(c.mark, MARKS[c.mark]), verdict(c.passed)])
-    return Table.of(columns, rows, "Point at a temperature for its time.")
+            by = Cell(f"{c.by}, operating limits" if c.stand_in else c.by, c.undecided)
+            rows.append([head, c.point, c.state, by, lowest, highest, ends, room, *times, Cell(c.mark, MARKS[c.mark]), verdict(c.passed)])
+    less = " Where nobody gave limits for a unit switched off, the operating ones stand for them." if any_stands_in(q) else ""
+    return Table.of(columns, rows, f"Point at a temperature for its time.{less}")
+
+
+def any_stands_in(q: Qualification) -> bool:
+    """Return whether operating limits stand for others anywhere."""
+    return any(c.stand_in for t in q.trials for c in t.checks)
 
 
 def margin_table(q: Qualification) -> Table:
@@ -319,6 +344,7 @@ def margin_table(q: Qualification) -> Table:
         Column("margin by it, K", True),
     ]
     columns += [Column("calibration bought, K", True, "by how much it narrowed the 95 % interval")]
+    columns += [Column("± model counts", wrapped=True), Column("and does not count", wrapped=True)]
     rows: list[Line] = []
     for m in q.margins:
         a, b = m.policy.acceptance, m.policy.qualification
@@ -326,9 +352,10 @@ def margin_table(q: Qualification) -> Table:
         head: Line = [Cell(m.point, "", "main"), m.side, m.run, hours(m.time), celsius(m.predicted)]
         shares = "; ".join(f"{c} {100 * s:.0f} %" for c, s in m.shares.items())
         line: Line = [*head, Cell(f"{m.uncertainty:.1f}", shares), *added, Cell(f"{celsius(m.limit, 0)} [{m.limit_mark}]")]
-        line += [Cell(signed(m.margin, 1), "", "bad" if m.margin < 0 else "main"), verdict(m.passed)]
+        line += [Cell(signed(m.margin, 1), "", "bad" if m.margin < 0 else "main"), verdict(m.passed, m.undecided)]
         line += [Cell(f"{m.flat.value:g} [{m.flat.mark}]", m.flat.source), signed(m.flat_left, 1)]
-        rows.append([*line, f"{m.bought:.1f}" if math.isfinite(m.bought) else DASH])
+        less = Cell("; ".join(m.not_counted), "", "warn") if m.not_counted else Cell(DASH)
+        rows.append([*line, f"{m.bought:.1f}" if math.isfinite(m.bought) else DASH, shares or "nothing", less])
     policy = q.margins[0].policy.name if q.margins else DASH
     tested = "correlated by a balance test" if q.plan.content.margins.balance_tested else "no balance test yet"
     return Table.of(columns, rows, f"Policy: {policy}; {tested}. A number marked 'memory' is shown and decides nothing.")

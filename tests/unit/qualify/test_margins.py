@@ -8,8 +8,10 @@ import pytest
 import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
 from thermid.qualify.foresight import Known, foresee
+from thermid.qualify.heaters import heater_duty
 from thermid.qualify.limits import Limits
-from thermid.qualify.margins import POLICIES, flat_margin, heater_duty, margins
+from thermid.qualify.margins import margins
+from thermid.qualify.policies import POLICIES, flat_margin
 from unit.qualify.things import soak, unit
 
 PROC = Limits("processor", "proc", (253.15, 343.15), loads=("cpu",))

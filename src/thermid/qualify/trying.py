@@ -1,0 +1,233 @@
+"""A test of a plan worked through: predicted, held against its limits, and judged where its log has come back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermid.errors import RecordError
+from thermid.identify.compare import compare
+from thermid.measure import Record, read_record
+from thermid.model.modelfile import resolve_inside
+from thermid.model.signal import literal
+from thermid.qualify.as_run import exchanged, not_covered, not_reached
+from thermid.qualify.assumptions import extrapolations
+from thermid.qualify.conduct import run_profile
+from thermid.qualify.correlation import Exclusions, Overlay, correlate, overlays, paired
+from thermid.qualify.diagnosis import diagnose
+from thermid.qualify.foresight import Known, foresee
+from thermid.qualify.heaters import heater_duty
+from thermid.qualify.limit_checks import LimitCheck, check_limits, check_readings
+from thermid.qualify.plan import Plan
+from thermid.qualify.profile_run import ProfileRun
+from thermid.qualify.profiles import profile_from
+from thermid.qualify.stabilisation import Stability, stability
+from thermid.qualify.trial import Trial
+from thermid.simulation.scenario import Scenario, load_scenario
+
+if TYPE_CHECKING:
+    from thermid.identify.calibration import Calibration
+    from thermid.qualify.plan_schema import TestTable
+
+__all__ = ["sensors_of", "tried"]
+
+LONG = 3600.0
+"""Stays of at least so long end settled. [s]"""
+STORED = 1500
+"""At most so many stored times of a run: two minutes over two days."""
+ENVIRONMENTAL = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")
+"""Kinds of test whose levels somebody applies."""
+
+
+def tried(plan: Plan, test: TestTable) -> Trial:
+    """Return a test of a plan: predicted, held against limits, and judged where its log is there."""
+    known, limits = plan.hosted(test.host), plan.limits_on(test.host)
+    scenario, course = _course(plan, test, known)
+    sensors = sensors_of(plan, test)
+    points = list(dict.fromkeys([x.node for x in limits] + [n for n, _ in sensors.values()]))
+    step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / STORED)
+    times = np.linspace(0.0, scenario.seconds, int(np.ceil(scenario.seconds / step)) + 1)
+    told = foresee(known, scenario, nodes=points, spread=test.spread, times=times)
+    checks = check_limits(told.solution, limits, state=_state(test))
+    heaters = tuple(
+        heater_duty(told, load, literal(power, "W", f"{test.name}, heaters.{load}"), name=test.name, policy=plan.content.margins.policy)
+        for load, power in test.heaters.items()
+    )
+    ahead = f"{known.at}." if known.at else ""
+    outside = extrapolations(test, told, plan.content.validity, [x.node for x in limits], ahead)
+    trial = Trial(test, known, told, limits, checks, course, heaters, outside)
+    return trial if test.log is None else _judged(plan, trial, scenario, sensors)
+
+
+def _course(plan: Plan, test: TestTable, known: Known) -> tuple[Scenario, ProfileRun | None]:
+    """Return what is done to the model, and the phases where a profile says so."""
+    if test.profile is not None:
+        run = run_profile(
+            known.model,
+            profile_from(test.profile, plan.path.name, test.name),
+            chamber=test.chamber,
+            base=test.base,
+            watch=test.watch,
+            equipment=test.equipment,
+            every=literal(test.every, "s", f"{test.name}, every"),
+        )
+        return replace(run.scenario, title=test.name), run
+    if isinstance(test.scenario, str):
+        return load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}")), None
+    return Scenario(**({"title": test.name} | dict(test.scenario or {}))), None
+
+
+def sensors_of(plan: Plan, test: TestTable) -> dict[str, tuple[str, Any]]:
+    """Return sensor -> its node in the model of the test, and its table."""
+    at = f"{plan.content.hosts[test.host].unit}." if test.host else ""
+    wanted = test.sensors or list(plan.content.sensors)
+    return {s: (at + plan.content.sensors[s].node, plan.content.sensors[s]) for s in wanted}
+
+
+def _state(test: TestTable) -> str:
+    """Return the state of points whose limits name no loads."""
+    return "operating" if test.operating else "non-operating"
+
+
+def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, tuple[str, Any]]) -> Trial:
+    """Return a test with its log beside what the model, or another simulation, says of what was done."""
+    test = trial.test
+    log = test.log
+    assert log is not None
+    record = _record(plan, test, log.file, sensors, log.boundaries, log.loads)
+    windows = [(literal(a, "s", f"{test.name}, steady"), literal(b, "s", f"{test.name}, steady")) for a, b in test.steady]
+    windows = windows or _dwells(trial.course, record.duration)
+    told: Calibration | None = None
+    if log.simulated:
+        other = _record(plan, test, log.simulated, sensors, {}, {})
+        seen = paired(record, other, test.name)
+    else:
+        base = replace(scenario, start=log.start) if log.start else scenario
+        told = compare(trial.known.model, record, scenario=_without(base, log.boundaries.values(), log.loads.values()))
+        seen = overlays(told, test.name)
+    excluded = plan.content.exclusions
+    left_out = Exclusions({s: r for s, r in excluded.reasons.items() if s in {o.sensor for o in seen}}, excluded.cap)
+    found = correlate(
+        seen,
+        [plan.criteria[n] for n in test.criteria],
+        steady={test.name: windows} if windows else None,
+        weights=test.weights,
+        exclusions=left_out,
+        title=test.name,
+    )
+    diagnosis = diagnose(told) if told is not None and found.failed and len({o.sensor for o in seen}) > 1 else None
+    counted = [o for o in seen if o.sensor not in left_out.reasons]
+    settled, unsure = _settled(test, record, windows, [o.sensor for o in counted])
+    steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
+    made = record.origin
+    return replace(
+        trial,
+        told=told,
+        correlation=found,
+        diagnosis=diagnosis,
+        log_sha256=made.sha256,
+        synthetic=made.synthetic,
+        checks=(*trial.checks, *_measured(trial, counted, sensors)),
+        doubts=(*_doubts(trial, record, counted, windows), *(_unsettled(settled) if steady else ())),
+        remarks=(*exchanged(counted), *unsure),
+        settled=settled,
+    )
+
+
+def _measured(trial: Trial, counted: Sequence[Overlay], sensors: Mapping[str, tuple[str, Any]]) -> tuple[LimitCheck, ...]:
+    """Return the readings held against the limits of the reference points that their sensors sat at."""
+    find = trial.known.model.canonical
+    limits = [replace(x, node=find(x.node)) for x in trial.limits]
+    readings = [(find(sensors[o.sensor][0]), o.times, o.measured) for o in counted]
+    return check_readings(readings, limits, trial.foresight.solution, state=_state(trial.test))
+
+
+def _doubts(trial: Trial, record: Record, counted: Sequence[Overlay], windows: Sequence[tuple[float, float]]) -> Iterator[str]:
+    """Yield what the log does not show of the test."""
+    test, run = trial.test, trial.foresight.solution
+    log = test.log
+    assert log is not None
+    # a chamber that follows the unit takes its own time; settled stretches that are stated then belong to the log
+    own_pace = trial.course is not None and test.steady
+    yield from not_covered(counted, 0.0, record.duration if own_pace else float(run.times[-1]), windows)
+    yield from not_reached(record, run, log.boundaries)
+    if test.kind in ENVIRONMENTAL:
+        missing = sorted({*trial.foresight.scenario.boundaries} - {*log.boundaries.values()})
+        if missing and not log.simulated:
+            listed = ", ".join(f"'{n}'" for n in missing)
+            yield f"no column of the log gives {listed}: that its levels were applied is not measured"
+
+
+def _settled(
+    test: TestTable, record: Record, windows: Sequence[tuple[float, float]], sensors: Sequence[str]
+) -> tuple[tuple[Stability, ...], tuple[str, ...]]:
+    """Return what the readings say about every settled stretch by the test's rule, and where they say nothing."""
+    out, unsure = [], []
+    for begin, end in windows if sensors else ():
+        try:
+            found = stability(record, test.stable, sensors, since=begin, at=end)
+        except RecordError as error:
+            unsure.append(f"{_span(begin, end)}: that it is settled cannot be told: {error}")
+            continue
+        out.append(found)
+        if found.verdict == "cannot tell":
+            unsure.append(f"{_span(begin, end)}: the readings cannot tell whether '{found.rule.name}' holds at {found.slowest}")
+    return tuple(out), tuple(unsure)
+
+
+def _unsettled(settled: Sequence[Stability]) -> Iterator[str]:
+    """Yield the stretches that count as settled and are not."""
+    for s in settled:
+        worst = s.channels[s.slowest]
+        if s.verdict == "not stable" and s.decides:
+            yield (
+                f"{_span(worst.start, worst.end)} counts as settled and is not: {s.slowest} drifts by {3600.0 * worst.rate:+.2f} K/h, "
+                f"the rule is '{s.rule.name}' [{s.rule.mark}]"
+            )
+
+
+def _span(begin: float, end: float) -> str:
+    return f"the stretch {begin / 3600.0:.4g} .. {end / 3600.0:.4g} h"
+
+
+def _dwells(course: ProfileRun | None, end: float) -> list[tuple[float, float]]:
+    """Return the last quarter of every long stay of a course, where its unit is settled; a log must have followed it."""
+    stays = [p for p in course.phases if p.kind == "stay" and p.duration >= LONG] if course is not None else []
+    return [(p.end - 0.25 * p.duration, p.end) for p in stays if p.end <= end]
+
+
+def _without(scenario: Scenario, boundaries: Any, loads: Any) -> Scenario:
+    """Return a scenario without what the log gives itself."""
+    kept = {k: v for k, v in scenario.boundaries.items() if k not in set(boundaries)}
+    logged = set(loads)
+    return replace(
+        scenario,
+        boundaries=kept,
+        loads={k: v for k, v in scenario.loads.items() if k not in logged},
+        commands={k: v for k, v in scenario.commands.items() if k not in logged},
+    )
+
+
+def _record(
+    plan: Plan, test: TestTable, file: str, sensors: Mapping[str, tuple[str, Any]], boundaries: Mapping[str, str], loads: Mapping[str, str]
+) -> Record:
+    """Return a log with what its columns are.
+
+    Raises
+    ------
+    RecordError   When a planned sensor has no column.
+    """
+    channels: dict[str, dict[str, object]] = {}
+    for sensor, (node, table) in sensors.items():
+        channels[sensor] = {"node": node} | {k: getattr(table, k) for k in ("accuracy", "noise") if getattr(table, k)}
+    for role, columns in (("boundary", boundaries), ("load", loads)):
+        channels |= {column: {role: path} for column, path in columns.items()}
+    roots = [plan.data] if plan.data is not None else []
+    found = next((f for root in roots if (f := root / file).is_file()), None) or resolve_inside(plan.path.parent, file, f"{test.name}, log")
+    log = test.log
+    time = log.time or None if log is not None else None
+    record = read_record(found, channels, time=time, name=test.name)
+    return record.prepare(log.prepare) if log is not None and log.prepare else record
