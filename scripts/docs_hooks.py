@@ -46,12 +46,13 @@ ROOMS = {
 """Room -> what is in it; the package's folders, in reading order."""
 
 PICTURES = {
-    "pictures/stack.svg": ("diagram", "examples/02_stack/m_PrE.toml"),
-    "pictures/accelerometer.svg": ("diagram", "examples/01_accelerometer/accelerometer.toml"),
+    "pictures/stack.svg": ("", "diagram", "examples/02_stack/m_PrE.toml"),
+    "pictures/box.svg": ("docs/tutorial.md", "diagram", "box.toml"),
 }
-"""Picture -> the arguments of `thermid` that make it, before `--to`."""
+"""Picture -> the page whose files are at hand, if any, and the arguments of `thermid` that make it, before `--to`."""
 
 FENCE = re.compile(r"^```(\w+)((?: +\S+)*) *$", re.MULTILINE)
+DECK = re.compile(r"^```toml deck (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FORMULA = re.compile(r"^```formula.*?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
@@ -130,19 +131,19 @@ def draw(name: str, folder: Path) -> str:
     """Return a picture of the site, drawn by the command line."""
     from thermid.cli import main
 
+    page, *command = PICTURES[name]
+    for file, text in DECK.findall((ROOT / page).read_text(encoding="utf-8")) if page else ():
+        (folder / file).write_text(text, encoding="utf-8")
     target = folder / Path(name).name
-    arguments, here = sys.argv, Path.cwd()
-    sys.argv = ["thermid", *PICTURES[name], "--to", str(target)]
-    os.chdir(ROOT)
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):
+    with contextlib.chdir(folder if page else ROOT), contextlib.redirect_stdout(io.StringIO()):
+        arguments, sys.argv = sys.argv, ["thermid", *command, "--to", str(target)]
+        try:
             main()
-    except SystemExit as end:
-        if end.code:
-            raise RuntimeError(f"{name}: thermid {' '.join(PICTURES[name])} left with {end.code}") from end
-    finally:
-        sys.argv = arguments
-        os.chdir(here)
+        except SystemExit as end:
+            if end.code:
+                raise RuntimeError(f"{name}: thermid {' '.join(command)} left with {end.code}") from end
+        finally:
+            sys.argv = arguments
     return target.read_text(encoding="utf-8")
 
 

@@ -77,7 +77,9 @@ class Workshop:
             place = f"{self.page}:{block.line}"
             if rest and rest[0] in elsewhere:
                 continue
-            if kind == "toml":
+            if kind and len(rest) == 2 and rest[0] in ("file", "more"):
+                self._file(block, *rest)
+            elif kind == "toml":
                 self._toml(block, rest, place)
             elif kind == "python" and not rest:
                 self.python(block, place)
@@ -90,6 +92,12 @@ class Workshop:
                 assert not problems, f"{place}: {problems[0]}"
             else:
                 raise AssertionError(f"{place}: nobody knows a block '{' '.join(block.words)}'")
+
+    def _file(self, block: Block, how: str, name: str) -> None:
+        """Write a file that a page shows, or add to one that it has shown."""
+        path = self.folder / name
+        before = path.read_text(encoding="utf-8") if how == "more" else ""
+        path.write_text(before + block.text, encoding="utf-8")
 
     def _toml(self, block: Block, rest: tuple[str, ...], place: str) -> None:
         assert rest, f"{place}: say what it is: toml deck, scenario, campaign, study or values"
