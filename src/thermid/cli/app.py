@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from thermid.cli.commands import MODULES
+from thermid.cli.pages import Page, Pdf, ready, written
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -262,21 +263,26 @@ def calibrate(campaign: CampaignPath, data: Data = None, to: Results = None, fre
 @app.command()
 def report(
     campaign: CampaignPath,
-    to: Annotated[Path, typer.Option("--to", help="The page to write.")],
+    to: Page = None,
+    pdf: Pdf = None,
     data: Data = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder for the values files.")] = None,
     fresh: Fresh = False,
     as_json: Json = False,
 ) -> None:
-    """Run a campaign and write its report page."""
+    """Run a campaign and write its report page, its PDF, or both."""
+    from thermid.errors import ScenarioError
     from thermid.reporting.page import report as write
 
+    if to is None and pdf is None:
+        raise ScenarioError("say where the report goes: --to page.html, --pdf page.pdf, or both.", "command line")
+    ready(pdf)
     result, _ = _campaign(campaign, data, results, fresh)
-    page = write(result, to=to)
+    made = written(lambda path: write(result, to=path), to, pdf)
     if as_json:
-        typer.echo(json.dumps({"schema": 1, "status": "ok", "page": str(page), "passed": result.passed}))
+        typer.echo(json.dumps({"schema": 1, "status": "ok", **made, "passed": result.passed}))
     else:
-        typer.echo(f"report: {page}")
+        typer.echo("\n".join(f"report: {path}" for path in made.values()))
     raise SystemExit(0 if result.passed else 1)
 
 

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from thermid.cli.pages import Page, Pdf, ready, written
+
+if TYPE_CHECKING:
+    from thermid.qualify.correlation import Correlation
+    from thermid.qualify.programme import Qualification
 
 __all__ = ["register"]
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]
 Data = Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project.")]
-Page = Annotated[Path | None, typer.Option("--to", help="The page to write.")]
 LEAVES = {True: 0, False: 1, None: 4}
 """Verdict -> exit code."""
 
@@ -61,7 +66,7 @@ def plan(
     typer.echo(str(status))
 
 
-def qualify(file: PlanPath, to: Page = None, data: Data = None, as_json: Json = False) -> None:
+def qualify(file: PlanPath, to: Page = None, pdf: Pdf = None, data: Data = None, as_json: Json = False) -> None:
     """Work a plan through: limits, margins, and the verdict on every log; leave with 1 when something is not met, 4 when not decided."""
     from thermid.cli.output import clean
     from thermid.qualify.programme import run_plan
@@ -70,19 +75,28 @@ def qualify(file: PlanPath, to: Page = None, data: Data = None, as_json: Json = 
         if not as_json:
             typer.echo(name, err=True)
 
+    ready(pdf)
     found = run_plan(file, data=data, notice=notice)
-    page: dict[str, Any] = {}
-    if to is not None:
-        from thermid.reporting.qualification_page import qualification_report
-
-        page = {"page": str(qualification_report(found, to=to))}
+    page = written(lambda path: _qualification(found, path), to, pdf)
     if as_json:
         typer.echo(json.dumps(clean(found.to_dict() | page)))
     else:
         typer.echo(str(found))
-        if page:
-            typer.echo(f"report: {page['page']}")
+        for path in page.values():
+            typer.echo(f"report: {path}")
     raise SystemExit(LEAVES[found.passed])
+
+
+def _qualification(found: Qualification, to: Path) -> Path:
+    from thermid.reporting.qualification_page import qualification_report
+
+    return qualification_report(found, to=to)
+
+
+def _correlation(found: Correlation, to: Path, synthetic: bool) -> Path:
+    from thermid.reporting.qualification_page import correlation_report
+
+    return correlation_report(found, to=to, synthetic=synthetic)
 
 
 def correlate(
@@ -93,6 +107,7 @@ def correlate(
     accuracy: Annotated[str, typer.Option("--accuracy", help="Standard deviation of the sensors' constant error.")] = "0.5 [K]",
     time: Annotated[str | None, typer.Option("--time", help="The time column.")] = None,
     to: Page = None,
+    pdf: Pdf = None,
     as_json: Json = False,
 ) -> None:
     """Compare two logs column by column: metrics, verdicts, an overlay with the sensors' errors; leave with 1 when not met, 4 when open."""
@@ -102,6 +117,7 @@ def correlate(
     from thermid.qualify.marks import weigh
     from thermid.qualify.twologs import read_two
 
+    ready(pdf)
     windows = []
     for text in steady or []:
         begin, _, end = text.partition(":")
@@ -116,15 +132,11 @@ def correlate(
         steady={first.name: windows} if windows else None,
         title=f"{measured.name} against {simulated.name}",
     )
-    page: dict[str, Any] = {}
-    if to is not None:
-        from thermid.reporting.qualification_page import correlation_report
-
-        page = {"page": str(correlation_report(found, to=to, synthetic=first.origin.synthetic))}
+    page = written(lambda path: _correlation(found, path, first.origin.synthetic), to, pdf)
     if as_json:
         typer.echo(json.dumps(clean({"schema": 1, "status": "ok", "title": found.title, **found.to_dict(), **page})))
     else:
         typer.echo(str(found))
-        if page:
-            typer.echo(f"report: {page['page']}")
+        for path in page.values():
+            typer.echo(f"report: {path}")
     raise SystemExit(LEAVES[weigh(found.verdicts.values())])

@@ -60,19 +60,21 @@ class Table:
     columns : tuple of Column
     rows : tuple of tuples of Cell  As many cells as columns each.
     caption : str                   What it shows, and how to read it.
+    title : str                     Its name, for who hears the page; that of the heading above it by default.
     """
 
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
+    title: str = ""
 
     @classmethod
-    def of(cls, columns: Sequence[Column], rows: Sequence[Sequence[Cell | str]], caption: str = "") -> Table:
+    def of(cls, columns: Sequence[Column], rows: Sequence[Sequence[Cell | str]], caption: str = "", title: str = "") -> Table:
         """Return a table; texts become cells."""
         made = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
         if any(len(row) != len(columns) for row in made):
             raise ValueError("a row has not as many cells as there are columns")
-        return cls(tuple(columns), made, caption)
+        return cls(tuple(columns), made, caption, title)
 
 
 def pretty(text: str) -> str:

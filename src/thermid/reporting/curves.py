@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.reporting.figures import MEASURED, RESIDUAL, SIMULATED, SOFT, VARIABLES, Drawn, Entry, canvas, draw_line, markup_of, time_unit
+from thermid.reporting.chart import Area, Line, Panel, chart
+from thermid.reporting.figures import INK, MEASURED, RESIDUAL, SERIES, SIMULATED, Drawn, Entry, time_unit
 
 __all__ = ["Band", "Curve", "curves"]
 
 Array = NDArray[np.float64]
 
-LOOKS: dict[str, dict[str, Any]] = {
-    "measured": {"color": MEASURED, "linewidth": 3.2, "solid_capstyle": "round"},
-    "simulated": {"color": SIMULATED, "linewidth": 1.5, "dashes": (5, 1.6)},
-    "bound": {"color": RESIDUAL, "linewidth": 1.5, "dashes": (1.2, 1.6)},
-    "other": {"color": "#009e73", "linewidth": 1.3, "dashes": (6, 1.6, 1.4, 1.6)},
-    "truth": {"color": "#1c2430", "linewidth": 1.0},
+LOOKS: dict[str, tuple[tuple[str, str], float, str]] = {
+    "measured": (("--f-measured", MEASURED), 3.4, ""),
+    "simulated": (("--f-simulated", SIMULATED), 1.6, "6 2.5"),
+    "bound": (("--f-residual", RESIDUAL), 1.6, "1.5 2.5"),
+    "other": (("--s2", SERIES[2]), 1.4, "8 2.5 2 2.5"),
+    "truth": (("--f-ink", INK), 1.1, ""),
 }
-DASHED = {"simulated": "dashed", "bound": "dotted", "other": "dashdot"}
+"""Colour, width [px] and dashes of every look."""
 
 
 @dataclass(frozen=True)
@@ -78,46 +78,21 @@ def curves(
     size : (width, height)      [px]
     """
     length, unit = time_unit(max(float(c.times[-1]) for c in lines))
-    width, height = size
-    points = 0
-    with canvas(width, height, 2 if below else 1, (2.2, 1) if below else None) as (figure, axes):
-        if band is not None:
-            axes[0].fill_between(band.times / length, band.low, band.high, color=SIMULATED, alpha=0.22, linewidth=0)
-            points += 2 * band.times.size
-        for axis, drawn in ((axes[0], lines), *([(axes[1], below)] if below else [])):
-            for c in drawn:
-                points += draw_line(axis, c.times / length, c.values, **LOOKS[c.look])
-        if top is not None:
-            axes[0].set_ylim(top=top)
-            _mark_leaving(axes[0], lines, length, top)
-        axes[0].set_ylabel(names[0])
-        axes[0].margins(x=0.01)
-        axes[-1].set_xlabel(f"time, {unit}")
-        if below:
-            axes[0].tick_params(labelbottom=False)
-            axes[1].set_ylabel(names[1])
-            figure.align_ylabels(axes)
-        left = 66 / width
-        figure.subplots_adjust(left=left, right=0.985, top=0.97, bottom=40 / height, hspace=0.12)
-        markup = markup_of(figure, label, key, points)
-    seen = {c.label: c.look for c in (*lines, *below)}
-    entries = [Entry(text, VARIABLES.get(LOOKS[look]["color"], "--f-ink"), DASHED.get(look, "")) for text, look in seen.items()]
+    areas = [Area(band.label, band.times / length, band.low, band.high, LOOKS["simulated"][0])] if band is not None else []
+    panels = [_panel(names[0], lines, length, areas, top, 2.2)]
+    if below:
+        panels.append(_panel(names[1], below, length))
+    markup, points = chart(panels, key=key, label=label, x_name=("time", unit), size=size)
+    seen = {c.label: LOOKS[c.look] for c in (*lines, *below)}
+    entries = [Entry(text, variable, dash, width=width) for text, ((variable, _), width, dash) in seen.items()]
     if band is not None:
         entries.append(Entry(band.label, "--f-simulated", "band"))
     return Drawn(markup, tuple(entries), points)
 
 
-def _mark_leaving(axis: Any, lines: Sequence[Curve], length: float, top: float) -> None:
-    """Write where a line that leaves the top would end."""
-    for c in lines:
-        if c.values[-1] <= top:
-            continue
-        k = int((c.values > top).argmax())
-        axis.annotate(
-            f"{c.values[-1]:.0f} at the end",
-            (c.times[k] / length, top),
-            xytext=(5, -11),
-            textcoords="offset points",
-            color=SOFT,
-            fontsize=9,
-        )
+def _panel(
+    name: str, lines: Sequence[Curve], length: float, areas: Sequence[Area] = (), top: float | None = None, share: float = 1.0
+) -> Panel:
+    what, _, unit = name.partition(", ")
+    drawn = [Line(c.label, c.times / length, c.values, *LOOKS[c.look]) for c in lines]
+    return Panel(what, unit, drawn, areas, top=top, share=share)

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thermid.errors import ThermidError
@@ -11,7 +16,7 @@ from thermid.errors import ThermidError
 if TYPE_CHECKING:
     from jinja2 import Template
 
-__all__ = ["MissingExtraError", "extra", "page_template"]
+__all__ = ["MissingExtraError", "css_text", "extra", "page_template", "write_page"]
 
 
 class MissingExtraError(ThermidError):
@@ -33,20 +38,55 @@ def extra() -> Iterator[None]:
         raise MissingExtraError(f"a report needs {what}, which is not installed. Install it with: pip install thermid[report]") from error
 
 
+@dataclass(frozen=True)
+class Script:
+    """The one script that a page runs: its text, and what the page's policy permits, which is this text and no other."""
+
+    text: str
+    permit: str
+
+
 def page_template(name: str) -> Template:
     """Return a template of this folder; every text that goes in is escaped.
 
     Raises
     ------
-    MissingExtraError   When jinja2 or matplotlib is not installed; a page without figures is no report, so it is said first.
+    MissingExtraError   When jinja2 is not installed.
     """
+    with extra():
+        from jinja2 import Environment, FunctionLoader, StrictUndefined
+        from markupsafe import Markup
+
+    loader = FunctionLoader(_asset)
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["css_text"] = lambda text: Markup(css_text(str(text)))
+    environment.globals["style"] = Markup(environment.get_template("page.css.jinja").render())
+    text = _asset("page.js")
+    digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+    environment.globals["script"] = Script(Markup(text), f"'sha256-{digest}'")
+    return environment.get_template(name)
+
+
+def write_page(name: str, to: str | os.PathLike[str], **values: object) -> Path:
+    """Fill a template of this folder, write the page, and return its path; its folder is made where it is missing.
+
+    Raises
+    ------
+    MissingExtraError   When jinja2 is not installed.
+    """
+    content = page_template(name).render(**values)
+    target = Path(to)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(content, encoding="utf-8")
+    return target
+
+
+def css_text(text: str) -> str:
+    """Return a text as a string of a style sheet, in which nothing but letters, digits and spaces stands for itself."""
+    return '"' + "".join(c if c.isascii() and (c.isalnum() or c == " ") else f"\\{ord(c):x} " for c in text) + '"'
+
+
+def _asset(name: str) -> str:
     from importlib.resources import files
 
-    with extra():
-        import matplotlib  # noqa: F401
-        from jinja2 import Environment, FunctionLoader, StrictUndefined
-
-    folder = files("thermid.reporting")
-    loader = FunctionLoader(lambda wanted: folder.joinpath(wanted).read_text(encoding="utf-8"))
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.get_template(name)
+    return files("thermid.reporting").joinpath(name).read_text(encoding="utf-8")

@@ -2,60 +2,54 @@
 
 from __future__ import annotations
 
-import base64
-import io
-import re
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.residuals import Block
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.extras import extra
+from thermid.reporting.chart import Area, Line, Panel, chart, nice_ticks, number_text, thinned
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Canvas
-
     from thermid.simulation.solution import Solution
 
-__all__ = ["Dots", "Drawn", "Entry", "canvas", "choose", "draw_line", "markup_of", "overview", "prediction", "thinned", "time_unit"]
-__all__ += ["trace"]
+__all__ = ["Dots", "Drawn", "Entry", "choose", "compared", "overview", "prediction", "thinned", "time_unit", "trace"]
 
 Array = NDArray[np.float64]
 
-INK, SOFT, GRID, MEASURED, SIMULATED, RESIDUAL = "#1c2430", "#5a6675", "#d8dee6", "#a9b4c0", "#0072b3", "#c04a01"
-SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#7a5c00", "#56b4e9", "#7b4fa3", "#222e3c")
-"""Okabe and Ito's colours (Color Universal Design, 2008), the yellow and orange of too little contrast on white replaced."""
-VARIABLES: Mapping[str, str] = {
-    INK: "--f-ink",
-    SOFT: "--f-soft",
-    GRID: "--f-grid",
-    MEASURED: "--f-measured",
-    SIMULATED: "--f-simulated",
-    RESIDUAL: "--f-residual",
-    **{colour: f"--s{k}" for k, colour in enumerate(SERIES)},
-}
-DASHES: tuple[tuple[float, ...], ...] = ((), (6, 2), (2, 1.5), (7, 2, 2, 2))
-MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
-POINTS, VECTOR_LIMIT, MOST_TRACES = 360, 20_000, 12
+INK, SOFT, GRID, MEASURED, SIMULATED, RESIDUAL = "#1a2230", "#556172", "#e3e8ee", "#8e9aa8", "#0072b2", "#c04a00"
+SERIES = ("#0072b2", "#c25200", "#00805e", "#b0568c", "#7a5c00", "#2a7fb0", "#7b4fa3", "#222e3c")
+"""After Okabe and Ito's colours (Color Universal Design, 2008), darkened to three to one on white at least."""
+DASHES: tuple[tuple[float, ...], ...] = ((), (6, 2), (2, 1.5), (7, 2, 2, 2), (9, 3), (1, 2.5), (5, 1.5, 1, 1.5, 1, 1.5), (3, 3))
+"""As many as colours, so that no two lines differ by colour alone."""
+MARKS = "●■▲◆▼✚✖★"
+SHAPES = (
+    "M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0-6.4 0z",
+    "M-2.9-2.9h5.8v5.8h-5.8z",
+    "M0-3.6l3.5 6.4h-7z",
+    "M0-4l4 4-4 4-4-4z",
+    "M0 3.6l3.5-6.4h-7z",
+    "M-1.2-3.6h2.4v2.4h2.4v2.4h-2.4v2.4h-2.4v-2.4h-2.4v-2.4h2.4z",
+    "M-3.6-2l1.6-1.6 2 2 2-2 1.6 1.6-2 2 2 2-1.6 1.6-2-2-2 2-1.6-1.6 2-2z",
+    "M0-4.2l1.2 3h3.1l-2.5 2 1 3.2-2.8-2-2.8 2 1-3.2-2.5-2h3.1z",
+)
+MOST_TRACES = 12
+LOOKS = {"measured": ("--f-measured", MEASURED), "simulated": ("--f-simulated", SIMULATED), "residual": ("--f-residual", RESIDUAL)}
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of a legend: what it is, the variable of its colour, and its mark, if it is not a line."""
+    """One line of a legend: what it is, the variable of its colour, its dash pattern ('band' for an area), or its mark; its width. [px]"""
 
     label: str
     variable: str
     dash: str = ""
     mark: str = ""
+    width: float = 2.0
 
 
 @dataclass(frozen=True)
@@ -64,7 +58,7 @@ class Drawn:
 
     Parameters
     ----------
-    markup : str                    An inline SVG, or an image with its data inside.
+    markup : str                    An inline SVG.
     legend : tuple of Entry         What the colours mean.
     points : int                    How many points were drawn.
     """
@@ -88,24 +82,6 @@ class Dots:
     label: str
     values: Mapping[str, Sequence[float]]
     held_out: bool = False
-
-
-def thinned(values: Array, limit: int = POINTS) -> NDArray[np.int64]:
-    """Return the positions of at most `limit` samples that look like all of them: lowest and highest of each stretch.
-
-    Parameters
-    ----------
-    values : array (samples,)   What is drawn.
-    limit : int                 At most so many.
-    """
-    if values.size <= limit:
-        return np.arange(values.size)
-    edges = np.linspace(0, values.size, max(limit // 2, 2)).astype(np.int64)
-    kept = {0, values.size - 1}
-    for start, stop in pairwise(edges.tolist()):
-        part = values[start:stop]
-        kept |= {int(start + part.argmin()), int(start + part.argmax())}
-    return np.array(sorted(kept), dtype=np.int64)
 
 
 def time_unit(duration: float) -> tuple[float, str]:
@@ -144,83 +120,36 @@ def choose(blocks: Sequence[Block], most: int = MOST_TRACES) -> list[tuple[Block
     return [(b, marks.get(id(b), "")) for b in blocks if id(b) in kept]
 
 
-@contextmanager
-def canvas(width: float, height: float, rows: int = 1, ratios: Sequence[float] | None = None) -> Iterator[tuple[Canvas, list[Axes]]]:
-    """Yield a figure of a size in CSS px with its axes, under settings that leave no trace."""
-    with extra():
-        import matplotlib
-        from matplotlib.backends.backend_svg import FigureCanvasSVG
-        from matplotlib.figure import Figure as Canvas
-    settings: Any = {
-        "svg.fonttype": "none",
-        "svg.hashsalt": "thermid",  # identifiers are the same ones every time
-        "text.parse_math": False,
-        "axes.unicode_minus": True,
-        "font.size": 10,
-        "text.color": INK,
-        "axes.edgecolor": SOFT,
-        "axes.labelcolor": SOFT,
-        "xtick.color": SOFT,
-        "ytick.color": SOFT,
-        "axes.linewidth": 0.8,
-        "axes.grid": True,
-        "grid.color": GRID,
-        "grid.linewidth": 0.7,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "path.simplify_threshold": 0.3,
-    }
-    with matplotlib.rc_context(settings), warnings.catch_warnings():
-        # letters that the layout's font lacks are drawn by the browser
-        warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
-        figure = Canvas(figsize=(width / 72, height / 72), facecolor="none")
-        FigureCanvasSVG(figure)
-        axes = figure.subplots(rows, 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": list(ratios or [1] * rows)})
-        for axis in axes[:, 0]:
-            axis.set_facecolor("none")
-            axis.set_axisbelow(True)
-        yield figure, list(axes[:, 0])
+def compared(times: Array, measured: Array, predicted: Array, key: str, label: str, *, below: str = "residual", wide: float = 0.0) -> Drawn:
+    """Return readings with the simulation over them, and their difference below: the one layout of every such figure.
 
-
-def markup_of(figure: Canvas, label: str, key: str, points: int) -> str:
-    """Return a figure as inline SVG that follows the page's colours, or as an image where it has too many points."""
-    buffer = io.BytesIO()
-    if points > VECTOR_LIMIT:
-        figure.savefig(buffer, format="png", dpi=144, facecolor="white")
-        data = base64.b64encode(buffer.getvalue()).decode()
-        return f'<img class="plot" alt="{escape(label)}" src="data:image/png;base64,{data}">'
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    text = buffer.getvalue().decode("utf-8")
-    text = text[text.index("<svg") :]
-    head, _, body = text.partition(">")
-    box = re.search(r'viewBox="[^"]*"', head)
-    # its <style> would reach the whole page, the identifiers of its groups are used by nobody
-    body = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|(?<=<g) id=\"[^\"]*\"", "", body, flags=re.DOTALL)
-    body = re.sub(r' d="[^"]*"', lambda d: re.sub(r"(\.\d)\d+", r"\1", re.sub(r"\s+", " ", d[0])), body)
-    body = re.sub(r">\s+<", "><", body.replace("xlink:href", "href"))
-    body = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{key}-", body)
-    body = re.sub(r"'DejaVu Sans'[^;\"]*", "var(--font)", body)
-    for colour, variable in VARIABLES.items():
-        body = body.replace(f": {colour}", f": var({variable},{colour})")
-    return f'<svg class="plot" role="img" aria-label="{escape(label)}" {box[0] if box else ""}>{body}'
-
-
-def _with_gaps(times: Array, values: Array) -> tuple[Array, Array]:
-    """Return a line that is broken where samples are missing."""
-    steps = np.diff(times)
-    if steps.size == 0:
-        return times, values
-    holes = np.flatnonzero(steps > 8 * np.median(steps)) + 1
-    return np.insert(times, holes, np.nan), np.insert(values, holes, np.nan)
-
-
-def draw_line(axis: Axes, times: Array, values: Array, **style: Any) -> int:
-    """Draw a thinned line and return how many points it has."""
-    t, y = _with_gaps(times, values)
-    keep = thinned(np.where(np.isnan(y), np.nanmean(y), y))
-    keep = np.union1d(keep, np.flatnonzero(np.isnan(y)))
-    axis.plot(t[keep], y[keep], **style)
-    return int(keep.size)
+    Parameters
+    ----------
+    times : array (samples,)                [s]
+    measured, predicted : array (samples,)  [K]
+    key : str                               Prefix of the figure's identifiers, different for every figure of a page.
+    label : str                             What a screen reader says.
+    below : str                             What the lower axis is called.
+    wide : float                            Half-width of the band of the sensor's error around the readings; none without it. [K]
+    """
+    length, unit = time_unit(float(times[-1] - times[0]))
+    x, y, left = times / length, measured - ICE_POINT, measured - predicted
+    bands: list[Area] = []
+    low: list[Area] = []
+    if wide > 0:
+        ends = np.array([x[0], x[-1]])
+        bands = [Area("sensor, 95 %", x, y - wide, y + wide, LOOKS["measured"])]
+        low = [Area("sensor, 95 %", ends, np.full(2, -wide), np.full(2, wide), LOOKS["measured"])]
+    lines = [Line("measured", x, y, LOOKS["measured"], 3.4), Line("simulated", x, predicted - ICE_POINT, LOOKS["simulated"], 1.4)]
+    panels = [
+        Panel("temperature", "°C", lines, bands, share=2.4),
+        Panel(below, "K", [Line("measured less simulated", x, left, LOOKS["residual"], 1.0)], low, (0.0,)),
+    ]
+    markup, points = chart(panels, key=key, label=label, x_name=("time", unit), size=(440, 280))
+    entries = [Entry("measured", "--f-measured", width=4), Entry("simulated", "--f-simulated", width=2)]
+    entries.append(Entry("measured less simulated", "--f-residual", width=1.4))
+    entries += [Entry("sensor, 95 %", "--f-measured", "band")] if wide > 0 else []
+    return Drawn(markup, tuple(entries), points)
 
 
 def trace(block: Block, key: str, label: str) -> Drawn:
@@ -230,25 +159,10 @@ def trace(block: Block, key: str, label: str) -> Drawn:
     ----------
     block : Block   The readings.
     key : str       Prefix of the figure's identifiers, different for every figure of a page.
-    label : str     What a screen reader says.
+    label : str     What a screen reader says before what is seen.
     """
-    length, unit = time_unit(float(block.times[-1] - block.times[0]))
-    times = block.times / length
-    with canvas(440, 270, 2, (2.4, 1)) as (figure, (top, low)):
-        points = draw_line(top, times, block.measured - ICE_POINT, color=MEASURED, linewidth=3.2, solid_capstyle="round")
-        points += draw_line(top, times, block.predicted - ICE_POINT, color=SIMULATED, linewidth=1.3)
-        low.axhline(0.0, color=SOFT, linewidth=0.8)
-        points += draw_line(low, times, block.residuals, color=RESIDUAL, linewidth=0.9)
-        top.set_ylabel("temperature, °C")
-        low.set_ylabel("residual, K")
-        low.set_xlabel(f"time, {unit}")
-        top.margins(x=0.01)
-        top.tick_params(labelbottom=False)
-        figure.subplots_adjust(left=0.13, right=0.985, top=0.97, bottom=0.15, hspace=0.12)
-        figure.align_ylabels([top, low])
-        markup = markup_of(figure, label, key, points)
-    entries = (Entry("measured", "--f-measured"), Entry("simulated", "--f-simulated"), Entry("measured less simulated", "--f-residual"))
-    return Drawn(markup, entries, points)
+    rmse = float(np.sqrt(np.mean(block.residuals**2)))
+    return compared(block.times, block.measured, block.measured - block.residuals, key, f"{label}, RMSE {rmse:.3g} K")
 
 
 def _spread(count: int) -> Array:
@@ -256,35 +170,55 @@ def _spread(count: int) -> Array:
     return np.asarray(((np.arange(count) * 0.618034) % 1.0 - 0.5) * 0.3, dtype=np.float64)
 
 
-def overview(lines: Sequence[Dots], key: str) -> Drawn:
+def overview(lines: Sequence[Dots]) -> Drawn:
     """Return the RMSE of every record as a dot, a line per stage, a colour and mark per sensor, with a stroke at each median."""
     sensors = list(dict.fromkeys(s for line in lines for s in line.values))
-    highest = max((v for line in lines for values in line.values.values() for v in values), default=1.0)
-    points = 0
-    with canvas(760, 64 + 42 * len(lines)) as (figure, (axis,)):
-        for k, line in enumerate(lines):
-            for place, (sensor, found) in enumerate(line.values.items()):
-                m, values = sensors.index(sensor), np.asarray(found, dtype=float)
-                shift = 0.0 if len(line.values) == 1 else 0.44 * (place / (len(line.values) - 1) - 0.5)
-                y = k + shift + (_spread(values.size) / len(line.values) if values.size > 1 else np.zeros(1))
-                colour = SERIES[m % len(SERIES)]
-                mark = MARKS[m % len(MARKS)]
-                axis.plot(values, y, linestyle="none", marker=mark, markersize=5, color=colour, alpha=0.7, markeredgewidth=0)
-                if values.size > 1:
-                    axis.plot([np.median(values)] * 2, [k + shift - 0.2, k + shift + 0.2], color=INK, linewidth=1.8)
-                points += int(values.size)
-        axis.set_yticks(range(len(lines)), [_cut(line.label) + ("\nheld out" if line.held_out else "") for line in lines])
-        axis.set_ylim(len(lines) - 0.4, -0.6)
-        axis.set_xlim(0.0, 1.06 * highest or 1.0)
-        axis.set_xlabel("RMSE of a record, K")
-        axis.tick_params(axis="y", length=0, labelcolor=INK)
-        figure.subplots_adjust(left=0.25, right=0.98, top=0.98, bottom=46 / (64 + 42 * len(lines)))
-        markup = markup_of(figure, "RMSE per record and sensor, by stage", key, points)
-    marks = "●■▲◆▼✚✖★"
-    entries = [Entry(s, f"--s{m % len(SERIES)}", "", marks[m % len(marks)]) for m, s in enumerate(sensors)]
+    highest = 1.06 * max((v for line in lines for values in line.values.values() for v in values), default=1.0) or 1.0
+    width, left, right, row = 760.0, 190.0, 14.0, 42.0
+    bottom = 8.0 + row * len(lines)
+    ticks = nice_ticks(0.0, highest, 7)
+
+    def place(value: float) -> float:
+        return left + (width - left - right) * value / highest
+
+    def dot(m: int, x: float, y: float) -> str:
+        return f'<path d="{SHAPES[m % len(SHAPES)]}" transform="translate({x:.1f} {y:.1f})" style="fill:{_series(m)};fill-opacity:.75"/>'
+
+    rules = "".join(f"M{place(t):.1f} 8V{bottom:.0f}" for t in ticks)
+    out = [f'<path d="{rules}" style="fill:none;stroke:var(--f-grid,{GRID})"/>']
+    out += [f'<text x="{place(t):.1f}" y="{bottom + 15:.0f}" text-anchor="middle">{number_text(t, ticks[1])}</text>' for t in ticks]
+    points, said = 0, []
+    for k, line in enumerate(lines):
+        middle = 8.0 + row * (k + 0.5)
+        name = f'<tspan style="fill:var(--f-ink,{INK})">{escape(_cut(line.label))}</tspan>'
+        held = f'<tspan x="{left - 10:g}" dy="13">held out</tspan>' if line.held_out else ""
+        out.append(f'<text x="{left - 10:g}" y="{middle + (4 if not held else -2):.1f}" text-anchor="end">{name}{held}</text>')
+        for at, (sensor, found) in enumerate(line.values.items()):
+            m, values = sensors.index(sensor), np.asarray(found, dtype=float)
+            shift = 0.0 if len(line.values) == 1 else 0.5 * (at / (len(line.values) - 1) - 0.5)
+            offsets = _spread(values.size) / len(line.values) if values.size > 1 else np.zeros(1)
+            out += [dot(m, place(float(v)), middle + row * (shift + float(o))) for v, o in zip(values, offsets, strict=True)]
+            if values.size > 1:
+                median = f"M{place(float(np.median(values))):.1f} {middle + row * shift - 8:.1f}v16"
+                out.append(f'<path d="{median}" style="fill:none;stroke:var(--f-ink,{INK});stroke-width:1.8"/>')
+            points += int(values.size)
+        highest_here = max((v for values in line.values.values() for v in values), default=0.0)
+        said.append(f"{line.label}{', held out' if line.held_out else ''}: at most {highest_here:.3g} K")
+    axis = f'<path d="M{left:g} {bottom:.0f}H{width - right:g}" style="stroke:var(--f-soft,{SOFT});stroke-width:.8"/>'
+    end = f'<text x="{(left + width - right) / 2:.0f}" y="{bottom + 32:.0f}" text-anchor="middle">RMSE of a record, K</text>'
+    label = escape(f"RMSE per record and sensor, by stage. {'; '.join(said[:14])}.")
+    markup = (
+        f'<svg class="plot" role="img" aria-label="{label}" viewBox="0 0 {width:g} {bottom + 38:.0f}" '
+        f'style="font-size:12px;fill:var(--f-soft,{SOFT})">{"".join(out)}{axis}{end}</svg>'
+    )
+    entries = [Entry(s, f"--s{m % len(SERIES)}", "", MARKS[m % len(MARKS)]) for m, s in enumerate(sensors)]
     if any(len(values) > 1 for line in lines for values in line.values.values()):
         entries.append(Entry("median", "--f-ink", "", "❙"))
     return Drawn(markup, tuple(entries), points)
+
+
+def _series(k: int) -> str:
+    return f"var(--s{k % len(SERIES)},{SERIES[k % len(SERIES)]})"
 
 
 def _cut(text: str) -> str:
@@ -294,17 +228,13 @@ def _cut(text: str) -> str:
 def prediction(solution: Solution, key: str, label: str) -> Drawn:
     """Return the temperatures of every node of a solution over time."""
     length, unit = time_unit(float(solution.times[-1] - solution.times[0]))
-    points, entries = 0, []
-    with canvas(760, 330) as (figure, (axis,)):
-        for k, node in enumerate(solution.nodes):
-            colour, dashes = SERIES[k % len(SERIES)], DASHES[(k // len(SERIES)) % len(DASHES)]
-            line = solution.temperatures[:, k] - ICE_POINT
-            style: dict[str, Any] = {"dashes": dashes} if dashes else {}
-            points += draw_line(axis, solution.times / length, line, color=colour, linewidth=1.6, **style)
-            entries.append(Entry(f"{node} {line[-1]:.1f} °C", f"--s{k % len(SERIES)}", "dashed" if dashes else ""))
-        axis.set_ylabel("temperature, °C")
-        axis.set_xlabel(f"time, {unit}")
-        axis.margins(x=0.01)
-        figure.subplots_adjust(left=0.08, right=0.99, top=0.97, bottom=0.14)
-        markup = markup_of(figure, label, key, points)
+    lines, entries = [], []
+    for k, node in enumerate(solution.nodes):
+        n = k % len(SERIES)
+        dash = " ".join(f"{d:g}" for d in DASHES[(n + k // len(SERIES)) % len(DASHES)])
+        celsius = solution.temperatures[:, k] - ICE_POINT
+        name = f"{node} {celsius[-1]:.1f} °C"
+        lines.append(Line(name, solution.times / length, celsius, (f"--s{n}", SERIES[n]), 1.6, dash))
+        entries.append(Entry(name, f"--s{n}", dash))
+    markup, points = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330))
     return Drawn(markup, tuple(entries), points)

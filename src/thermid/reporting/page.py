@@ -16,8 +16,9 @@ from thermid.physics.constants import ICE_POINT
 from thermid.reporting import figures, levels, origins, tables
 from thermid.reporting.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.diagram import diagram
-from thermid.reporting.extras import page_template
+from thermid.reporting.extras import write_page
 from thermid.reporting.figures import Dots, Drawn
+from thermid.reporting.glance import glance
 from thermid.reporting.trust_section import trust
 
 if TYPE_CHECKING:
@@ -88,7 +89,8 @@ def report(
     """Write a campaign as one HTML page and return its path.
 
     The page holds everything: verdicts, what a reader must know, coefficients by level, and for each stage its diagram, parameters before
-    and after, sensors, measured against simulated with residuals; then predictions and provenance. It loads nothing and runs no script.
+    and after, sensors, measured against simulated with residuals; then predictions and provenance. It loads nothing and runs no script
+    but its own, without which it stands as well.
 
     Parameters
     ----------
@@ -101,11 +103,12 @@ def report(
     ------
     MissingExtraError   When matplotlib or jinja2 is not installed.
     """
-    template = page_template("page.html.jinja")
     made, of = origins.made_records(campaign)
     coefficients, others = tables.levels(campaign)
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
-    content = template.render(
+    return write_page(
+        "page.html.jinja",
+        to,
         title=campaign.title,
         campaign=campaign,
         synthetic=made,
@@ -113,19 +116,17 @@ def report(
         notes=[p for p in (campaign.note, *paragraphs) if p],
         verdicts=tables.verdicts(campaign) if campaign.verdicts else None,
         held_out=_held_out(campaign),
+        tightest=max((c.found / c.limit for v in campaign.verdicts for c in v.checks), default=0.0),
         coefficients=coefficients,
         others=others,
-        overview=figures.overview(_dots(campaign), "overview") if campaign.stages else None,
+        overview=figures.overview(_dots(campaign)) if campaign.stages else None,
         stages=[_stage(f"stage-{k}", c, campaign) for k, c in enumerate(_fits(campaign), 1)],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
         data=origins.data(campaign),
         models=origins.models(campaign),
         versions=origins.versions(),
+        seen=glance(campaign, {"verdicts": "verdicts"} | {c.stage: f"stage-{k}" for k, c in enumerate(_fits(campaign), 1)}),
     )
-    target = Path(to)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(content, encoding="utf-8")
-    return target
 
 
 def _fits(campaign: Campaign) -> list[Calibration]:

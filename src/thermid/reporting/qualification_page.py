@@ -13,7 +13,7 @@ from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
 from thermid.reporting import qualification_tables as tables
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number
-from thermid.reporting.extras import page_template
+from thermid.reporting.extras import write_page
 from thermid.reporting.origins import versions
 from thermid.reporting.qualification_figures import course, overlay
 from thermid.reporting.sections import Block, Facts, Figures, Heading, Notes, Plot, Section, Words, as_block, folded
@@ -25,7 +25,7 @@ SYNTHETIC = "synthetic"
 
 
 def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Path:
-    """Write a qualification as one HTML page and return its path. The page loads nothing and runs no script.
+    """Write a qualification as one HTML page and return its path. The page loads nothing and runs no script but its own.
 
     Parameters
     ----------
@@ -51,6 +51,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     return _write(
         to,
         title=q.plan.title,
+        running=running(q),
         opening=[t for t in (f"Intended use: {content.use}." if content.use else "", content.note) if t],
         watermark=watermark,
         banners=[(watermark, "No statement on this page is about real hardware.")] if watermark else [],
@@ -61,6 +62,12 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
         outcome=[facts, Words(f"{str(q.lock)[0].upper()}{str(q.lock)[1:]}."), tables.tests(q), *_what_is_open(q), *_courses(q)],
         sections=_sections(q),
     )
+
+
+def running(q: Qualification) -> str:
+    """Return the running head of printed pages: document number, issue, date, title."""
+    d = q.plan.content.document
+    return " · ".join(t for t in (d.number, f"issue {d.issue}" if d.issue else "", d.date, q.plan.title) if t)
 
 
 def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic: bool = False) -> Path:
@@ -102,25 +109,12 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
 
 
 def _write(
-    to: str | os.PathLike[str],
-    *,
-    watermark: str,
-    outcome: Sequence[Block | Table],
-    passed: bool | None,
-    failed: int,
-    judged: int,
-    **shown: object,
+    to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[Block | Table], passed: bool | None, judged: int, **shown: object
 ) -> Path:
     """Write a page; one without a failure and with something open says so in its head, in place of a count of what passed."""
-    template = page_template("study.html.jinja")
     head = {"headline": "? Not decided", "judged": 0} if passed is None else {"headline": "", "judged": judged}
-    content = template.render(
-        **head, failed=failed, watermark=watermark, tile=tile(watermark), outcome=[as_block(b) for b in outcome], **shown
-    )
-    target = Path(to)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(content, encoding="utf-8")
-    return target
+    blocks = [as_block(b) for b in outcome]
+    return write_page("study.html.jinja", to, **head, watermark=watermark, tile=tile(watermark), outcome=blocks, **shown)
 
 
 def _what_is_open(q: Qualification) -> list[Block]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from thermid.reporting.cells import Table
 from thermid.reporting.figures import Drawn, Entry
@@ -132,8 +132,8 @@ class Section:
 
     @classmethod
     def of(cls, key: str, title: str, blocks: Sequence[Block | Table], short: str = "") -> Section:
-        """Return a section; tables become blocks."""
-        return cls(key, title, tuple(as_block(b) for b in blocks), short or title)
+        """Return a section; tables become blocks, and one without a title has that of the heading above it."""
+        return cls(key, title, _titled(title, blocks), short or title)
 
 
 def as_block(block: Block | Table) -> Block:
@@ -142,5 +142,16 @@ def as_block(block: Block | Table) -> Block:
 
 
 def folded(title: str, blocks: Sequence[Block | Table], note: str = "") -> Folded:
-    """Return blocks that open on demand; tables become blocks."""
-    return Folded(title, tuple(as_block(b) for b in blocks), note)
+    """Return blocks that open on demand; tables become blocks, and one without a title has that of what is folded."""
+    return Folded(title, _titled(title, blocks), note)
+
+
+def _titled(title: str, blocks: Sequence[Block | Table]) -> tuple[Block, ...]:
+    out: list[Block] = []
+    for block in (as_block(b) for b in blocks):
+        if isinstance(block, Heading):
+            title = block.text
+        elif isinstance(block, Tabled) and not block.table.title:
+            block = Tabled(replace(block.table, title=title))
+        out.append(block)
+    return tuple(out)

@@ -10,7 +10,7 @@ from statistics import median
 
 from thermid.reporting import figures, origins
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, pretty, significant
-from thermid.reporting.extras import page_template
+from thermid.reporting.extras import write_page
 from thermid.reporting.figures import Dots
 from thermid.reporting.sections import Block, Figures, Heading, Notes, Plot, Section, Words, folded
 
@@ -75,7 +75,7 @@ def structures_report(
     reasons: Sequence[str] = (),
     notes: Sequence[str] = (),
 ) -> Path:
-    """Write a comparison of structures as one HTML page and return its path. The page loads nothing and runs no script.
+    """Write a comparison of structures as one HTML page and return its path. The page loads nothing and runs no script but its own.
 
     Parameters
     ----------
@@ -94,7 +94,9 @@ def structures_report(
     if not structures:
         raise ValueError("there are no structures to compare.")
     taken = _taken(structures, chosen)
-    content = page_template("study.html.jinja").render(
+    return write_page(
+        "study.html.jinja",
+        to,
         title=title,
         opening=list(notes),
         watermark="",
@@ -111,10 +113,6 @@ def structures_report(
             Section.of("provenance", "Provenance", [origins.versions()]),
         ],
     )
-    target = Path(to)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(content, encoding="utf-8")
-    return target
 
 
 def _taken(structures: Sequence[Structure], chosen: str) -> Structure | None:
@@ -188,7 +186,7 @@ def _dots(structures: Sequence[Structure]) -> list[Block]:
     known = [Dots(s.name, {sensor: list(runs.values()) for sensor, runs in s.unseen.items()}, True) for s in structures if s.unseen]
     if not known:
         return []
-    drawn = figures.overview(known, "structures")
+    drawn = figures.overview(known)
     return [Figures((Plot(drawn, "RMSE on each run that no fit has seen, K; a structure a line."),), drawn.legend, True)]
 
 

@@ -15,7 +15,8 @@ from thermid.model.parameter import Parameter
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting import origins, tables
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, signed
-from thermid.reporting.extras import page_template
+from thermid.reporting.extras import write_page
+from thermid.reporting.glance import glance
 from thermid.reporting.sections import Block, Facts, Heading, Notes, Section, Words, as_block, folded
 
 __all__ = ["parts", "provenance", "step_log", "steps", "study_report", "tile"]
@@ -30,7 +31,7 @@ def study_report(
     outcome: Sequence[Block | Table] = (),
     watermark: str = "",
 ) -> Path:
-    """Write a study as one HTML page and return its path. The page loads nothing and runs no script.
+    """Write a study as one HTML page and return its path. The page loads nothing and runs no script but its own.
 
     Parameters
     ----------
@@ -45,14 +46,15 @@ def study_report(
     ------
     MissingExtraError   When matplotlib or jinja2 is not installed.
     """
-    template = page_template("study.html.jinja")
     made, of = origins.made_records(campaign)
     text = f"{len(made)} of {of} records were made, not measured: what rests on them says nothing about real hardware." if made else ""
     banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or made else []
     shown = [_steps_section(study), _parts_section(study), *sections, _record_section(study, campaign)]
     failed = [v for v in campaign.verdicts if not v.passed]
     worst = max((c.found / c.limit for v in campaign.verdicts for c in v.checks), default=0.0)
-    content = template.render(
+    return write_page(
+        "study.html.jinja",
+        to,
         title=study.title,
         opening=[t for t in (study.subject, f"Intended use: {study.use}.", f"After: {study.document}." if study.document else "") if t],
         watermark=watermark,
@@ -64,11 +66,8 @@ def study_report(
         summary=f"on records that no fit has seen; the tightest criterion is used to {100 * worst:.0f} %",
         outcome=[as_block(b) for b in outcome],
         sections=shown,
+        seen=glance(campaign, {}),
     )
-    target = Path(to)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(content, encoding="utf-8")
-    return target
 
 
 def tile(words: str) -> str:

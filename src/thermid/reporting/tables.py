@@ -19,7 +19,8 @@ from thermid.physics.constants import ICE_POINT
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
 from thermid.units import unit
 
-__all__ = ["HTC_NAMES", "areas", "correlations", "instruments", "levels", "locals_", "parameters", "records", "sensors", "verdicts"]
+__all__ = ["HTC_NAMES", "STRONG", "areas", "at_bound", "correlations", "instruments", "levels", "locals_", "parameters", "records"]
+__all__ += ["sensors", "verdicts"]
 
 Names = tuple[tuple[str, str], ...]
 HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")
@@ -73,13 +74,20 @@ def _bounds(v: FittedValue) -> str:
     return f"{low} .. {high}" if low and high else f"from {low}" if low else f"to {high}" if high else DASH
 
 
+def at_bound(v: FittedValue) -> str:
+    """Return at which bound a value ended, 'lower' or 'upper'; empty for inside."""
+    for bound, side in zip(v.bounds, ("lower", "upper"), strict=True):
+        if math.isfinite(bound) and abs(v.value - bound) <= max(1e-4 * abs(bound), 0.02 * v.error):
+            return side
+    return ""
+
+
 def _state(v: FittedValue) -> Cell:
     """Return whether a value is free inside its bounds or ended at one."""
     if not math.isfinite(v.error):
         return Cell("not determined", "", "bad")
-    for bound, side in zip(v.bounds, ("lower", "upper"), strict=True):
-        if math.isfinite(bound) and abs(v.value - bound) <= max(1e-4 * abs(bound), 0.02 * v.error):
-            return Cell(f"at its {side} bound", "its error is not meaningful", "bad")
+    if at_bound(v):
+        return Cell(f"at its {at_bound(v)} bound", "its error is not meaningful", "bad")
     shared = f", shared by {1 + len(v.also)} instances" if v.also else ""
     return Cell(f"free, with prior{shared}" if v.prior else f"free{shared}", ", ".join(v.also))
 

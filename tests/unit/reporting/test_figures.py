@@ -9,7 +9,8 @@ import pytest
 
 import thermid as td
 from thermid.identify.residuals import Block
-from thermid.reporting import figures
+from thermid.reporting import chart, figures
+from thermid.reporting.chart import Line, Panel
 from thermid.reporting.figures import Dots, choose, overview, prediction, thinned, time_unit, trace
 
 
@@ -34,13 +35,15 @@ def test_thinning_keeps_the_ends_and_every_spike() -> None:
 def test_a_long_trace_is_thinned_in_the_drawing_alone() -> None:
     long = block(size=40_000)
     drawn = trace(long, "k", "label")
-    assert drawn.points < 3 * figures.POINTS + 10
-    assert len(drawn.markup) < 60_000
+    assert drawn.points < 3 * chart.POINTS + 10
+    assert len(drawn.markup) < 20_000
     assert long.residuals.size == 40_000
 
 
 def test_ticks_keep_their_decimals() -> None:
-    drawn = overview([Dots("stage", {"T": [0.011, 0.032]})], "o")
+    drawn = overview(
+        [Dots("stage", {"T": [0.011, 0.032]})],
+    )
     ticks = re.findall(r">(\d+\.\d+)</text>", drawn.markup)
     assert "0.005" in ticks
     assert len(set(ticks)) == len(ticks)
@@ -60,7 +63,7 @@ def test_a_gap_in_the_samples_breaks_the_line() -> None:
     torn = Block("r", "T", "case", whole.times[keep], whole.measured[keep], whole.predicted[keep], 0.1)
 
     def moves(b: Block) -> int:
-        return max(path.count("M") for path in re.findall(r' d="([^"]*)"', trace(b, "k", "l").markup))
+        return max(path.count("M") for path in re.findall(r'class="line"[^>]* d="([^"]*)"', trace(b, "k", "l").markup))
 
     assert moves(whole) == 1
     assert moves(torn) == 2
@@ -96,30 +99,58 @@ def test_figures_of_one_page_do_not_share_identifiers() -> None:
         assert set(re.findall(r'url\(#([^)]+)\)|href="#([^"]+)"', markup)) <= {(i, "") for i in known} | {("", i) for i in known}
 
 
-def test_figures_load_nothing_style_nothing_else_and_leave_no_settings_behind() -> None:
-    import matplotlib
-
-    before = dict(matplotlib.rcParams)
+def test_figures_load_nothing_and_style_nothing_else() -> None:
     markup = trace(block(), "k", "l").markup
     assert "://" not in markup
     assert "<style" not in markup
-    assert "var(--f-simulated,#0072b3)" in markup
-    assert dict(matplotlib.rcParams) == before
+    assert "var(--f-simulated,#0072b2)" in markup
 
 
 @pytest.mark.parametrize("name", ["<script>alert(1)</script>", "$x", "_hidden", "温度"])
 def test_strange_names_stay_text(name: str) -> None:
-    drawn = overview([Dots(name, {name: [0.1, 0.2]})], "o")
+    drawn = overview(
+        [Dots(name, {name: [0.1, 0.2]})],
+    )
     assert "<script" not in drawn.markup
     assert drawn.legend[0].label == name
     assert "<script" not in trace(block(), "k", name).markup
 
 
-def test_a_prediction_shows_every_node_and_turns_into_an_image_when_it_is_large(box: td.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_prediction_shows_every_node_and_stays_small_with_many(box: td.Model) -> None:
     solution = td.simulate(box, td.Scenario("s", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="5 [h]"))
     drawn = prediction(solution, "p", "label")
     assert drawn.markup.startswith("<svg")
     assert [e.label.split()[0] for e in drawn.legend] == list(solution.nodes)
     assert f"{solution['case'].final:.1f} °C" in drawn.legend[0].label
-    monkeypatch.setattr(figures, "VECTOR_LIMIT", 10)
-    assert prediction(solution, "p", "label").markup.startswith('<img class="plot" alt="label" src="data:image/png;base64,')
+    x = np.linspace(0.0, 1.0, 5000)
+    many = [Line(f"node {k}", x, np.sin(9 * x + k), ("--s0", "#000000")) for k in range(500)]
+    markup, points = chart.chart([Panel("temperature", "°C", many)], key="k", label="l", x_name=("time", "h"), size=(760, 330))
+    assert points <= chart.MOST
+    assert len(markup) < 500_000
+
+
+def test_a_line_is_read_back_from_its_path_to_a_hundredth_of_a_per_cent() -> None:
+    """What the script of a page does with it: whole numbers, differences, the ends of the axes."""
+    b = block(size=300)
+    markup = trace(b, "k", "l").markup
+    panels = re.findall(r'data-ends="([^"]*)"', markup)
+    x0, x1, y0, y1 = (float(v) for v in panels[0].split())
+    path = re.search(r'class="line" data-n="measured" d="M(-?\d+) (-?\d+)l([^"]*)"', markup)
+    assert path is not None
+    steps = np.array([int(n) for n in re.findall(r"-?\d+", path[3])]).reshape(-1, 2)
+    grid = np.vstack([[int(path[1]), int(path[2])], steps]).cumsum(axis=0)
+    times, celsius = x0 + (x1 - x0) * grid[:, 0] / chart.GRID, y1 - (y1 - y0) * grid[:, 1] / chart.GRID
+    assert np.abs(times - b.times / 60.0).max() <= 0.51e-4 * (x1 - x0)
+    assert np.abs(celsius - (b.measured - 273.15)).max() <= 0.51e-4 * (y1 - y0)
+
+
+def test_no_two_lines_of_a_figure_differ_by_colour_alone() -> None:
+    assert len(set(figures.DASHES)) == len(figures.DASHES) == len(figures.SERIES) == len(figures.SHAPES) == len(figures.MARKS)
+
+
+def test_a_figure_says_in_words_what_is_seen() -> None:
+    markup = trace(block(), "k", "T in r").markup
+    said = re.search(r'aria-label="([^"]*)"', markup)
+    assert said is not None
+    assert said[1].startswith("T in r, RMSE 0.1 K. Time 0 to 60 min; measured: from 26.9 to 36.7 °C")
+    assert "; simulated: from 26.9 to 36.7 °C, range 26.9 to 36.7; measured less simulated: from" in said[1]

@@ -1,0 +1,173 @@
+"""What decides, for the top of a page: what was fitted with its intervals, what is not known, what to do next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from thermid.identify.calibration import Calibration
+from thermid.identify.stages import Campaign
+from thermid.identify.values import FittedValue
+from thermid.model.resolve import ParameterSet
+from thermid.physics.constants import ICE_POINT
+from thermid.reporting.cells import Cell, Column, Line, Table, absolute, number, pretty, significant
+from thermid.reporting.tables import STRONG, at_bound
+
+__all__ = ["Glance", "glance", "interval"]
+
+MOST, LINES = 8, 5
+"""Fitted values, and remarks of each kind, at the top; the rest stands below."""
+VAGUE = 0.25
+"""Relative half-width of an interval from which a value counts as hardly known."""
+NORMAL = 1.959964
+"""95 % of a normal distribution lie within so many standard deviations."""
+
+
+@dataclass(frozen=True)
+class Remark:
+    """What is said, and the place on the page where more of it stands with what that place is called; empty for none."""
+
+    text: str
+    place: str = ""
+    called: str = ""
+
+
+@dataclass(frozen=True)
+class Glance:
+    """The top of a page.
+
+    Parameters
+    ----------
+    fitted : Table      Values with their 95 % intervals, the uppermost stage first.
+    unknown : tuple     What is not known, each with its place on the page.
+    next : tuple        What to do about it, each with its place on the page.
+    """
+
+    fitted: Table
+    unknown: tuple[Remark, ...]
+    next: tuple[Remark, ...]
+
+
+def glance(campaign: Campaign, places: Mapping[str, str]) -> Glance:
+    """Return what a reader needs before anything else.
+
+    Parameters
+    ----------
+    campaign : Campaign     What was found.
+    places : dict           Stage, or 'verdicts', -> its place on the page.
+    """
+    unknown, todo = ([Remark(text, places.get(of, ""), of) for text, of in dict.fromkeys(f(campaign))] for f in (_unknown, _todo))
+    return Glance(_fitted(campaign), _cut(unknown), _cut(todo))
+
+
+def interval(v: FittedValue) -> tuple[float, float]:
+    """Return the ends of the 95 % interval of a fitted value; of one that was fitted by its logarithm the factor is symmetric. [SI]"""
+    if v.log and v.value > 0 and math.isfinite(v.error):
+        factor = math.exp(NORMAL * v.error / v.value)
+        return v.value / factor, v.value * factor
+    return v.value - NORMAL * v.error, v.value + NORMAL * v.error
+
+
+def _cut(remarks: list[Remark]) -> tuple[Remark, ...]:
+    if len(remarks) <= LINES:
+        return tuple(remarks)
+    return (*remarks[: LINES - 1], Remark(f"And {len(remarks) - LINES + 1} more, each at its stage."))
+
+
+def _fits(campaign: Campaign) -> list[Calibration]:
+    """Return all fits, the uppermost first."""
+    return [*([campaign.joint] if campaign.joint is not None else []), *reversed(tuple(campaign.stages.values()))]
+
+
+def _values(campaign: Campaign) -> Iterator[tuple[Calibration, FittedValue]]:
+    """Yield every fitted parameter with its fit, the uppermost stage first."""
+    for c in _fits(campaign):
+        for v in c.values.parameters.values():
+            yield c, v
+
+
+def _fitted(campaign: Campaign) -> Table:
+    columns = [Column("value"), Column("stage"), Column("found", True), Column("95 % interval", True), Column("unit")]
+    every = list(_values(campaign))
+    rows: list[Line] = []
+    for c, v in every[:MOST]:
+        error = v.shown(v.error)
+        ends = Cell("not determined", "", "bad")
+        if math.isfinite(error):
+            ends = Cell(" .. ".join(significant(absolute(v, end), error) for end in interval(v)))
+        rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
+    more = f"The {MOST} uppermost of {len(every)}; all of them stand at their stages. " if len(every) > MOST else ""
+    return Table.of(columns, rows, f"{more}Intervals hold the constant errors of sensors and powers.", "What was fitted")
+
+
+def _twins(c: Calibration) -> list[tuple[str, str, float]]:
+    """Return the pairs of parameters that the data hardly tell apart, with their correlation."""
+    return [(a, b, r) for (a, b), r in c.correlations.items() if abs(r) > STRONG and not {a, b} & {f"sensor {s}" for s in c.sensors}]
+
+
+def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
+    """Yield what the data do not tell, each with its stage."""
+    if not campaign.verdicts:
+        yield "Whether it predicts: no record was held out.", ""
+    for v in campaign.verdicts:
+        if v.conditional:
+            yield f"{v.record} at {v.model}: the verdict holds only for what was fitted to it, {', '.join(v.fitted_locally)}.", "verdicts"
+    for c, value in _values(campaign):
+        low, high = interval(value)
+        if not math.isfinite(value.error):
+            yield f"{value.path}: the logs do not determine it.", c.stage
+        elif at_bound(value):
+            yield f"{value.path} ended at its {at_bound(value)} bound: its error is not meaningful.", c.stage
+        elif value.value and (high - low) / 2 > VAGUE * abs(value.value):
+            yield f"{value.path}: known to ± {number(50 * (high - low) / abs(value.value), 2)} % only (95 %).", c.stage
+    for c in _fits(campaign):
+        for a, b, r in _twins(c):
+            yield f"{a} and {b}: better known together than each alone (correlation {r:+.2f}).", c.stage
+    for c in _fits(campaign)[:1]:
+        values = ParameterSet(c.fitted_model).table
+        held = [p for p, e in values.items() if e.parameter.source == "assumed" and p not in c.values.assignments]
+        if held:
+            yield f"{len(held)} values of {c.model.title} are assumed and were not fitted here, such as {held[0]}.", c.stage
+
+
+def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
+    """Yield what follows from it, each with its stage."""
+    if not campaign.verdicts:
+        yield "Hold a record out and judge it: [[verdicts]] in the campaign.", ""
+    elif all(v.passed for v in campaign.verdicts):
+        yield _envelope(campaign), ""
+    for v in campaign.verdicts:
+        missed = [c for c in v.checks if not c.passed]
+        if missed:
+            worst = max(missed, key=lambda c: c.found / c.limit)
+            what = {"rmse": "RMSE", "max_error": "largest error", "mean_error": "mean error"}.get(worst.criterion, worst.criterion)
+            told = f"{what} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
+            yield f"Do not use {v.model} yet: {worst.sensor} in {v.record} misses, {told}. See where its residuals begin.", "verdicts"
+    for c in _fits(campaign):
+        for m in c.moved.values:
+            if m.verdict == "had to move":
+                yield f"{m.path} had to move from what {m.stage} found: look for what the part meets here and not alone.", c.stage
+        wanders = [s for s, found in c.sensors.items() if not found.white]
+        if wanders:
+            yield f"{', '.join(wanders)}: residuals wander, so something is missing; td.criticise says what.", c.stage
+        for value in c.values.parameters.values():
+            if at_bound(value):
+                yield f"{value.path}: widen its bounds, or doubt the power, area or place that it stands for.", c.stage
+    apart = [c.stage for c in _fits(campaign) if _twins(c) or any(not math.isfinite(v.error) for v in c.values.parameters.values())]
+    if apart:
+        yield (
+            f"{', '.join(reversed(apart))}: td.next_test ranks the tests that would tell values apart.",
+            apart[-1] if len(apart) == 1 else "",
+        )
+
+
+def _envelope(campaign: Campaign) -> str:
+    """Return where the model was seen to hold."""
+    read = [o.measured for v in campaign.verdicts for e in v.prediction.experiments for o in e.observations if o.measured.size]
+    if not read:
+        return "Use it for what it was judged on."
+    low, high = (float(f(np.concatenate(read))) - ICE_POINT for f in (np.min, np.max))
+    return f"Use it where it was judged: sensors between {low:.0f} and {high:.0f} °C. Beyond that it extrapolates."
