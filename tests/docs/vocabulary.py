@@ -145,6 +145,7 @@ def by_heading() -> dict[str, Names]:
         ),
         "Campaign": _model(campaign_schema.CampaignFile),
         "Log": _model(campaign_schema.RecordTable),
+        "Joined log": _model(campaign_schema.JoinedTable, {"offset": "s", "rate": "1"}),
         "Channel of a log": _of(CHANNEL_KEYS, ERROR_UNITS | SENSOR_UNITS),
         "Preparation": _of(STEPS),
         "Stage": _model(campaign_schema.StageTable, CAMPAIGN_UNITS),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -178,7 +179,7 @@ def _root(covariance: Array) -> Array:
 def _parts(b: Binned, known: Array) -> tuple[float, float, float]:
     """Return the variances of the independent and the wandering part of a trace, and the time of the latter; zeros where it is white."""
     root = np.sqrt(b.count)
-    free = _beside(root[:, None] * b.slopes @ known)
+    decided, free = _beside(root[:, None] * b.slopes @ known)
     spare = free.shape[1]
     if spare < FEWEST:
         return 0.0, 0.0, 0.0
@@ -186,40 +187,65 @@ def _parts(b: Binned, known: Array) -> tuple[float, float, float]:
     calm = float(y @ y) / spare
     if not calm > 0:
         return 0.0, 0.0, 0.0
-    best = (SURE, calm, 0.0, 0.0)
     spacing, span = float(np.median(np.diff(b.times))), float(b.times[-1] - b.times[0])
-    for time in np.geomspace(spacing, max(0.5 * span, 2.0 * spacing), TIMES):
-        within = free.T @ (root[:, None] * _correlation(b.times, time) * root) @ free
-        if not _suspected(within, y, calm):
-            continue
-        sizes, vectors = np.linalg.eigh(within)
-        sizes, parts = np.maximum(sizes, 0.0), (vectors.T @ y) ** 2
-        ratios = np.geomspace(0.01 / sizes[-1], 1e4 / sizes.mean(), 60)
-        variances = 1.0 + ratios[:, None] * sizes
-        own = (parts / variances).mean(axis=1)
-        gain = spare * np.log(calm) - spare * np.log(own) - np.log(variances).sum(axis=1)
-        k = int(gain.argmax())
-        if gain[k] > best[0]:
-            best = (float(gain[k]), float(own[k]), float(ratios[k] * own[k]), float(time))
-    _, own, slow, time = best
+    times = np.geomspace(spacing, max(0.5 * span, 2.0 * spacing), TIMES)
+    likes = [root[:, None] * _correlation(b.times, time) * root for time in times]
+    lean = _leaning(likes, decided, free @ y, calm)
+    tried = {}
+    at = int(lean.argmax())
+    while lean[at] > 1.0:  # uphill from the time towards which they lean most, by more than a standard deviation of chance
+        near = [k for k in (at - 1, at, at + 1) if 0 <= k < times.size and lean[k] > 1.0]
+        tried |= {k: _likeliest(free.T @ likes[k] @ free, y, calm) for k in near if k not in tried}
+        best = max(near, key=lambda k: tried[k][0])
+        if best == at:
+            break
+        at = best
+    gain, own, slow = tried.get(at, (0.0, 0.0, 0.0))
+    time = float(times[at])
+    if gain <= SURE:
+        own, slow, time = calm, 0.0, 0.0
     # a filter, or steps of the sensor, tie neighbours within a stretch together: the means of stretches then scatter more than they should
     quick = b.inner > spare and own > b.within * (1.0 + 3.0 * np.sqrt(2.0 / spare + 2.0 / b.inner))
     return (own, slow, time) if slow > 0 or quick else (0.0, 0.0, 0.0)
 
 
-def _suspected(within: Array, y: Array, calm: float) -> bool:
-    """Return whether residuals lean towards a correlation by more than a standard deviation of chance (the score test for no wandering)."""
-    mean = float(np.trace(within)) / y.size
-    spread = 2.0 * (float(np.sum(within**2)) - y.size * mean**2)
-    return bool(float(y @ within @ y) / calm - y.size * mean > np.sqrt(max(spread, 0.0)))
+def _likeliest(within: Array, y: Array, calm: float) -> tuple[float, float, float]:
+    """Return twice the gain in log-likelihood of a wandering part with some correlations, and the variances of both parts."""
+    sizes, vectors = np.linalg.eigh(within)
+    sizes, parts = np.maximum(sizes, 0.0), (vectors.T @ y) ** 2
+    ratios = np.geomspace(0.01 / sizes[-1], 1e4 / sizes.mean(), 60)
+    variances = 1.0 + ratios[:, None] * sizes
+    own = (parts / variances).mean(axis=1)
+    gain = y.size * np.log(calm) - y.size * np.log(own) - np.log(variances).sum(axis=1)
+    k = int(gain.argmax())
+    return float(gain[k]), float(own[k]), float(ratios[k] * own[k])
 
 
-def _beside(slopes: Array) -> Array:
-    """Return an orthonormal basis (stretches, directions) of what is not decided by a trace alone.
+def _leaning(likes: Sequence[Array], decided: Array, residuals: Array, calm: float) -> Array:
+    """Return by how many standard deviations of chance residuals lean towards each of some correlations (score test for no wandering).
+
+    `decided` (stretches, directions) is what the trace alone decides; correlations count beside it, and `residuals` have none of it.
+    """
+    out = np.zeros(len(likes))
+    spare = decided.shape[0] - decided.shape[1]
+    for k, like in enumerate(likes):
+        across = like @ decided
+        inside = decided.T @ across
+        mean = (float(np.trace(like)) - float(np.trace(inside))) / spare
+        square = float(np.sum(like**2)) - 2.0 * float(np.sum(across**2)) + float(np.sum(inside**2))
+        spread = 2.0 * (square - spare * mean**2)
+        excess = float(residuals @ like @ residuals) / calm - spare * mean
+        out[k] = excess / np.sqrt(spread) if spread > 0 else np.inf * np.sign(excess)
+    return out
+
+
+def _beside(slopes: Array) -> tuple[Array, Array]:
+    """Return orthonormal bases (stretches, directions) of what a trace alone decides, and of all that it does not.
 
     With `slopes` in units of standard errors of the whole fit, a singular value is the root of the trace's share in a direction.
     """
     if not slopes.size:
-        return np.eye(slopes.shape[0])
+        return np.zeros((slopes.shape[0], 0)), np.eye(slopes.shape[0])
     basis, s, _ = np.linalg.svd(slopes, full_matrices=True)
-    return np.asarray(basis[:, int((s**2 > OWN).sum()) :])
+    count = int((s**2 > OWN).sum())
+    return np.asarray(basis[:, :count]), np.asarray(basis[:, count:])

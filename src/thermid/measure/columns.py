@@ -40,7 +40,7 @@ def decimal_sign(cells: Cells, given: str | None) -> str:
         if given not in (".", ","):
             raise RecordError(f"decimal={given!r} is neither '.' nor ','.", cells.file)
         return given
-    if not any("," in "".join(column) for column in cells.columns):
+    if not cells.commas or not any("," in "".join(column) for column in cells.columns):
         return "."
     seen: dict[str, tuple[str, int]] = {}
     for column in cells.columns:
@@ -64,7 +64,7 @@ def numbers(cells: tuple[str, ...], decimal: str) -> FloatArray | int:
     if decimal == ",":
         # a point beside decimal commas would be a thousands sign; it is text here, so that 1.234 is never read as 1.2
         joined = joined.replace(".", "x").replace(",", ".")
-    plain = joined.split(_UNUSED)
+    plain = joined.split(_UNUSED) if decimal == "," else cells
     if joined.isascii() and "_" not in joined:
         try:
             return np.array(list(map(float, plain)))
@@ -95,11 +95,12 @@ def read_times(cells: Cells, at: int, decimal: str, clock: str | None, unit_text
     RecordError   When a time is missing or cannot be read, or times run back.
     """
     name, column = name_and_unit(cells.header[at])[0], cells.columns[at]
-    for row, cell in enumerate(column):
-        if cell.strip().lower() in MISSING:
-            raise RecordError("this line has no time. Take it out, or mend the log.", cells.where(row, name))
-    start: str | None = column[0].strip()
     parsed = numbers(column, decimal) if clock is None else 0
+    if isinstance(parsed, int) or np.isnan(parsed).any():
+        for row, cell in enumerate(column):
+            if cell.strip().lower() in MISSING:
+                raise RecordError("this line has no time. Take it out, or mend the log.", cells.where(row, name))
+    start: str | None = column[0].strip()
     if clock is None and isinstance(parsed, np.ndarray):
         times, start = parsed * _time_factor(cells, name, unit_text), None
         odd = np.flatnonzero(~np.isfinite(times))

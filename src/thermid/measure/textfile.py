@@ -21,6 +21,10 @@ MISSING: Final = frozenset({"", "nan", "na", "n/a", "null"})
 
 _SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
 _LOOKED_AT = 500
+_LEAD: Final = frozenset({"", "#", " ", "\t", "\f"})
+"""How a line may begin that holds no cells."""
+_CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\r\f")) + b"\x7f"
+"""Signs that no text log has."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,7 @@ class Cells:
     reasons : mapping                Rows that are masked, by column and reason; of a log that names its faults.
     resolution : mapping             Step of a sensor, as text, where the log itself says it, by column.
     certificates : mapping           The same for its certificate.
+    commas : bool                    Whether a cell may hold a comma.
     """
 
     file: str
@@ -49,6 +54,7 @@ class Cells:
     reasons: Mapping[str, Mapping[str, list[int]]] = field(default_factory=dict)
     resolution: Mapping[str, str] = field(default_factory=dict)
     certificates: Mapping[str, SensorCertificate] = field(default_factory=dict)
+    commas: bool = True
 
     def where(self, row: int | None = None, column: str = "") -> str:
         """Return a place for a message: file, line, column."""
@@ -65,6 +71,19 @@ def is_number(cell: str) -> bool:
     return True
 
 
+def _holds_cells(line: str) -> bool:
+    return bool(line.strip()) and not line.lstrip().startswith("#")
+
+
+def _columns(lines: list[tuple[int, str]], mark: str) -> list[tuple[str, ...]] | None:
+    """Return the columns, header included, of lines without quotation marks that all have as many cells; None where they do not."""
+    if len({line.count(mark) for _, line in lines}) != 1:
+        return None
+    cells = mark.join([line for _, line in lines]).split(mark)
+    width = lines[0][1].count(mark) + 1
+    return [tuple(cells[k::width]) for k in range(width)]
+
+
 def read_cells(data: bytes, file: str, separator: str | None) -> Cells:
     """Return the cells of a log: commas, semicolons or tabs; lines that are blank or start with '#' left out.
 
@@ -74,11 +93,15 @@ def read_cells(data: bytes, file: str, separator: str | None) -> Cells:
     """
     text, notes = _text(data, file)
     whole = text.endswith("\n")
-    lines = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip() and not line.lstrip().startswith("#")]
+    lines = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line[:1] not in _LEAD or _holds_cells(line)]
     if not lines:
         raise RecordError("the file is empty." if not text.strip() else "the file has only comments.", file)
     mark = _separator(lines, separator, file)
-    rows, numbers = _rows(lines, mark, file)
+    columns = None if '"' in text else _columns(lines, mark)
+    if columns is None:
+        rows, numbers = _rows(lines, mark, file)
+    else:  # all lines have as many cells, so the first one and the last two tell the rest
+        rows, numbers = list(map(list, zip(*((c[0], *c[1:][-2:]) for c in columns), strict=True))), [number for number, _ in lines]
     header = tuple(name.strip() or f"column {at}" for at, name in enumerate(rows[0], 1))
     if all(is_number(name) for name in rows[0]):
         raise RecordError(
@@ -89,16 +112,19 @@ def read_cells(data: bytes, file: str, separator: str | None) -> Cells:
     if cut:
         notes.append(f"line {numbers[-1]}, the last one, is cut short and was dropped")
         numbers = numbers[:-1]
+    if columns is not None:
+        columns = [column[1 : len(numbers) + 1] for column in columns]
     if not rows:
         raise RecordError("there is a header and no samples below it.", file)
-    for row, number in zip(rows, numbers, strict=True):
+    for row, number in zip(rows, numbers, strict=False):
         if len(row) != len(header):
             raise RecordError(
                 f"{len(row)} columns stand in this line, {len(header)} in the header. Mend it, put '#' before it, or give the separator.",
                 f"{file}:{number}",
             )
     synthetic = any(line.lstrip().startswith("#") and "SYNTHETIC" in line for line in text.split("\n", 20)[:20])
-    return Cells(file, header, list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic)
+    commas = columns is None or mark != ","
+    return Cells(file, header, columns or list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic, commas=commas)
 
 
 def read_bytes(place: Path) -> bytes:
@@ -149,7 +175,8 @@ def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
     except UnicodeDecodeError:
         # older loggers write the degree sign in Latin-1, which takes any byte; control characters still show a binary file
         text, notes = data.decode("latin-1"), ["read as Latin-1, because it is not UTF-8"]
-    if any((ord(sign) < 32 and sign not in "\t\n\r\f") or sign == "\x7f" for sign in set(text)):
+    plain = text.encode() if notes == ["read as UTF-16"] else data
+    if len(plain.translate(None, _CONTROL)) < len(plain):
         raise RecordError(binary, file)
     return text, notes
 
