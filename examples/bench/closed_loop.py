@@ -29,8 +29,9 @@ HERE = Path(__file__).resolve().parent
 TOOLS = HERE.parents[1] / "build" / "bench"
 PLANTED = {"pads.resistance": "2.4 [K/W]", "skin.effective_htc": "11 [W/(m^2 K)]", "plate.capacitance": "120 [J/K]"}
 NAMES = ("plate", "cover", "room")
-STEP = 1.0  # s
-NOISE = 0.03  # K, before the sensor's steps of 1/16 K
+STEP = 0.1  # s; sensors are read anywhere within a step, so it is short beside the time constants and the interval
+NOISE = 0.03  # K, before the steps of the sensor
+BOTH = f"{np.hypot(NOISE, 0.0625 / 12**0.5):.3f} [K]"
 
 
 def planted(seed: int = 1) -> World:
@@ -74,9 +75,9 @@ def run(log_path: Path, hours: float) -> float:
 def fit(log_path: Path) -> td.Calibration:
     """Fit the three values to the log."""
     channels = {
-        "plate": {"node": "plate", "noise": "0.05 [K]"},
-        "cover": {"node": "cover", "noise": "0.05 [K]"},
-        "room": {"boundary": "room", "noise": "0.05 [K]"},
+        "plate": {"node": "plate", "noise": BOTH},
+        "cover": {"node": "cover", "noise": BOTH},
+        "room": {"boundary": "room", "noise": BOTH},
         "heater1": {"command": "heater"},
     }
     record = td.read_record(log_path, channels)

@@ -35,4 +35,4 @@ class Plate:
 
 def simulated(speed: float = 60.0) -> Terminal:
     """Return a made-up board with three sensors, faster than time."""
-    return Terminal(Board(Plate(), 3), speed=speed, keep=False)
+    return Terminal(Board(Plate(), 3), speed=speed, keep=False, waits=True)

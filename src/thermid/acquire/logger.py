@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+from thermid.acquire.history import History
 from thermid.acquire.link import Link
 from thermid.acquire.port import Port
 from thermid.acquire.programme import Programme
 from thermid.acquire.sensormap import Sensor
 from thermid.acquire.store import Store
-from thermid.acquire.trend import Trend
 from thermid.acquire.watch import Watch
 from thermid.errors import RecordError
 from thermid.measure.wire import Line, parse_line
@@ -27,7 +27,7 @@ _WALL_EVERY = 600.0
 
 @dataclass(frozen=True)
 class Settings:
-    """What the board is told, and when a channel counts as settled.
+    """What the board is told.
 
     Parameters
     ----------
@@ -35,16 +35,12 @@ class Settings:
     bits : int                Resolution of the sensors.
     limit : float             Temperature of any sensor at which the board cuts the heaters off. [degC]
     silence : float           Time without a word from here after which the board cuts the heaters off. [s]
-    settled : float           Rate below which a channel has settled. [K/h]
-    window : float            Stretch over which the rate is taken. [s]
     """
 
     interval: float = 1.0
     bits: int = 12
     limit: float = 100.0
     silence: float = 2.0
-    settled: float = 1.0
-    window: float = 600.0
 
     def __post_init__(self) -> None:
         """Check against what the board takes."""
@@ -53,8 +49,6 @@ class Settings:
             ("bits", self.bits, 9, 12),
             ("limit", self.limit, -55.0, 125.0),
             ("silence", self.silence, 0.2, 3600.0),
-            ("settled", self.settled, 1e-6, 1e6),
-            ("window", self.window, 1.0, 1e7),
         ):
             if not low <= value <= high:
                 raise RecordError(f"{word} = {value:g} lies outside {low:g} to {high:g}.", "settings")
@@ -76,6 +70,7 @@ class _State:
     number: int = -1
     ms: int = 0
     seconds: float = 0.0  # of the board since the first line, resets bridged by the host's clock
+    changed: float = 0.0  # when a heater last changed, on that clock
     heard: float = 0.0
     lines: int = 0
     missing: int = 0
@@ -123,10 +118,11 @@ class Logger:
         self._quiet = self._full = False
         self._link = Link(self.settings)
         self.watch = Watch(self.name_of)
-        self.trends: dict[str, Trend] = {}
+        self.history: dict[str, History] = {}
+        """Readings of each sensor since a heater last changed. [s of the board, degC]"""
         self.state = _State()
+        self._duties: dict[str, float] = {}
         self.last_mark = ""
-        self.wanted: list[str] = []
         head = {"number": self.store.session, "wall": self._stamp(), "settings": vars(self.settings)}
         self.store.write("# session " + json.dumps(head))
         for sensor in self.sensors.values():
@@ -254,11 +250,19 @@ class Logger:
             self.mark(word, detail)
         if line.kind == "S":
             self.state.bits[line.fields[0]] = int(line.fields[1])
-        value = self.watch.values.get(line.fields[0]) if line.kind == "D" and len(line.fields[0]) == 16 else None
-        if value is not None and line.fields[2] == "ok":
-            trend = self.trends.setdefault(line.fields[0], Trend(self.settings.window, self.settings.settled / 3600.0))
-            trend.add(self.state.seconds, value)
+        if line.kind == "D" and line.fields[0] not in self.watch.faults:
+            self._remember(line.fields[0])
         return line
+
+    def _remember(self, source: str) -> None:
+        """Keep a good reading; where a heater changes, what came before tells no longer where it goes."""
+        value = self.watch.values[source]
+        if len(source) == 16:
+            self.history.setdefault(source, History()).add(self.state.seconds, value)
+        elif source[0] == "H" and self._duties.setdefault(source, value) != value:
+            self._duties[source], self.state.changed = value, self.state.seconds
+            for each in self.history.values():
+                each.clear()
 
     def _count(self, line: Line, elapsed: float) -> None:
         """Follow the board's number and time: what is missing, what was a reset."""

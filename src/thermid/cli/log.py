@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -13,7 +12,11 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rich.console import Console
+    from rich.text import Text
+
     from thermid.acquire.logger import Logger
+    from thermid.cli.judge import Judge
 
 __all__ = ["register"]
 
@@ -32,8 +35,7 @@ def log(
     bits: Annotated[int, typer.Option("--bits", help="Resolution of the sensors, 9 to 12.")] = 12,
     limit: Annotated[str, typer.Option("--limit", help="Temperature of any sensor at which heaters go off.")] = "100 [degC]",
     silence: Annotated[str, typer.Option("--silence", help="Time without this program after which the board turns heaters off.")] = "2 [s]",
-    settled: Annotated[float, typer.Option("--settled", help="Rate below which a channel has settled, in K/h.")] = 1.0,
-    window: Annotated[str, typer.Option("--window", help="Stretch over which the rate is taken.")] = "10 [min]",
+    rule: Annotated[str, typer.Option("--rule", help="Rule of stability, as of `thermid settle`: '3 C/h', '0.5 K/h over 1 h'.")] = "3 C/h",
     duration: Annotated[str | None, typer.Option("--for", help="End after this time of the board, such as '5 [h]'.")] = None,
     identify: Annotated[bool, typer.Option("--identify", help="Find out which sensor is which by warming them; writes --sensors.")] = False,
     ice_point: Annotated[
@@ -55,8 +57,6 @@ def log(
         bits,
         amount(limit, TEMPERATURE, "--limit") - 273.15,
         positive_seconds(silence, "--silence"),
-        settled,
-        positive_seconds(window, "--window"),
     )
     if (identify or ice_point) and sensors is None:
         raise RecordError("the map that is to be written must be named: --sensors sensors.toml.", "--identify, --ice-point")
@@ -81,37 +81,63 @@ def log(
         if identify or ice_point:
             _guided(made, sensors, identify)
         else:
-            _run(made, end)
+            _run(made, end, rule)
     typer.echo(f"{file}: {made.state.lines} lines, {made.state.missing} missing.")
 
 
-def _run(made: Logger, end: float | None) -> None:
+def _run(made: Logger, end: float | None, rule: str) -> None:
     """Log until the end of the programme, the given time, or Ctrl-C."""
-    from thermid.acquire.screen import live_table, plain_line
+    from rich.console import Console
 
-    try:
-        if not sys.stdout.isatty():
-            shown, told = -1e9, ""
-            while not (made.done or (end is not None and made.state.seconds >= end)):
-                made.step()
-                if made.last_mark != told:
-                    told = made.last_mark
-                    typer.echo(told, err=True)
-                if made.elapsed - shown > 60.0 and made.watch.values:
-                    shown = made.elapsed
-                    typer.echo(plain_line(made))
-            return
-        from rich.live import Live
+    from thermid.cli.judge import Judge
 
-        with Live(live_table(made), refresh_per_second=2, screen=False, auto_refresh=False) as live:
-            last = 0.0
-            while not (made.done or (end is not None and made.state.seconds >= end)):
-                made.step()
-                if time.monotonic() - last > 0.5:
-                    last = time.monotonic()
-                    live.update(live_table(made), refresh=True)
-    except KeyboardInterrupt:
-        typer.echo("stopped; heaters off")
+    def ended() -> bool:
+        return made.done or (end is not None and made.state.seconds >= end)
+
+    console = Console()
+    with Judge(made, rule) as judge:
+        try:
+            if console.is_terminal and not console.is_dumb_terminal:
+                _shown(made, judge, console, ended)
+            else:
+                _told(made, judge, ended)
+        except KeyboardInterrupt:
+            typer.echo("stopped; heaters off")
+
+
+def _shown(made: Logger, judge: Judge, console: Console, ended: Callable[[], bool]) -> None:
+    """Log, with the table in the terminal."""
+    from rich.live import Live
+
+    from thermid.cli.live import live_table
+
+    def table() -> Text:
+        return live_table(made, judge, console.width, console.height - 1)
+
+    with Live(table(), console=console, auto_refresh=False, vertical_overflow="crop") as live:
+        last = 0.0
+        while not ended():
+            made.step()
+            if time.monotonic() - last > 0.5:
+                last = time.monotonic()
+                live.update(table(), refresh=True)
+        live.update(table(), refresh=True)
+
+
+def _told(made: Logger, judge: Judge, ended: Callable[[], bool]) -> None:
+    """Log, with a line a minute, and marks on standard error."""
+    from thermid.cli.live import plain_line
+
+    shown, told = 0.0, ""
+    while not ended():
+        made.step()
+        if made.last_mark != told:
+            told = made.last_mark
+            typer.echo(told, err=True)
+        if made.elapsed - shown > 60.0 and made.watch.values:
+            shown = made.elapsed
+            typer.echo(plain_line(made, judge))
+    typer.echo(plain_line(made, judge))
 
 
 def _guided(made: Logger, sensors: Path | None, identify: bool) -> None:

@@ -228,7 +228,8 @@ def forecast(
     trusted = bool(known) or slowest is not None
     guard = found if trusted else approach(times, kelvin, limit, known, room, GUARD)
     asked, wanted = amount(within, "K", "within"), rule_of(rule)
-    final, slow = _estimate(guard.at(float("inf")), level), guard.slowest(SLOW_SHARE)
+    step = resolution_of(record.channel(name))
+    final, slow = _estimate(_with_step(guard.at(float("inf")), step), level), guard.slowest(SLOW_SHARE)
     return Forecast(
         record.name,
         name,
@@ -246,7 +247,7 @@ def forecast(
         bool(known),
         None if found.room is None else found.room.last,
         found,
-        resolution_of(record.channel(name)),
+        step,
     )
 
 
