@@ -142,7 +142,7 @@ def next_test(
     sensors : dict                  As in `identifiability`; those of the fit's records when not given.
     priors : dict                   Of a model: path -> (mean, standard deviation) as texts.
     every : str or float            Interval of the readings. [s]
-    goal : str                      Error to be reached, with its unit, or in %.
+    goal : str                      Error to be reached, with its unit, such as ``5 [%]`` of a value or ``0.1 [K]``.
 
     Raises
     ------

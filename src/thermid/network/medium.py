@@ -329,7 +329,7 @@ class Media:
     def _unknown_share(c: FlatConductor) -> ScenarioError:
         return ScenarioError(
             f"the coefficient of '{c.path}' is effective: it contains radiation, which vacuum does not take away. "
-            "Give the surface's emissivity, "
+            "Give the surface's emissivity or its finish, "
             "or ask for vacuum as printed (--as-printed), which sets it to zero and is an upper bound.",
             c.where,
         )

@@ -235,7 +235,8 @@ def test_vacuum_of_an_effective_coefficient_is_refused() -> None:
         rows(box(effective_htc="6 [W/(m^2 K)]"), EMPTY)
     assert str(caught.value) == (
         "Box, surfaces.skin: the coefficient of 'skin' is effective: it contains radiation, which vacuum does not take away. "
-        "Give the surface's emissivity, or ask for vacuum as printed (--as-printed), which sets it to zero and is an upper bound."
+        "Give the surface's emissivity or its finish, or ask for vacuum as printed (--as-printed), which sets it to zero "
+        "and is an upper bound."
     )
 
 
