@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
     from thermid.identify.inverse import power_history as power_history
-    from thermid.identify.next_test import Advice as Advice
     from thermid.identify.next_test import next_test as next_test
     from thermid.identify.plausibility import Plausibility as Plausibility
     from thermid.identify.plausibility import plausibility as plausibility
@@ -45,15 +44,16 @@ if TYPE_CHECKING:
     from thermid.identify.prediction import Prediction as Prediction
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
-    from thermid.identify.split import Split as Split
+    from thermid.identify.ranking import Advice as Advice
+    from thermid.identify.retune_plan import RetunePlan as RetunePlan
     from thermid.identify.split import split as split
+    from thermid.identify.split_surface import Split as Split
     from thermid.identify.spread import Spread as Spread
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
     from thermid.identify.study import Study as Study
-    from thermid.identify.study import load_study as load_study
-    from thermid.identify.swap import RetunePlan as RetunePlan
+    from thermid.identify.study_file import load_study as load_study
     from thermid.identify.swap import plan_retune as plan_retune
     from thermid.identify.validate import Criteria as Criteria
     from thermid.identify.validate import Verdict as Verdict
@@ -216,7 +216,7 @@ _PUBLIC = {
     "calibrate": "identify.calibrate",
     "Calibration": "identify.calibration",
     "split": "identify.split",
-    "Split": "identify.split",
+    "Split": "identify.split_surface",
     "energy_balance": "identify.balance",
     "EnergyBalance": "identify.balance",
     "identifiability": "identify.identifiability",
@@ -232,7 +232,7 @@ _PUBLIC = {
     "next_test": "identify.next_test",
     "Action": "identify.actions",
     "Aim": "identify.actions",
-    "Advice": "identify.next_test",
+    "Advice": "identify.ranking",
     "load_values": "identify.values",
     "power_history": "identify.inverse",
     "PowerHistory": "identify.power_history",
@@ -250,7 +250,7 @@ _PUBLIC = {
     "Prediction": "identify.prediction",
     "Spread": "identify.spread",
     "plan_retune": "identify.swap",
-    "RetunePlan": "identify.swap",
+    "RetunePlan": "identify.retune_plan",
     "credibility": "identify.credibility",
     "CredibilityRecord": "identify.credibility",
     "difference": "identify.difference",
@@ -258,7 +258,7 @@ _PUBLIC = {
     "Criteria": "identify.validate",
     "validate": "identify.validate",
     "Verdict": "identify.validate",
-    "load_study": "identify.study",
+    "load_study": "identify.study_file",
     "Study": "identify.study",
     "macro_model": "qualify.macro",
     "assumed": "qualify.macro",

@@ -10,7 +10,7 @@ from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
     from thermid.identify.calibration import Calibration
-    from thermid.identify.moved import Moves
+    from thermid.identify.moves import Moves
     from thermid.identify.stages import Campaign
     from thermid.identify.statistics import SensorStatistics
     from thermid.identify.validate import Verdict

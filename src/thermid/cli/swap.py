@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from thermid.identify.swap import RetunePlan
+    from thermid.identify.retune_plan import RetunePlan
 
 __all__ = ["register"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import SolverError
 from thermid.identify.experiment import Experiment
-from thermid.identify.groups import Group, listed, percent
+from thermid.identify.grouping import Group, listed, percent
 from thermid.identify.information import Information
 from thermid.identify.residuals import Problem
 from thermid.model.elements import HeatLoad

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from thermid.errors import RecordError, nearest
 from thermid.identify.driven import Inputs, signal_of
 from thermid.identify.sensor_parts import Seat, attached
+from thermid.identify.starts import first_reading, starts_of
 from thermid.identify.ticks import Ticks
 from thermid.measure import Channel, Record
 from thermid.measure.part import SensorPart
@@ -19,11 +19,9 @@ from thermid.model.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.simulation.scenario import Scenario
 
-__all__ = ["Experiment", "Observation", "first_reading", "meet"]
+__all__ = ["Experiment", "Observation", "meet"]
 
 Array = NDArray[np.float64]
-MEASURED = "measured"
-"""`start = "measured"`: observed nodes start at their own readings, all others at the mean of these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,20 +102,6 @@ class Experiment:
     def bare(self) -> Scenario:
         """The scenario as it holds for the model without its sensors."""
         return replace(self.scenario, initial={n: t for n, t in self.scenario.initial.items() if n not in self.tips})
-
-
-def first_reading(record: Record, name: str, window: float = 0.0) -> float:
-    """Return the median of a channel's valid samples within `window` of its first one. [SI]
-
-    Raises
-    ------
-    RecordError   When it has no valid sample.
-    """
-    channel = record.channel(name)
-    times = record.times[channel.valid]
-    if times.size == 0:
-        raise RecordError(f"channel '{name}' has no valid sample.", record.name)
-    return float(np.median(channel.values[channel.valid][times <= times[0] + window]))
 
 
 def _bound(record: Record, channel: Channel, network: Network) -> tuple[str, str]:
@@ -202,7 +186,7 @@ def meet(
         _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
     )
     first = {o.seat: first_reading(record, o.sensor, window) for o in observations}
-    start, initial, readings, loose = _starts(record, base, network, first, window)
+    start, initial, readings, loose = starts_of(record, base, network, first, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     duration = last - zero
@@ -273,36 +257,3 @@ def _noise(channel: Channel) -> float | None:
     if channel.noise is None or channel.resolution is None:
         return channel.noise
     return float(np.hypot(channel.noise, channel.resolution / np.sqrt(12.0)))
-
-
-def _starts(
-    record: Record, base: Scenario, network: Network, first: Mapping[str, float], window: float
-) -> tuple[Any, dict[str, Any], dict[str, str], tuple[str, ...]]:
-    """Return start, initial temperatures, nodes that start at a channel's first reading, and nodes that start at their own."""
-    initial: dict[str, Any] = {}
-    readings: dict[str, str] = {}
-
-    def lay(node: str, value: Any) -> None:
-        if isinstance(value, str) and value in record.channels:
-            readings[node] = value
-            initial[node] = first_reading(record, value, window)
-        else:
-            initial[node] = value
-
-    for raw, value in base.initial.items():
-        lay(network.find(raw), value)
-    if isinstance(base.start, str) and base.start in record.channels:
-        for node in network.nodes:
-            if node not in initial and _massive(network, node):
-                lay(node, base.start)
-        return first_reading(record, base.start, window), initial, readings, ()
-    if base.start not in ("", MEASURED):
-        return base.start, initial, readings, ()
-    loose = tuple(n for n in first if n not in initial and _massive(network, n))
-    initial |= {n: first[n] for n in loose}
-    mean = float(np.mean(list(first.values())))
-    return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose
-
-
-def _massive(network: Network, node: str) -> bool:
-    return any(n.path == node and n.fields for n in network.flat.nodes)

@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from thermid.errors import IdentificationError, RecordError, nearest
-from thermid.identify.experiment import Experiment, first_reading, meet
+from thermid.identify.experiment import Experiment, meet
 from thermid.identify.inherit import handed_on
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.identify.sensor_parts import gain_of, instruments
+from thermid.identify.starts import first_reading
 from thermid.identify.ticks import clock_unknowns
 from thermid.identify.ties import tied
 from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown

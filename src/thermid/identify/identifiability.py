@@ -13,7 +13,8 @@ from thermid.errors import IdentificationError
 from thermid.identify.advice import Cure, cures
 from thermid.identify.calibration import Calibration
 from thermid.identify.gather import problem_for
-from thermid.identify.groups import Group, listed, percent, practical_groups, structural_groups
+from thermid.identify.grouping import Group, listed, percent
+from thermid.identify.groups import practical_groups, structural_groups
 from thermid.identify.information import Information, elsewhere
 from thermid.identify.planned import planned_record, sensors_of
 from thermid.identify.request import LocalSpec, Request

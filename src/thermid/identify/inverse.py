@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.identify.gather import problem_for
 from thermid.identify.power_history import PowerHistory
+from thermid.identify.regularised import ROUNDS, Pins, Solved, solved
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.identify.selection import priors_of
@@ -31,7 +32,6 @@ __all__ = ["power_history", "with_load"]
 Array = NDArray[np.float64]
 PRIORS = ("auto", "walk", "integrated walk")
 KNOTS = 120
-ROUNDS = 12
 WIDE = 30.0
 """The history is held to zero by this many times the power that the deck gives (1 W at least), so that every prior is a proper one."""
 
@@ -93,8 +93,8 @@ def power_history(
     problem = problem_for(asked)
     hats = tuple(Unknown(n, "power", (Target(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
     problem = replace(problem, unknowns=(*problem.unknowns, *hats), noise=dict(problem.noise))
-    solved = _solved(problem, knots, pins, base, PRIORS[1:] if prior == "auto" else (prior,))
-    return _history(asked, problem, path, knots, pins, solved)
+    found = solved(problem, knots, pins, base, PRIORS[1:] if prior == "auto" else (prior,))
+    return _history(asked, problem, path, knots, pins, found)
 
 
 def with_load(model: Model, path: str, load: HeatLoad) -> Model:
@@ -131,17 +131,7 @@ def _nominal(model: Model, path: str) -> float:
     return abs(float(values.get(f"{path}.power", 0.0)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Pins:
-    """Knots whose power is known: positions, powers [W], standard deviations [W]; and where the sections between jumps begin and end."""
-
-    at: NDArray[np.int64]
-    power: Array
-    sd: Array
-    sections: NDArray[np.int64]
-
-
-def _knots(record: Record, every: str, known: Sequence[tuple[str, str, str]], accuracy: str, where: str) -> tuple[Array, _Pins]:
+def _knots(record: Record, every: str, known: Sequence[tuple[str, str, str]], accuracy: str, where: str) -> tuple[Array, Pins]:
     """Return the times of the knots from the first sample [s], two close together where a stretch of known power begins or ends."""
     end = float(record.times[-1] - record.times[0])
     step = literal(every, "s", where) if every else max(end / KNOTS, float(np.median(np.diff(record.times))))
@@ -166,7 +156,7 @@ def _knots(record: Record, every: str, known: Sequence[tuple[str, str, str]], ac
     relative = accuracy.rstrip(" ]").endswith(("%", "[%"))
     sizes = np.abs(power) if relative else np.ones(len(power))
     sd = literal(accuracy, "1" if relative else "W", where) * np.maximum(sizes, 1e-3 * max([1.0, *np.abs(power)]))
-    return np.concatenate(parts), _Pins(np.array(at, dtype=np.int64), np.array(power), sd, np.cumsum([0, *map(len, parts)]))
+    return np.concatenate(parts), Pins(np.array(at, dtype=np.int64), np.array(power), sd, np.cumsum([0, *map(len, parts)]))
 
 
 def _asked(
@@ -194,144 +184,38 @@ def _asked(
     return Request(model, (record,), tuple(free), {"*": base.with_(loads=loads)}, priors=known, name=f"power of {path}"), names
 
 
-@dataclass(frozen=True, eq=False)
-class _Solved:
-    """The end: values of all unknowns, their covariance, what the data see of them, and the prior that was taken."""
-
-    x: Array
-    covariance: Array
-    seen: Array
-    prior: str
-    converged: bool
-
-
-def _solved(problem: Problem, knots: Array, pins: _Pins, base: float, priors: Sequence[str]) -> _Solved:
-    """Return the unknowns of a problem whose last are the powers at the knots."""
-    count = knots.size
-    x = np.array([u.to_fitted(u.start) for u in problem.unknowns])
-    low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in problem.unknowns), strict=True))
-    size, first = x.size, x.size - count
-    pinned = np.zeros((pins.at.size, size))
-    pinned[np.arange(pins.at.size), first + pins.at] = 1.0 / pins.sd
-    stated = all(o.noise is not None for o in problem.observations())
-    theta = [k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"]
-    force = np.zeros(size)
-    for _ in range(ROUNDS):
-        found = problem.compressed(x)
-        rows, slopes = problem.prior_rows(x)
-        # linearised: |A z - g|^2 of the data, of the priors of all other unknowns, and of the stretches of known power
-        sides = [(found.slopes, found.slopes @ x - found.rows), (slopes, slopes @ x - rows), (pinned, pins.power / pins.sd)]
-        level = 1.0
-        for _ in range(1 if stated else 4):
-            scaled = [(a / np.sqrt(level), g / np.sqrt(level)) if k == 0 else (a, g) for k, (a, g) in enumerate(sides)]
-            best = max((_likeliest(scaled, force, knots, pins, base, p) for p in priors), key=lambda f: f[0])
-            _, taken, z, h = best
-            if not stated:
-                left = sides[0][0] @ z - sides[0][1]
-                data = scaled[0][0].T @ scaled[0][0]
-                worth = float(np.trace(np.linalg.solve(h, data)))
-                level = float(left @ left) / max(problem.samples - worth, 1.0)
-        z = np.clip(z, low, high)
-        force = _margin(problem, x, found.slopes / np.sqrt(level), h, theta, level)
-        step, x = z - x, z
-        sd = np.sqrt(np.diag(np.linalg.inv(h)))
-        if (np.abs(step) < 0.01 * sd + 1e-9 * np.abs(x)).all():
-            break
-    else:
-        return _Solved(x, np.asarray(np.linalg.inv(h)), np.asarray(scaled[0][0].T @ scaled[0][0]), taken, False)
-    return _Solved(x, np.asarray(np.linalg.inv(h)), np.asarray(scaled[0][0].T @ scaled[0][0]), taken, True)
-
-
-def _margin(problem: Problem, x: Array, slopes: Array, h: Array, theta: Sequence[int], level: float) -> Array:
-    """Return what the logarithm of the margin over the history adds to the derivatives (unknowns,) of the parameters.
-
-    The mode of history and parameters together is not that of the parameters alone: a smaller capacitance makes a smoother history, which
-    its prior likes, though the readings then say more of it. The margin holds the one against the other: ``-1/2 d log|H| / d parameter``,
-    H the information on all else.
-    """
-    out = np.zeros(x.size)
-    others = np.setdiff1d(np.arange(x.size), theta)
-    inverse = np.linalg.inv(h[np.ix_(others, others)])
-    here = slopes[:, others].T @ slopes[:, others]
-    for k in theta:
-        moved = x.copy()
-        moved[k] += 1e-3 * problem.unknowns[k].scale
-        there = problem.compressed(moved).slopes[:, others]
-        out[k] = -0.5 * float(np.sum(inverse * (there.T @ there / level - here))) / (moved[k] - x[k])
-    return out
-
-
-def _likeliest(
-    sides: Sequence[tuple[Array, Array]], force: Array, knots: Array, pins: _Pins, base: float, prior: str
-) -> tuple[float, str, Array, Array]:
-    """Return the largest logarithm of the marginal likelihood over a prior's strength, its name, the unknowns, and their information."""
-    size, count = sides[0][0].shape[1], knots.size
-    first = size - count
-    data = sum((a.T @ a for a, _ in sides), np.zeros((size, size)))
-    right = sum((a.T @ g for a, g in sides), force.copy())
-    square = float(sum(g @ g for _, g in sides))
-    rough = _roughness(knots, pins, 1 if prior == "walk" else 2)
-    held = np.eye(count) / base**2
-    scale = float(np.trace(sides[0][0][:, first:].T @ sides[0][0][:, first:])) / max(float(np.trace(rough)), 1e-300)
-
-    def at(strength: float) -> tuple[float, Array, Array]:
-        smooth = scale * 10.0**strength * rough + held
-        h = data.copy()
-        h[first:, first:] += smooth
-        z = np.linalg.solve(h, right)
-        logs = np.linalg.slogdet(smooth)[1] - np.linalg.slogdet(h)[1] - (square - float(right @ z))
-        return 0.5 * float(logs), np.asarray(z), np.asarray(h)
-
-    grid = np.arange(-8.0, 8.01, 0.5)
-    found = [(at(s)[0], s) for s in grid]
-    _, middle = max(found)
-    _, strength = max((at(s)[0], s) for s in middle + np.arange(-0.5, 0.51, 0.05))
-    value, z, h = at(strength)
-    return value, prior, z, np.asarray(h)
-
-
-def _roughness(knots: Array, pins: _Pins, order: int) -> Array:
-    """Return D'D of differences between knots, of the first or second order; none reach across a jump."""
-    out = np.zeros((knots.size, knots.size))
-    for first, last in pairwise(pins.sections.tolist()):
-        if last - first > order:
-            rows = np.diff(np.eye(last - first), n=order, axis=0) / float(np.diff(knots[first:last]).mean()) ** (order - 0.5)
-            out[first:last, first:last] = rows.T @ rows
-    return out
-
-
-def _history(asked: Request, problem: Problem, path: str, knots: Array, pins: _Pins, solved: _Solved) -> PowerHistory:
+def _history(asked: Request, problem: Problem, path: str, knots: Array, pins: Pins, found: Solved) -> PowerHistory:
     """Return what a user sees of the end."""
     count = knots.size
-    first = solved.x.size - count
-    power, covariance = solved.x[first:], solved.covariance[first:, first:]
-    kernel = (solved.covariance @ solved.seen)[first:, first:]
+    first = found.x.size - count
+    power, covariance = found.x[first:], found.covariance[first:, first:]
+    kernel = (found.covariance @ found.seen)[first:, first:]
     open_ = np.setdiff1d(np.arange(count), pins.at)
     width = float(np.median([_half_width(kernel[k], k) for k in open_])) * float(np.median(np.diff(knots)))
     values = {
         u.name: (_shown(u, float(x)), u.slope(float(x)) * float(np.sqrt(v)) / float(unit(u.unit).factor), u.unit)
-        for u, x, v in zip(problem.unknowns[:first], solved.x, np.diag(solved.covariance), strict=False)
+        for u, x, v in zip(problem.unknowns[:first], found.x, np.diag(found.covariance), strict=False)
     }
     flat = compile_network(asked.model).flat
     node = next(found.node for found in flat.loads if found.path == path)
-    blocks = tuple(problem.blocks(solved.x))
+    blocks = tuple(problem.blocks(found.x))
     texts = {
         u.name: f"{u.to_value(float(x))!r} [{u.unit}]"
-        for u, x in zip(problem.unknowns[:first], solved.x, strict=False)
+        for u, x in zip(problem.unknowns[:first], found.x, strict=False)
         if u.kind == "parameter"
     }
     bare = _without(asked.model, path, count).with_values({k: v for k, v in texts.items()}, f"power of {path}")
     experiment = problem.experiments[0]
-    starts = {u.name.partition("initial.")[2]: float(x) for u, x in zip(problem.unknowns, solved.x, strict=True) if ": initial." in u.name}
+    starts = {u.name.partition("initial.")[2]: float(x) for u, x in zip(problem.unknowns, found.x, strict=True) if ": initial." in u.name}
     loads = {k: v for k, v in experiment.scenario.loads.items() if not k.startswith(f"{path}_at_")}
     loads = {**loads, path: Table(knots, power, False)}
     scenario = replace(experiment.scenario, loads=loads, initial={**experiment.scenario.initial, **starts})
     run = simulate(bare, scenario, times=knots)
     known = np.zeros(count, dtype=bool)
     known[pins.at] = True
-    notes = () if solved.converged else (f"the history did not settle within {ROUNDS} rounds; free fewer parameters.",)
+    notes = () if found.converged else (f"the history did not settle within {ROUNDS} rounds; free fewer parameters.",)
     return PowerHistory(
-        path, node, knots, power, covariance, run[node].kelvin, known, width, solved.prior, values, blocks, bare, scenario, notes
+        path, node, knots, power, covariance, run[node].kelvin, known, width, found.prior, values, blocks, bare, scenario, notes
     )
 
 

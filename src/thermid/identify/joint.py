@@ -17,7 +17,8 @@ from thermid.identify.cache import recall, remember
 from thermid.identify.calibrate import fit_problem
 from thermid.identify.calibration import Calibration
 from thermid.identify.gather import prior_of, problem_for
-from thermid.identify.moved import Moves, moves_from, part_of
+from thermid.identify.moved import moves_from, part_of
+from thermid.identify.moves import Moves
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.identify.selection import is_glob, matching

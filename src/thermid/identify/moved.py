@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.units import unit
+from thermid.identify.moves import Group, Move, Moves
 
 if TYPE_CHECKING:
     from thermid.identify.residuals import Problem
@@ -19,135 +19,13 @@ if TYPE_CHECKING:
     from thermid.identify.wander import Wander
     from thermid.model.model import Model
 
-__all__ = ["Group", "Move", "Moves", "moves_above", "moves_from"]
+__all__ = ["moves_above", "moves_from"]
 
 Array = NDArray[np.float64]
-SURE, LIKELY = 0.003, 0.05
-"""Chance below which a value had to move, or may have: about 3 and 2 standard deviations."""
 DECIDED = 0.3
 """Root of the share that a level's own data have in what is known of a direction, from which they can be asked alone."""
 INFORMED = 1e-6
 """Part of what is known of a direction that must come from below, for below to have said anything of it."""
-
-
-def _word(chance: float) -> str:
-    if not math.isfinite(chance):
-        return "not tested"
-    return "had to move" if chance < SURE else "may have moved" if chance < LIKELY else "held"
-
-
-@dataclass(frozen=True)
-class Move:
-    """One parameter against what the stage below found.
-
-    Parameters
-    ----------
-    path : str              Its path in the model of the level above.
-    part : str              The part that it belongs to; empty for the model itself.
-    stage : str             Who found it below.
-    below, here : float     Its value there and here. [SI]
-    unit : str              For people.
-    deviations : float      The shift over sqrt(variance below - variance here), of the fitted form; NaN where the level above says
-                            nothing of it. [-]
-    chance : float          Of a shift of this size when nothing but noise moves it. [-]
-    """
-
-    path: str
-    part: str
-    stage: str
-    below: float
-    here: float
-    unit: str
-    deviations: float
-    chance: float
-
-    @property
-    def verdict(self) -> str:
-        """Had to move, may have moved, held, or not tested."""
-        return _word(self.chance)
-
-    def __str__(self) -> str:
-        """Return one line."""
-        of = unit(self.unit)
-        low, high = ((v - float(of.offset)) / float(of.factor) for v in (self.below, self.here))
-        share = f" ({100 * (high / low - 1):+.2g} %)" if low else ""
-        how = f"{abs(self.deviations):.1f} standard deviations" if math.isfinite(self.deviations) else "this level says nothing of it"
-        return f"{self.path}  {low:.4g} -> {high:.4g} {self.unit}{share}: {self.verdict}, {how}"
-
-
-@dataclass(frozen=True)
-class Group:
-    """Several parameters together: a part, or all that was handed on.
-
-    Parameters
-    ----------
-    name : str              What they are.
-    paths : tuple of str    Their paths.
-    chi_square : float      Squared distance, in standard deviations, all correlations taken along. [-]
-    directions : int        How many of their combinations this level says anything of.
-    chance : float          Of such a distance when nothing but noise moves them. [-]
-    """
-
-    name: str
-    paths: tuple[str, ...]
-    chi_square: float
-    directions: int
-    chance: float
-
-    @property
-    def verdict(self) -> str:
-        """Had to move, may have moved, held, or not tested."""
-        return _word(self.chance)
-
-    def __str__(self) -> str:
-        """Return one line."""
-        if not self.directions:
-            return f"{self.name}: not tested"
-        many = f"{self.directions} direction{'s' if self.directions > 1 else ''}"
-        return f"{self.name}: {self.verdict}, chi-square {self.chi_square:.3g} in {many} (chance {self.chance:.2g})"
-
-
-@dataclass(frozen=True)
-class Moves:
-    """All that stages below handed on, tested against the data of this level, parameter by parameter and part by part."""
-
-    values: tuple[Move, ...] = ()
-    groups: tuple[Group, ...] = ()
-
-    def __bool__(self) -> bool:
-        """Whether anything was handed on."""
-        return bool(self.values)
-
-    def __getitem__(self, path: str) -> Move:
-        """Return the move of a parameter."""
-        return next(m for m in self.values if m.path == path)
-
-    @property
-    def had_to_move(self) -> tuple[str, ...]:
-        """Names of the parameters and groups that had to move."""
-        return tuple(m.path for m in self.values if m.verdict == "had to move") + tuple(
-            g.name for g in self.groups if g.verdict == "had to move"
-        )
-
-    def lines(self) -> Iterator[str]:
-        """Yield it as text, a line each."""
-        if self:
-            yield "  against the stages below:"
-            yield from (f"    {line}" for line in (*self.values, *self.groups))
-
-    def warnings(self) -> list[str]:
-        """Return a remark where a whole part, or all parts together, had to move."""
-        return [
-            f"what the stage below handed on for {_listed(g.paths)} had to move: chi-square {g.chi_square:.3g} in {g.directions} "
-            f"direction{'s' if g.directions > 1 else ''}, chance {g.chance:.2g}. The parts do not behave in the assembly as they did "
-            "alone, or the stage below missed something."
-            for g in self.groups[-1:]
-            if g.verdict == "had to move"
-        ]
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) <= 4 else f"{names[0]} ... {names[-1]} ({len(names)} parameters)"
 
 
 def part_of(model: Model, path: str) -> str:

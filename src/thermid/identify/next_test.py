@@ -14,92 +14,23 @@ from thermid.identify.actions import Action, Aim, usual_actions
 from thermid.identify.calibration import Calibration
 from thermid.identify.doubts import doubted, doubts_without_gas
 from thermid.identify.gather import problem_for
-from thermid.identify.groups import percent
 from thermid.identify.planned import Sensor, planned_record, sensors_of
+from thermid.identify.ranking import Advice, Option
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.identify.unknowns import Unknown
-from thermid.measure.amounts import duration_text
 from thermid.model.model import Model
 from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import prepare
 
-__all__ = ["Advice", "Option", "next_test"]
+__all__ = ["next_test"]
 
 Array = NDArray[np.float64]
 NAME = "next test"
 DURATIONS = 24
 ENOUGH = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
-
-
-@dataclass(frozen=True)
-class Option:
-    """A test that could be made, and what it would be worth.
-
-    Parameters
-    ----------
-    name : str              What is done.
-    error : float           Standard error of the target after all of it; infinite where it cannot be made. [SI]
-    hours : float           Duration after which the goal is met, or, without one, nine tenths of the gain are in; infinite where never.
-    longest : float         Its whole duration. [h]
-    errors : array (durations, 2)   Duration [h] and error [SI].
-    refused : str           Why it cannot be made; empty where it can.
-    """
-
-    name: str
-    error: float
-    hours: float
-    longest: float
-    errors: Array
-    refused: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Advice:
-    """What to test next.
-
-    Parameters
-    ----------
-    target : str            What is to be known better.
-    value, now : float      Its value and standard error now. [SI]
-    unit : str              'K' for a prediction; SI unit of a parameter otherwise.
-    goal : float            Error to be reached; nan without one. [SI]
-    options : tuple         The best first.
-    """
-
-    target: str
-    value: float
-    now: float
-    unit: str
-    goal: float
-    options: tuple[Option, ...]
-
-    @property
-    def best(self) -> Option:
-        """The first option."""
-        return self.options[0]
-
-    def _shown(self, error: float) -> str:
-        return f"{error:.2g} K" if self.unit == "K" else percent(error / abs(self.value) if self.value else np.inf)
-
-    def __str__(self) -> str:
-        """Return a table: what to do, what error it leaves, how long it takes."""
-        aim = f", wanted +- {self._shown(self.goal)}" if np.isfinite(self.goal) else ""
-        lines = [f"Next test for {self.target}: now +- {self._shown(self.now)}{aim}"]
-        width = max(len(o.name) for o in self.options)
-        for o in self.options:
-            if o.refused:
-                lines.append(f"  {o.name:<{width}}  cannot be made: {o.refused}")
-                continue
-            gain = f"{self.now / o.error:.2g} times better" if self.now > 1.02 * o.error else "no better"
-            took = duration_text(3600 * o.hours) if np.isfinite(o.hours) else ""
-            what = "goal after" if np.isfinite(self.goal) else "most of it after"
-            long = duration_text(3600 * o.longest)
-            when = f"{what} {took} of {long}" if took else f"goal not within {long}"
-            lines.append(f"  {o.name:<{width}}  +- {self._shown(o.error):<10} {gain:<20} {when}")
-        return "\n".join(lines)
 
 
 @dataclass(frozen=True, eq=False)

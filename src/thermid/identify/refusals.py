@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError
-from thermid.identify.groups import SHARE, Group, listed, percent, structural_groups
+from thermid.identify.grouping import Group, listed, percent
+from thermid.identify.groups import SHARE, structural_groups
 from thermid.identify.information import Information, elsewhere, null_space
 from thermid.identify.residuals import Problem
 from thermid.identify.solve import Fit

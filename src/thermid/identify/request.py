@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from thermid.errors import IdentificationError, ThermidError, nearest
-from thermid.identify.experiment import first_reading
+from thermid.identify.starts import first_reading
 from thermid.identify.values import FittedValues
 from thermid.measure import Record
 from thermid.model.model import Model

@@ -2,107 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import SolverError
 from thermid.identify.blocks import Block, Compressed, Predictions
 from thermid.identify.experiment import Experiment, Observation
 from thermid.identify.statistics import Sums
 from thermid.identify.ticks import OFFSET, RATE, clock_at, compressed_in_full, slopes_of_clock
 from thermid.identify.unknowns import Target, Unknown
-from thermid.simulation.engine import Engine, Options
-from thermid.simulation.squares import Squares, Weighing
-from thermid.simulation.traces import Traces, kept_for
-from thermid.simulation.wiring import Wiring
+from thermid.identify.wired import Bench
+from thermid.simulation.engine import Options
+from thermid.simulation.squares import Weighing
 
-__all__ = ["Bench", "Block", "Compressed", "Predictions", "Problem"]
+__all__ = ["Block", "Compressed", "Predictions", "Problem"]
 
 Array = NDArray[np.float64]
 FAILED = 1e4
 """Residual that stands for a run that the integrator could not finish; the optimiser then turns back."""
 KEPT = 32
 """Benches at other offsets and rates of second clocks that are kept."""
-
-
-@dataclass(frozen=True, eq=False)
-class Bench:
-    """An experiment wired to the kernel, with the names that are free in it."""
-
-    experiment: Experiment
-    free: tuple[str, ...]
-    wiring: Wiring
-    engine: Engine
-    _readings: list[Any] = field(default_factory=list, repr=False)
-
-    @classmethod
-    def of(cls, experiment: Experiment, free: Sequence[str]) -> Bench:
-        """Return the bench of an experiment."""
-        wiring = Wiring(experiment.network, experiment.scenario, free)
-        return cls(experiment, tuple(free), wiring, Engine(wiring))
-
-    def temperatures(self, x: Array, gradients: bool, options: Options, times: Array | None = None) -> tuple[Array, Array]:
-        """Return observed temperatures (times, sensors) [K] and their derivatives (times, sensors, free), empty when not asked for.
-
-        `times` are the experiment's own where none are given. [s]
-        """
-        wanted = self.experiment.times if times is None else times
-        assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
-        nodes = tuple(o.node for o in self.experiment.observations)
-        kept = kept_for(assembled, nodes)
-        duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
-        stepped = replace(options, method="integrator")  # as least squares are, so that traces and statistics agree
-        answer = self.engine.integrate(assembled, wanted, kept, duration, stepped, gradients and bool(self.free))
-        traces = Traces(self.wiring, assembled, wanted, kept, answer.temperatures, answer.sensitivities)
-        columns = np.column_stack([traces.temperature(n) for n in nodes])
-        derivatives = np.stack([traces.slope(n) for n in nodes], axis=1) if gradients else np.zeros((0, 0, 0))
-        for k, place, about in self.scales():
-            if gradients:
-                derivatives[:, k, :] *= 1.0 + x[place]
-                derivatives[:, k, place] += columns[:, k] - about
-            columns[:, k] += x[place] * (columns[:, k] - about)
-        return columns, derivatives
-
-    def scales(self) -> list[tuple[int, int, float]]:
-        """Return, of every sensor whose scale is looked for, its column, the place of its error in the free names, where it turns [K]."""
-        place = {name: n for n, name in enumerate(self.free)}
-        seen = enumerate(self.experiment.observations)
-        return [(k, place[f"reading.{o.sensor}"], o.part.gain_about) for k, o in seen if o.part and f"reading.{o.sensor}" in place]
-
-    def squares(self, x: Array, gradients: bool, options: Options, weighing: Weighing, mesh: Array | None) -> Squares:
-        """Return the least squares of all observations."""
-        assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
-        seen, times = self.experiment.observations, self.experiment.times
-        recover = dict(assembled.reduced.recover)
-        parts = [_parts(o.node, recover) for o in seen]
-        size = len(self.free) if gradients else 0
-        scaled = [False] * len(seen)
-        for k, place, _ in self.scales():
-            one = Dual(1.0 + x[place], np.eye(size)[place]) if gradients else 1.0 + x[place]
-            parts[k], scaled[k] = {node: one * weight for node, weight in parts[k].items()}, True
-        if not self._readings:
-            given = self.engine.readings(times, [tuple(p) for p in parts], [o.index for o in seen], [o.measured for o in seen], scaled)
-            self._readings.append(given)
-        numbers = [number for p in parts for number in p.values()]
-        weights = np.array([value_of(n) for n in numbers]), np.array([gradient_of(n, size) for n in numbers]).reshape(len(numbers), size)
-        duration = max(self.experiment.scenario.seconds, float(times[-1]))
-        return self.engine.least_squares(assembled, self._readings[0], weights, weighing, duration, options, gradients, mesh)
-
-
-def _parts(node: str, recover: Mapping[str, Mapping[str, Number]]) -> dict[str, Number]:
-    """Return what an observed node is the sum of: itself, or the neighbours of a node that was eliminated, with their weights."""
-    if node not in recover:
-        return {node: 1.0}
-    out: dict[str, Number] = {}
-    for neighbour, weight in recover[node].items():
-        for name, share in _parts(neighbour, recover).items():
-            out[name] = out[name] + weight * share if name in out else weight * share
-    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from thermid.model.model import Model
 
 if TYPE_CHECKING:
     from thermid.identify.campaign_schema import StageTable
-    from thermid.identify.swap import RetunePlan, StagePlan
+    from thermid.identify.retune_plan import RetunePlan, StagePlan
 
 __all__ = ["retuned"]
 

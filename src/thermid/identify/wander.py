@@ -191,7 +191,7 @@ def _parts(b: Binned, known: Array) -> tuple[float, float, float]:
     times = np.geomspace(spacing, max(0.5 * span, 2.0 * spacing), TIMES)
     likes = [root[:, None] * _correlation(b.times, time) * root for time in times]
     lean = _leaning(likes, decided, free @ y, calm)
-    tried = {}
+    tried: dict[int, tuple[float, float, float]] = {}
     at = int(lean.argmax())
     while lean[at] > 1.0:  # uphill from the time towards which they lean most, by more than a standard deviation of chance
         near = [k for k in (at - 1, at, at + 1) if 0 <= k < times.size and lean[k] > 1.0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from thermid.identify.calibration import Calibration
-from thermid.identify.moved import Group, Move
+from thermid.identify.moves import Group, Move
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, plain, pretty
 from thermid.units import unit
 

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.errors import ThermidError
-from thermid.identify.criticism import Criticism, cumulated_periodogram
+from thermid.identify.criticism import Criticism
 from thermid.identify.profile import Profile
 from thermid.identify.valley import Valley
+from thermid.identify.whiteness import cumulated_periodogram
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.hold import Hold
 from thermid.qualify.profile_run import ProfileRun

@@ -11,7 +11,7 @@ import numpy as np
 
 from thermid.errors import DeckError
 from thermid.identify.calibration import Calibration
-from thermid.identify.swap import RetunePlan
+from thermid.identify.retune_plan import RetunePlan
 from thermid.studio.desk import Curve, Desk, RunCurves
 from thermid.studio.project import Project
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, nearest
 from thermid.identify.calibration import Calibration
-from thermid.identify.residuals import Bench, Problem
+from thermid.identify.residuals import Problem
+from thermid.identify.wired import Bench
 from thermid.model.model import Model
 from thermid.model.resolve import Entry, parameter_table
 from thermid.reporting.diagram import diagram

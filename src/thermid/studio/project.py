@@ -16,9 +16,10 @@ from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.gather import problem_for
 from thermid.identify.request import Request
+from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
 from thermid.identify.staging import key_of, request_of
-from thermid.identify.swap import RetunePlan, plan_retune
+from thermid.identify.swap import plan_retune
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside

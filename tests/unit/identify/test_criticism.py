@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.identify.criticism import _ljung_box, _modes, _periodogram, _trace_likelihood
+from thermid.identify.whiteness import ljung_box, modes_of, periodogram, trace_likelihood
 from unit.identify.bench import HTC, MASS, box, log
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
@@ -100,19 +100,19 @@ def test_an_element_that_the_log_cannot_tell_is_refused_in_words() -> None:
 class TestMeasures:
     def test_hold_their_level_on_white_noise(self) -> None:
         rng = np.random.default_rng(3)
-        found = [(_ljung_box(z)[1] < 0.05, (lambda d: d[0] > d[1])(_periodogram(z))) for z in rng.standard_normal((400, 200))]
-        ljung, periodogram = np.mean(found, axis=0)
+        found = [(ljung_box(z)[1] < 0.05, (lambda d: d[0] > d[1])(periodogram(z))) for z in rng.standard_normal((400, 200))]
+        ljung, bartlett = np.mean(found, axis=0)
         # 5 % of 400 have an error of 1.1 %; one side of Bartlett's band holds half as many
         assert ljung == pytest.approx(0.05, abs=0.035)
-        assert periodogram < 0.05
+        assert bartlett < 0.05
 
     def test_see_colour(self) -> None:
         rng = np.random.default_rng(4)
         z = np.cumsum(rng.standard_normal(200))
-        lag, chance = _ljung_box(z)
+        lag, chance = ljung_box(z)
         assert lag > 0.9
         assert chance < 1e-6
-        distance, band = _periodogram(z)
+        distance, band = periodogram(z)
         assert distance > 3 * band
 
     def test_likelihood_of_wandering_residuals_is_that_of_their_covariance(self) -> None:
@@ -121,7 +121,7 @@ class TestMeasures:
         covariance = 0.04 * np.exp(-np.abs(t[:, None] - t) / 10.0) + 0.01 * np.eye(80)
         z = np.linalg.cholesky(covariance) @ rng.standard_normal(80)
         exact = -0.5 * (z @ np.linalg.solve(covariance, z) + np.linalg.slogdet(covariance)[1])
-        best = _trace_likelihood(z, _modes(t), 1e-6)
+        best = trace_likelihood(z, modes_of(t), 1e-6)
         # the best of three free numbers lies above the truth by half a chi-square of three
         assert exact - 0.3 < best < exact + 6.0
 

@@ -10,7 +10,8 @@ import pytest
 
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
 from thermid.identify.calibrate import calibrate
-from thermid.identify.experiment import first_reading, meet
+from thermid.identify.experiment import meet
+from thermid.identify.starts import first_reading
 from thermid.measure import Channel, Record, read_record
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Table

@@ -11,7 +11,8 @@ from scipy.stats import chi2
 
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.moved import Moves, moves_from
+from thermid.identify.moved import moves_from
+from thermid.identify.moves import Moves
 from thermid.identify.request import Request
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.measure import Record

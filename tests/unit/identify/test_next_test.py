@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError
-from thermid.identify.next_test import Option
+from thermid.identify.ranking import Option
 from unit.identify.bench import HTC, MASS, box, log, metered, pair
 
 TRUE = {HTC: "5 [W/(m^2 K)]"}

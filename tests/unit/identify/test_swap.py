@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.cli.app import app
 from thermid.errors import DeckError, NameNotFoundError
+from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
-from thermid.identify.swap import RetunePlan
 from thermid.identify.touching import touching
 from thermid.model.modelfile import save_model
 from thermid.model.resolve import ParameterSet

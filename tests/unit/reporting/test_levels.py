@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from thermid.identify.moved import Group, Move, Moves
+from thermid.identify.moves import Group, Move, Moves
 from thermid.reporting.levels import moved
 
 
