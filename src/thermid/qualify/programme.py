@@ -59,6 +59,11 @@ class Qualification:
         return found[name]
 
     @property
+    def service(self) -> tuple[Trial, ...]:
+        """The tests that margins are taken over."""
+        return tuple(service_of(self.trials))
+
+    @property
     def known(self) -> Known:
         """The model with what is known of its values."""
         return self.plan.known
@@ -196,7 +201,7 @@ def _informed(trials: Sequence[Trial]) -> list[Trial]:
         return {ahead + n: size for n, size in sizes.items()}
 
     words = "root mean square of what the readings of this plan's tests differ from the model by, the sensors' own errors among it"
-    return [replace(t, foresight=widened(t.foresight, under(t), IN_TESTS, words)) for t in trials]
+    return [replace(t, after=widened(t.foresight, under(t), IN_TESTS, words)) for t in trials]
 
 
 def _alike(trials: Sequence[Trial]) -> list[Trial]:
@@ -209,17 +214,21 @@ def _alike(trials: Sequence[Trial]) -> list[Trial]:
     return out
 
 
+def service_of(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the tests that margins are taken over: those that are marked, or all."""
+    return [t for t in trials if t.test.service] or list(trials)
+
+
 def _margins(plan: Plan, trials: Sequence[Trial], every: Sequence[Assumption]) -> list[Margin]:
     """Return the tightest margin of every reference point on each side over the service cases."""
-    service = [t for t in trials if t.test.service] or list(trials)
     out: list[Margin] = []
     for one in plan.limits:
         own: list[Margin] = []
-        for t in service:
+        for t in service_of(trials):
             (here,) = (x for x in t.limits if x.point == one.point)
             state = {t.test.name: "operating" if t.test.operating else "non-operating"}
             more = margins(
-                {t.test.name: t.foresight}, [here], plan.content.margins.policy, tested=plan.content.margins.balance_tested, states=state
+                {t.test.name: t.expected}, [here], plan.content.margins.policy, tested=plan.content.margins.balance_tested, states=state
             )
             mark = "read" if t.course is None or t.course.decides else "memory"
             moved = uncounted(every, one.point, t.test.name, _stated(t))

@@ -63,7 +63,7 @@ def _count(profile: ThermalProfile) -> Iterator[str]:
     )
     low, high = profile.value("cold"), profile.value("hot")
     need = equivalent_cycles(low, high, law)
-    if need != law.cycles:
+    if need != law.cycles or profile.value("cycles") < need:
         yield (
             f"over {high - low:.4g} K the clause asks for {need} cycles in all ({law.cycles:g} ("
             + f"{law.range:g}/{high - low:.4g})^{law.exponent:g} = "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -45,7 +46,9 @@ class Trial:
     synthetic : bool                Whether the log was made and not measured.
     doubts : tuple of str           What the log does not show: stretches without readings, levels that were not applied.
     remarks : tuple of str          What else a reader must know of the log.
-    settled : Stability or None     Per settled stretch, what the readings say about it being settled.
+    settled : tuple of Stability    Per settled stretch, what the readings say about it being settled.
+    as_logged : dict                Column of a logged boundary -> its lowest and highest reading. [degC]
+    after : Foresight or None       What is expected once the logs of the plan are known: with what the model could not follow in them.
     """
 
     test: TestTable
@@ -64,6 +67,13 @@ class Trial:
     doubts: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     settled: tuple[Stability, ...] = ()
+    as_logged: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    after: Foresight | None = field(default=None, repr=False)
+
+    @property
+    def expected(self) -> Foresight:
+        """What is expected by all that is known: before any log of the plan has come back, the pre-test prediction."""
+        return self.after or self.foresight
 
     @property
     def within(self) -> bool | None:

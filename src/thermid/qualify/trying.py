@@ -11,8 +11,10 @@ import numpy as np
 from thermid.errors import RecordError
 from thermid.identify.compare import compare
 from thermid.measure import Record, read_record
+from thermid.measure.stability import rule_of
 from thermid.model.modelfile import resolve_inside
 from thermid.model.signal import literal
+from thermid.physics.constants import ICE_POINT
 from thermid.qualify.as_run import exchanged, not_covered, not_reached
 from thermid.qualify.assumptions import extrapolations
 from thermid.qualify.conduct import run_profile
@@ -58,7 +60,8 @@ def tried(plan: Plan, test: TestTable) -> Trial:
     )
     ahead = f"{known.at}." if known.at else ""
     outside = extrapolations(test, told, plan.content.validity, [x.node for x in limits], ahead)
-    trial = Trial(test, known, told, limits, checks, course, heaters, outside)
+    remarks = course.profile.check() if course is not None else ()
+    trial = Trial(test, known, told, limits, checks, course, heaters, outside, remarks=remarks)
     return trial if test.log is None else _judged(plan, trial, scenario, sensors)
 
 
@@ -99,7 +102,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     assert log is not None
     record = _record(plan, test, log.file, sensors, log.boundaries, log.loads)
     windows = [(literal(a, "s", f"{test.name}, steady"), literal(b, "s", f"{test.name}, steady")) for a, b in test.steady]
-    windows = windows or _dwells(trial.course, record.duration)
+    windows = windows or _dwells(trial, [n for n, _ in sensors.values()], record.duration)
     told: Calibration | None = None
     if log.simulated:
         other = _record(plan, test, log.simulated, sensors, {}, {})
@@ -132,9 +135,17 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         synthetic=made.synthetic,
         checks=(*trial.checks, *_measured(trial, counted, sensors)),
         doubts=(*_doubts(trial, record, counted, windows), *(_unsettled(settled) if steady else ())),
-        remarks=(*exchanged(counted), *unsure),
+        remarks=(*trial.remarks, *exchanged(counted), *unsure),
         settled=settled,
+        as_logged={c: _ends(record, c) for c in log.boundaries},
     )
+
+
+def _ends(record: Record, column: str) -> tuple[float, float]:
+    """Return the lowest and highest valid reading of a column. [degC]"""
+    channel = record[column]
+    seen = channel.values[channel.valid] - ICE_POINT
+    return (float(seen.min()), float(seen.max())) if seen.size else (np.nan, np.nan)
 
 
 def _measured(trial: Trial, counted: Sequence[Overlay], sensors: Mapping[str, tuple[str, Any]]) -> tuple[LimitCheck, ...]:
@@ -193,10 +204,20 @@ def _span(begin: float, end: float) -> str:
     return f"the stretch {begin / 3600.0:.4g} .. {end / 3600.0:.4g} h"
 
 
-def _dwells(course: ProfileRun | None, end: float) -> list[tuple[float, float]]:
-    """Return the last quarter of every long stay of a course, where its unit is settled; a log must have followed it."""
-    stays = [p for p in course.phases if p.kind == "stay" and p.duration >= LONG] if course is not None else []
-    return [(p.end - 0.25 * p.duration, p.end) for p in stays if p.end <= end]
+def _dwells(trial: Trial, nodes: Sequence[str], end: float) -> list[tuple[float, float]]:
+    """Return the last part of every long stay of a course in which its unit is expected to be settled; a log must have followed it.
+
+    Stays that nothing waited for, such as those of humidity tests, may begin and end while the unit still drifts: those are left out.
+    """
+    rule, run = rule_of(trial.test.stable), trial.foresight.solution
+    stays = [p for p in trial.course.phases if p.kind == "stay" and p.duration >= LONG] if trial.course is not None else []
+    out = []
+    for p in (p for p in stays if p.end <= end):
+        window = (p.end - max(0.25 * p.duration, 0.5 * LONG), p.end)
+        drift = max(abs(float(run[n].at(window[1]) - run[n].at(window[0]))) for n in nodes) / (window[1] - window[0])
+        if rule.stored or drift <= rule.rate:
+            out.append(window)
+    return out
 
 
 def _without(scenario: Scenario, boundaries: Any, loads: Any) -> Scenario:

@@ -6,22 +6,21 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from thermid.model.flat import flatten
 from thermid.qualify.correlation import Correlation
 from thermid.qualify.marks import weigh
 from thermid.qualify.programme import Qualification
-from thermid.qualify.trial import Trial
+from thermid.reporting import qualification_judged as judged
 from thermid.reporting import qualification_tables as tables
-from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number
+from thermid.reporting.cells import DASH, Table
 from thermid.reporting.extras import write_page
 from thermid.reporting.origins import versions
-from thermid.reporting.qualification_figures import course, overlay
-from thermid.reporting.sections import Block, Facts, Figures, Heading, Notes, Plot, Section, Words, as_block, folded
+from thermid.reporting.qualification_cells import hours
+from thermid.reporting.qualification_figures import course
+from thermid.reporting.qualification_sections import all_overlays, sections
+from thermid.reporting.sections import Block, Facts, Figures, Notes, Plot, Section, Words, as_block
 from thermid.reporting.study_page import tile
 
 __all__ = ["correlation_report", "qualification_report"]
-
-SYNTHETIC = "synthetic"
 
 
 def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Path:
@@ -38,13 +37,13 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     """
     content, worst = q.plan.content, q.worst
     watermark = q.demonstration.upper()
-    judged = [t.passed for t in q.trials] + [m.passed for m in q.margins]
-    failed, open_ = judged.count(False), judged.count(None)
+    found = [t.passed for t in q.trials] + [m.passed for m in q.margins]
+    failed, open_ = found.count(False), found.count(None)
     summary = f"{len(q.trials)} tests, {len(q.margins)} margins" + (f"; {open_} not decided" if open_ else "")
     summary += f"; {len(q.waived)} waived" if q.waived else ""
     if worst is not None:
         left = f"{worst[3]:.1f} K left" if worst[3] >= 0 else f"{-worst[3]:.1f} K beyond its limit"
-        summary += f"; nearest to a limit: {worst[0]} in {worst[1]} at {tables.hours(worst[2])}, {left}"
+        summary += f"; nearest to a limit: {worst[0]} in {worst[1]} at {hours(worst[2])}, {left}"
     document = content.document.model_dump()
     names = {"number": "document", "prepared": "prepared by", "checked": "checked by", "approved": "approved by"}
     facts = Facts(tuple((names.get(k, k), v or DASH) for k, v in document.items()))
@@ -57,10 +56,10 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
         banners=[(watermark, "No statement on this page is about real hardware.")] if watermark else [],
         passed=q.passed,
         failed=failed,
-        judged=len(judged),
+        judged=len(found),
         summary=summary,
         outcome=[facts, Words(f"{str(q.lock)[0].upper()}{str(q.lock)[1:]}."), tables.tests(q), *_what_is_open(q), *_courses(q)],
-        sections=_sections(q),
+        sections=sections(q),
     )
 
 
@@ -83,10 +82,10 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
     ------
     MissingExtraError   When matplotlib or jinja2 is not installed.
     """
-    sections = [
-        Section.of("deviations", "Deviations", [tables.deviations(c)]),
-        Section.of("gates", "Criteria", [tables.gates(c)]),
-        Section.of("overlays", "Measured over simulated", [_overlays(c, "o", synthetic)]),
+    blocks = [
+        Section.of("deviations", "Deviations", [judged.deviations(c)]),
+        Section.of("gates", "Criteria", [judged.gates(c)]),
+        Section.of("overlays", "Measured over simulated", [all_overlays(c, "o", synthetic)]),
         Section.of("made", "Made with", [versions()]),
     ]
     found = list(c.verdicts.values())
@@ -104,7 +103,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         judged=len(found),
         summary=said,
         outcome=[],
-        sections=sections,
+        sections=blocks,
     )
 
 
@@ -133,195 +132,3 @@ def _courses(q: Qualification) -> list[Block]:
         if drawn is not None and worst is not None:
             plots.append(Plot(drawn, f"{t.test.name}: {worst.point}, {worst.state}, {worst.room:.1f} K from its limit"))
     return [Figures(tuple(plots), plots[0].drawn.legend)] if plots else []
-
-
-def _overlays(c: Correlation, key: str, synthetic: bool) -> Figures:
-    drawn = [(o, overlay(o, f"{key}-{k}", f"{o.sensor} in {o.case}")) for k, o in enumerate(c.overlays)]
-    tag = SYNTHETIC if synthetic else ""
-    return Figures(
-        tuple(Plot(d, f"{o.sensor} in {o.case}" + (f", at {o.node}" if o.node else ""), tag) for o, d in drawn), drawn[0][1].legend
-    )
-
-
-def _sections(q: Qualification) -> list[Section]:
-    """Return the sections of a correlation report, in their order."""
-    content = q.plan.content
-    logged = [t for t in q.trials if t.correlation is not None]
-    objectives = [Notes(tuple(content.objectives), "Objectives"), Notes(tuple(content.success), "Success criteria")]
-    return [
-        Section.of("objectives", "Objectives and success criteria", [*objectives, folded("Criteria, with their sources", [_criteria(q)])]),
-        Section.of("configuration", "Article and model configuration", _configuration(q), "Configuration"),
-        Section.of("sensors", "Sensors", [tables.sensors(q)]),
-        Section.of("tests", "Test cases as run", _as_run(q), "Test cases"),
-        Section.of("power", "Boundaries, power, heater duty, heat leaks", [*_leaks(q), *tables.duties(q)], "Boundaries and power"),
-        Section.of("stabilisation", "Stabilisation", _stabilisation(q)),
-        Section.of("predicted", "Pre-test predictions and measurements", _foreseen(q), "Predictions and readings"),
-        Section.of("heat", "Heat flows and energy balance", _heat(q), "Heat flows"),
-        Section.of("parameters", "Parameter changes", [tables.changes(q)] if q.known.values else [Words("Nothing was fitted.")]),
-        Section.of("deviations", "Deviations after correlation", _deviations(logged), "Deviations"),
-        Section.of("overlays", "Transient overlays", _all_overlays(logged), "Overlays"),
-        Section.of("excluded", "Excluded sensors", [tables.excluded(q)] if content.exclusions.reasons else [Words("None.")]),
-        Section.of("discrepancies", "Remaining discrepancies", _open(q), "Discrepancies"),
-        Section.of(
-            "margins",
-            "Uncertainty, limits and margins",
-            [tables.margin_table(q), folded("Every limit in every test", [tables.checks(q)])],
-            "Margins",
-        ),
-        Section.of("validity", "Validity envelope", [*_envelope(q), tables.outside(q)]),
-        Section.of("assumptions", "What is assumed, by its effect", _assumed(q), "Assumptions"),
-        Section.of("delivery", "Model delivery", [_delivery(q), versions()]),
-    ]
-
-
-def _criteria(q: Qualification) -> Table:
-    columns = [Column("set"), Column("mean, K", True), Column("spread, K", True), Column("every sensor, K", True), Column("RMSE, K", True)]
-    columns += [Column("for"), Column("mark"), Column("source", wrapped=True)]
-    used = dict.fromkeys(n for t in q.plan.tests for n in t.criteria)
-    rows: list[Line] = []
-    for name in used:
-        c = q.plan.criteria[name]
-        sizes = [number(x, 3) if x else DASH for x in (c.mean, c.spread, c.each, c.rmse)]
-        rows.append(
-            [Cell(name, "", "main"), *sizes, ", ".join(c.kinds), Cell(c.mark, "", "warn" if c.mark == "memory" else ""), c.source or DASH]
-        )
-    return Table.of(columns, rows)
-
-
-def _configuration(q: Qualification) -> list[Block | Table]:
-    given = q.plan.content.configuration
-    rows: list[Line] = [[d.what, d.effect or DASH] for d in given.differences]
-    flat = flatten(q.known.model)
-    size = (("model", q.known.model.title), ("nodes", str(len(flat.nodes))), ("conductors", str(len(flat.conductors))))
-    table = Table.of([Column("difference", wrapped=True), Column("effect", wrapped=True)], rows)
-    return [
-        Facts((("as tested", given.as_tested or DASH), ("as flown", given.as_flown or DASH), *size)),
-        table if rows else Words("No differences stated."),
-    ]
-
-
-def _as_run(q: Qualification) -> list[Block | Table]:
-    rows: list[Line] = []
-    for t in q.trials:
-        deviations = "; ".join(t.test.deviations) or ("none stated" if t.correlation is not None else DASH)
-        log = Cell("SYNTHETIC", t.log_sha256, "bad") if t.synthetic else Cell(t.log_sha256[:12] or DASH, t.log_sha256, "code")
-        where = [t.test.host or "alone", t.test.orientation or DASH, t.test.gravity or DASH]
-        rows.append([Cell(t.test.name, "", "main"), t.test.purpose or DASH, t.test.state, t.test.date or DASH, *where, deviations, log])
-    columns = [
-        Column("test"),
-        Column("purpose", wrapped=True),
-        Column("state"),
-        Column("date"),
-        Column("on"),
-        Column("orientation"),
-        Column("gravity"),
-    ]
-    return [Table.of([*columns, Column("as-run deviations", wrapped=True), Column("log")], rows)]
-
-
-def _leaks(q: Qualification) -> list[Block | Table]:
-    rows: list[Line] = []
-    for t in q.trials:
-        given = q.plan.content.hosts[t.test.host].deck if t.test.host else ""
-        own = {p: c for p, c in t.known.model.conductors.items() if c.test_only}
-        flows = t.foresight.solution.heat_flows
-        means = [f"{path}: {float(flows[path].mean()):+.3f} W on average" for path in own if path in flows]
-        stated = "; ".join(f"{k} ± {v}" for k, v in t.test.spread.items())
-        rows.append([Cell(t.test.name, given, "main"), stated or DASH, "; ".join([*t.test.heat_leaks, *means]) or "none stated"])
-    return [
-        Table.of([Column("test"), Column("what is not known exactly", wrapped=True), Column("heat leaks of the test", wrapped=True)], rows)
-    ]
-
-
-def _stabilisation(q: Qualification) -> list[Block | Table]:
-    out: list[Block | Table] = []
-    for t in (t for t in q.trials if t.course is not None):
-        assert t.course is not None
-        waited = f"{tables.hours(t.course.duration)}, of it {tables.hours(t.course.waited)} of waiting for the unit"
-        left = max((abs(p.unfinished) for p in t.course.phases if p.rule and p.unfinished is not None), default=0.0)
-        out.append(folded(f"{t.test.name}: {waited}", [tables.phases(t)], f"at most {left:.1f} K unfinished when a dwell begins"))
-        out += [Notes(t.course.remarks, f"Remarks on {t.test.name}")] if t.course.remarks else []
-    return out or [Words("No test of this plan waits for its unit.")]
-
-
-def _foreseen(q: Qualification) -> list[Block | Table]:
-    return [folded(t.test.name, [tables.foreseen(q, t)], "with readings" if t.correlation is not None else "no log yet") for t in q.trials]
-
-
-def _heat(q: Qualification) -> list[Block | Table]:
-    out: list[Block | Table] = []
-    for t in q.trials:
-        b = t.foresight.solution.heat_balance()
-        told = (
-            f"loads {number(b.loads / 1e3, 4)} kJ, to boundaries {number(b.boundaries / 1e3, 4)} kJ, stored {number(b.stored / 1e3, 4)} kJ"
-        )
-        out.append(folded(t.test.name, [Words(f"{told}; what does not add up: {b.relative:.1e} of it."), tables.flows(t)]))
-    return out
-
-
-def _deviations(logged: Sequence[Trial]) -> list[Block | Table]:
-    out: list[Block | Table] = []
-    for t in logged:
-        c = t.correlation
-        assert c is not None
-        out.append(Heading(t.test.name))
-        words = {True: "met", False: "NOT met", None: "not decided"}
-        out.append(Facts(tuple((name, words[passed]) for name, passed in c.verdicts.items())))
-        if c.failed:
-            out.append(tables.gates(c, failed_only=True))
-        if t.diagnosis is not None:
-            out += [Words(str(t.diagnosis).splitlines()[0][0].upper() + str(t.diagnosis).splitlines()[0][1:] + "."), tables.diagnoses(t)]
-        out += [folded("Every sensor", [tables.deviations(c)]), folded("Every gate", [tables.gates(c)], f"{len(c.gates)}")]
-    return out or [Words("No log has come back yet.")]
-
-
-def _all_overlays(logged: Sequence[Trial]) -> list[Block | Table]:
-    out: list[Block | Table] = []
-    for k, t in enumerate(logged):
-        assert t.correlation is not None
-        out += [Heading(t.test.name), _overlays(t.correlation, f"over-{k}", t.synthetic)]
-    return out or [Words("No log has come back yet.")]
-
-
-def _open(q: Qualification) -> list[Block | Table]:
-    found = [*q.plan.content.discrepancies]
-    found += [
-        f"{t.test.name}: {t.diagnosis.best.text} would explain {100 * t.diagnosis.best.explained:.0f} % ({t.diagnosis.group})"
-        + ("" if t.diagnosis.single else "; no single fault explains most of it")
-        for t in q.trials
-        if t.diagnosis is not None and t.diagnosis.best is not None
-    ]
-    return [Notes(tuple(found), "Open")] if found else [Words("None stated and none found.")]
-
-
-def _envelope(q: Qualification) -> list[Block | Table]:
-    v = q.plan.content.validity
-    pairs = [
-        ("temperature", v.temperature),
-        ("pressure", v.pressure),
-        ("power", v.power),
-        ("gravity", v.gravity),
-        ("orientation", v.orientation),
-    ]
-    said = tuple((name, " .. ".join(given) if name != "orientation" else ", ".join(given)) for name, given in pairs if given)
-    return [Facts(said or (("calibrated", "the plan does not say where"),)), *([Words(f"By: {v.basis}.")] if v.basis else [])]
-
-
-def _assumed(q: Qualification) -> list[Block | Table]:
-    if not q.assumptions:
-        return [Words("Nothing is assumed: every value of the decks has another source.")]
-    whole = tables.assumed(q)
-    few = Table(whole.columns, whole.rows[:12], whole.caption)
-    return [few, *([folded("All of them", [whole], f"{len(whole.rows)} values")] if len(whole.rows) > 12 else [])]
-
-
-def _delivery(q: Qualification) -> Table:
-    model = q.known.model
-    flat = flatten(model)
-    sizes = f"{len(flat.nodes)}, {len(flat.conductors)}, {len(flat.loads)}"
-    rows: list[Line] = [["model", model.title], ["identity", Cell(model.identity(), "hash of what the model means", "code")]]
-    rows += [["nodes, conductors, loads", sizes], ["plan", Cell(q.lock.sha256[:16], q.lock.sha256, "code")]]
-    for v in q.known.values:
-        rows.append([f"values of {v.stage}", f"{len(v.parameters)} fitted, {v.provenance.get('date', DASH)}"])
-    rows.append(["runs", ", ".join(t.test.name for t in q.trials)])
-    return Table.of([Column("what"), Column("is", wrapped=True)], rows)
