@@ -8,7 +8,7 @@ from thermid.acquire.programme import Programme
 from thermid.measure.wire import sealed
 
 if TYPE_CHECKING:
-    from thermid.acquire.logger import Settings
+    from thermid.acquire.settings import Settings
 
 __all__ = ["Link"]
 
@@ -31,10 +31,14 @@ class Link:
         self._duties: tuple[int, int] | None = None
         self._alive = -1e9
         self.failed: list[str] = []
+        self._started = False
 
     def connected(self) -> None:
         """Begin again with a board that knows nothing."""
         own = [*self._settings.commands(), "identify"]
+        if not self._started:
+            own.insert(0, "clear")  # somebody has started the logger again; a cable that comes back clears nothing
+            self._started = True
         asked = [command for command, _, tries in self._open.values() if not tries and command not in own and "heater," not in command]
         self._open.clear()
         self._duties = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -14,6 +15,7 @@ from thermid.acquire.link import Link
 from thermid.acquire.port import Port
 from thermid.acquire.programme import Programme
 from thermid.acquire.sensormap import Sensor
+from thermid.acquire.settings import Settings
 from thermid.acquire.store import Store
 from thermid.acquire.watch import Watch
 from thermid.errors import RecordError
@@ -23,44 +25,6 @@ __all__ = ["Logger", "Settings"]
 
 _JUMP = 1.0
 _WALL_EVERY = 600.0
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What the board is told.
-
-    Parameters
-    ----------
-    interval : float          Time between cycles. [s]
-    bits : int                Resolution of the sensors.
-    limit : float             Temperature of any sensor at which the board cuts the heaters off. [degC]
-    silence : float           Time without a word from here after which the board cuts the heaters off. [s]
-    """
-
-    interval: float = 1.0
-    bits: int = 12
-    limit: float = 100.0
-    silence: float = 2.0
-
-    def __post_init__(self) -> None:
-        """Check against what the board takes."""
-        for word, value, low, high in (
-            ("interval", self.interval, 0.1, 3600.0),
-            ("bits", self.bits, 9, 12),
-            ("limit", self.limit, -55.0, 125.0),
-            ("silence", self.silence, 0.2, 3600.0),
-        ):
-            if not low <= value <= high:
-                raise RecordError(f"{word} = {value:g} lies outside {low:g} to {high:g}.", "settings")
-
-    def commands(self) -> list[str]:
-        """Return the commands that a board needs after a reset."""
-        return [
-            f"limit,{round(self.limit * 16)}",
-            f"silence,{round(self.silence * 1000)}",
-            f"resolution,{self.bits}",
-            f"interval,{round(self.interval * 1000)}",
-        ]
 
 
 @dataclass
@@ -115,14 +79,15 @@ class Logger:
         self._begun, self._offset, self._walled = clock(), wall() - clock(), 0.0
         self._port: Port | None = None
         self._tried = self._gone = -1e9
-        self._quiet = self._full = False
+        self._quiet = self._full = self._fresh = False
         self._link = Link(self.settings)
-        self.watch = Watch(self.name_of)
+        self.watch = Watch(self.name_of, self.sensors)
         self.history: dict[str, History] = {}
         """Readings of each sensor since a heater last changed. [s of the board, degC]"""
         self.state = _State()
         self._duties: dict[str, float] = {}
         self.last_mark = ""
+        self.marks: Counter[str] = Counter()
         head = {"number": self.store.session, "wall": self._stamp(), "settings": vars(self.settings)}
         self.store.write("# session " + json.dumps(head))
         for sensor in self.sensors.values():
@@ -146,6 +111,7 @@ class Logger:
     def mark(self, word: str, text: str) -> None:
         """Write a mark into the log."""
         self.last_mark = f"{word}: {text}"
+        self.marks[word] += 1
         self.store.write(f"# mark {self.store.session} {self.elapsed:.6f} {word} {text}")
 
     def step(self, timeout: float = 0.2) -> Line | None:
@@ -218,7 +184,7 @@ class Logger:
         self._gone = -1e9
         self.mark("port", f"{back}{name}")
         self._link.connected()
-        self.state.heard = self.elapsed
+        self.state.heard, self._fresh = self.elapsed, True
         return True
 
     def _lose(self, error: OSError) -> None:
@@ -237,8 +203,11 @@ class Logger:
         try:
             line = parse_line(text)
         except RecordError as error:
-            self.mark("garbled", f"{json.dumps(text)}: {error.message}")
+            why = "the port was opened in the middle of this line." if self._fresh else error.message
+            self._fresh = False
+            self.mark("garbled", f"{json.dumps(text)}: {why}")
             return None
+        self._fresh = False
         elapsed = self.elapsed
         self.store.write(f"{self.store.session} {elapsed:.6f} {text}")
         self._count(line, elapsed)

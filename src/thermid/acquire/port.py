@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import time
@@ -10,7 +11,7 @@ from typing import Any
 
 from thermid.errors import RecordError, ThermidError
 
-__all__ = ["LONGEST", "Port", "find_port"]
+__all__ = ["LONGEST", "Port", "check_port", "find_port"]
 
 LONGEST = 400
 """Bytes without a line feed that are taken for one piece of garbage."""
@@ -45,6 +46,28 @@ def find_port() -> str:
         names = ", ".join(f"{each.device} ({_MAKERS[each.vid]})" for each in found)
         raise RecordError(f"several boards: {names}. Give one with --port.", "serial port")
     return str(found[0].device)
+
+
+def check_port(name: str) -> None:
+    """Open a port once and close it.
+
+    Raises
+    ------
+    RecordError   When it cannot be opened, with what to do.
+    """
+    try:
+        Port(name).close()
+    except OSError as error:
+        number, said = error.errno, str(error)
+        if number == errno.ENOENT:
+            text = "there is no such port. Plug the board in, leave --port out, or try it with --simulate."
+        elif number == errno.EACCES:
+            text = "you may not open it. On Linux, join its group (`sudo usermod -aG dialout $USER`) and log in again."
+        elif number == errno.EBUSY or "exclusively" in said:
+            text = "another program has it open. Close that one first, such as the monitor of the Arduino IDE."
+        else:
+            text = f"it is no serial port ({said})."
+        raise RecordError(text, name) from None
 
 
 class Port:

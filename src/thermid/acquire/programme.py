@@ -87,5 +87,6 @@ def _duty(given: object, held: int, where: str) -> int:
         return held
     share = amount(given, "1", where)
     if not 0 <= share <= 1:
-        raise RecordError(f"{given!r} is not from 0 to 100 %.", where)
+        hint = f" Write '{given} [%]'." if isinstance(given, (int, float)) and 1 < given <= 100 else ""
+        raise RecordError(f"{given!r} is not from 0 to 100 %.{hint}", where)
     return round(share * 1000)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import tempfile
 from pathlib import Path
 
 from thermid.errors import RecordError
@@ -27,7 +28,7 @@ class Store:
 
     Raises
     ------
-    RecordError   When it is another kind of file, or another logger writes to it.
+    RecordError   When it cannot be written, is another kind of file, or another logger writes to it.
     """
 
     def __init__(self, path: str | Path, *, sync: bool = True) -> None:
@@ -36,13 +37,24 @@ class Store:
         self._waiting = bytearray()
         self.full = False
         self.dropped = 0
-        self._file = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+        self.rest: Path | None = None
+        """Where the end of the log is, when its own disk was full to the last."""
+        self._file = self._opened()
         try:
             self.session, self.was_cut = self._look()
         except BaseException:
             os.close(self._file)
             raise
         self._flush_entry()
+
+    def _opened(self) -> int:
+        """Return the file, open."""
+        if not self.path.absolute().parent.is_dir():
+            raise RecordError(f"there is no folder '{self.path.parent}'. Make it first.", str(self.path))
+        try:
+            return os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+        except OSError as error:
+            raise RecordError(f"it cannot be written: {error.strerror}. Give another place.", str(self.path)) from None
 
     def _look(self) -> tuple[int, bool]:
         """Return the number of this start, and whether the last line of the one before was cut."""
@@ -108,6 +120,14 @@ class Store:
         return len(self._waiting)
 
     def close(self) -> None:
-        """Write what waits and give the file back."""
+        """Write what waits and give the file back; what a full disk still does not take goes to another place, see `rest`."""
         self.retry()
         os.close(self._file)
+        for folder in (Path(tempfile.gettempdir()), Path.home()) if self._waiting else ():
+            place = folder / f"{self.path.name}.{os.getpid()}.rest"
+            try:
+                place.write_bytes(self._waiting)
+            except OSError:
+                continue
+            self.rest = place
+            return

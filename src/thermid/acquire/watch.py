@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from thermid.measure.benchlog import MOST_CURRENT, RANGE
 from thermid.measure.wire import Line
@@ -16,6 +16,7 @@ _WORDS = {
     "power": "it was without supply and may show 85 degC",
     "range": "its value lies outside -55 to 125 degC",
     "over": f"{MOST_CURRENT:g} A, the most that it can measure, is reached",
+    "absent": "it is in the map and does not answer",
     "85": "it shows the 85 degC of power-up",
 }
 _QUIET = ("count",)
@@ -27,10 +28,13 @@ class Watch:
     Parameters
     ----------
     name_of : callable   Name of a source.
+    roms : collection    Sensors of the map.
     """
 
-    def __init__(self, name_of: Callable[[str], str]) -> None:
-        self._name = name_of
+    def __init__(self, name_of: Callable[[str], str], roms: Collection[str] = ()) -> None:
+        self._name, self._known = name_of, set(roms)
+        self._called: set[str] = set()
+        self._told: set[str] = set()
         self.values: dict[str, float] = {}
         """Last good value of each source: degC, heater share of one, V, A."""
         self.faults: dict[str, str] = {}
@@ -40,7 +44,9 @@ class Watch:
         """Return the marks that a line asks for: word and text."""
         if line.kind == "E" and line.fields[0] not in _QUIET:
             detail = self._name(line.fields[1]) if len(line.fields) > 1 else ""
-            return [(line.fields[0], f"said the board {detail}".rstrip())]
+            return [(line.fields[0], f"the board says so{' of ' + detail if detail else ''}")]
+        if line.kind in "BSC":
+            return self._roll_call(line)
         if line.kind != "D":
             return []
         source, _, status = line.fields
@@ -66,3 +72,18 @@ class Watch:
         return (
             [("fault", f"{self._name(source)} {fault}: {_WORDS[fault]}")] if fault else [("good", f"{self._name(source)} after {before}")]
         )
+
+    def _roll_call(self, line: Line) -> list[tuple[str, str]]:
+        """Return marks for sensors of the map that do not answer, and for those that answer and are not in it."""
+        if line.kind == "B":
+            self._called = set()
+        if line.kind == "S":
+            self._called.add(line.fields[0])
+        absent, unnamed = self._known - self._called, self._called - self._known
+        if line.kind != "C" or not self._known or self._told == absent | unnamed:
+            return []
+        self._told = absent | unnamed
+        self.faults |= dict.fromkeys(absent, "absent")
+        return [("absent", f"{self._name(rom)} (ROM {rom}): {_WORDS['absent']}") for rom in sorted(absent)] + [
+            ("unnamed", f"{rom} answers and is not in the map") for rom in sorted(unnamed)
+        ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -45,7 +46,7 @@ def log(
 ) -> None:
     """Log a bench: every line on disk before the next is read; faults, resets and cable pulls are marks, and it goes on."""
     from thermid.acquire.logger import Logger, Settings
-    from thermid.acquire.port import find_port
+    from thermid.acquire.port import check_port, find_port
     from thermid.acquire.programme import load_programme
     from thermid.acquire.sensormap import load_sensors
     from thermid.errors import RecordError
@@ -71,18 +72,33 @@ def log(
             terminal = stack.enter_context(simulated())
             find = lambda: terminal.port  # noqa: E731
         elif port is not None:
-            if port.startswith("/") and not Path(port).exists():
-                raise RecordError(f"there is no port '{port}'. Plug the board in, leave --port out, or try it with --simulate.", "--port")
+            check_port(port)  # a first look, so that a missing board is an error and not a wait
             find = lambda: port  # noqa: E731
         else:
-            find_port()  # a first look, so that a missing board is an error and not a wait
+            check_port(find_port())
         made = Logger(file, find, known, given, steps)
-        stack.callback(made.close)
+        if made.store.session > 1:
+            typer.echo(f"{file} is continued: start {made.store.session} of it.", err=True)
+        stack.callback(_closed, made)
         if identify or ice_point:
             _guided(made, sensors, identify)
         else:
             _run(made, end, rule)
-    typer.echo(f"{file}: {made.state.lines} lines, {made.state.missing} missing.")
+    marks = ", ".join(f"{word} {count}" for word, count in made.marks.items() if word not in ("port", "wall", "end"))
+    faulty = sum(made.watch.counts.values())
+    typer.echo(f"{file}: {made.state.lines} lines, {made.state.missing} missing, {faulty} faulty values. Marks: {marks or 'none'}.")
+    if made.store.waiting:
+        where = f"are in {made.store.rest}; append them to the log when there is room" if made.store.rest else "are lost"
+        raise RecordError(f"the disk is full: the last {made.store.waiting / 1e3:.0f} kB {where}.", str(file))
+
+
+def _closed(made: Logger) -> None:
+    """Close a log to its end, however often somebody asks: heaters are turned off there."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        made.close()
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _run(made: Logger, end: float | None, rule: str) -> None:

@@ -12,12 +12,13 @@ import pytest
 
 import thermid as td
 from thermid.acquire import store as stores
-from thermid.acquire.board import Board
+from thermid.acquire.board import Board, made_up_rom
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.programme import Programme
 from thermid.acquire.sensormap import Sensor
 from thermid.acquire.terminal import Terminal
 from thermid.errors import RecordError
+from thermid.measure.wire import sealed
 
 from .bench import cycles, marks, until
 
@@ -239,3 +240,79 @@ def test_a_line_that_the_board_refuses_is_marked(bench: Bench) -> None:
 def test_settings_that_no_board_takes_are_refused(word: str) -> None:
     with pytest.raises(RecordError, match=word):
         Settings(**{word: -300.0})
+
+
+def test_the_map_is_held_against_what_answers(tmp_path: Path) -> None:
+    board = Board(lambda t, d: [21.0, 22.0], 2)
+    names = {rom: Sensor(name, rom) for rom, name in ((board.roms[0], "plate"), (made_up_rom(9), "ghost"))}
+    with Terminal(board, speed=50.0) as terminal:
+        log = Logger(tmp_path / "b.log", lambda: terminal.port, names, Settings(silence=60.0), sync=False)
+        until(log, lambda: log.state.seconds > 5.0)
+        log.ask("identify")
+        cycles(log, 3)
+        log.close()
+    assert (log.marks["absent"], log.marks["unnamed"]) == (1, 1)  # said once, however often the board is asked
+    assert log.watch.faults == {made_up_rom(9): "absent"}
+    assert f"ghost (ROM {made_up_rom(9)}): it is in the map and does not answer" in (tmp_path / "b.log").read_text()
+
+
+def test_a_start_of_the_logger_allows_heaters_again(tmp_path: Path) -> None:
+    board = Board(lambda t, d: [50.0], 1)
+    board.refuses = "overtemp"
+    with Terminal(board, speed=50.0, link=tmp_path / "port") as terminal:
+        log = Logger(
+            tmp_path / "b.log", lambda: str(tmp_path / "port"), None, Settings(silence=60.0), Programme((0.0,), ((300, 0),)), sync=False
+        )
+        until(log, lambda: board.duty[0] == 300)
+        with terminal.lock:
+            board._off("overtemp", board.roms[0])
+        terminal.unplug()
+        until(log, lambda: "port-gone" in log.marks)
+        terminal.plug()
+        until(log, lambda: "refused" in log.marks)  # a cable that comes back allows nothing
+        log.close()
+    assert board.duty == [0, 0]
+
+
+def test_the_first_piece_of_an_open_port_is_no_alarm(tmp_path: Path) -> None:
+    log = Logger(tmp_path / "b.log", lambda: "none", sync=False)
+    log._fresh = True
+    log._take(b"5,ok*1234\n")
+    log._take(b"5,ok*1234\n")
+    log.close()
+    first, second = [line for line in (tmp_path / "b.log").read_text().splitlines() if " garbled " in line]
+    assert "opened in the middle of this line" in first
+    assert "its CRC is" in second
+
+
+def test_what_a_full_disk_never_took_is_kept_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.setattr(stores.tempfile, "gettempdir", lambda: str(elsewhere))
+    log = Logger(tmp_path / "b.log", lambda: "none", sync=False)
+    whole, real = tmp_path / "b.log", os.write
+
+    def write(file: int, data: bytes) -> int:
+        if file != log.store._file:
+            return real(file, data)
+        if len(data) > 30:
+            return real(file, data[:9])
+        raise OSError(errno.ENOSPC, "no space left on device")
+
+    monkeypatch.setattr(stores.os, "write", write)
+    for k in range(5):
+        log._take(sealed(f"D,{k},{1000 * k},{made_up_rom(0)},320,ok").encode() + b"\n")
+    log.close()
+    assert log.store.rest is not None
+    assert log.store.rest.parent == elsewhere
+    whole.write_bytes(whole.read_bytes() + log.store.rest.read_bytes())
+    record = td.read_record(whole, {"a": made_up_rom(0)})
+    assert record["a"].valid.sum() == 5
+    assert not any("damaged" in step or "cut" in step for step in record.steps)
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="there is no folder"):
+        Logger(tmp_path / "no" / "b.log", lambda: "none")
+    with pytest.raises(RecordError, match="it cannot be written: Is a directory"):
+        Logger(tmp_path, lambda: "none")

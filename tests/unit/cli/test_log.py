@@ -58,7 +58,7 @@ def test_no_board_is_an_error_and_not_a_wait(call: Call, tmp_path: Path, monkeyp
     assert "no board found (ports: none)" in said.err
     named = call("log", tmp_path / "bench.log", "--port", tmp_path / "ttyUSB9")
     assert named.code == 2
-    assert "there is no port" in named.err
+    assert "there is no such port" in named.err
     assert not (tmp_path / "bench.log").exists()
 
 
@@ -71,3 +71,50 @@ def test_several_boards_are_asked_about(call: Call, tmp_path: Path, monkeypatch:
         each.vid = 0x2341
     monkeypatch.setattr(list_ports, "comports", lambda: found)
     assert "several boards: ttyA (Arduino), ttyB (Arduino)" in call("log", tmp_path / "bench.log").err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="devices of posix")
+def test_a_port_that_is_none_is_an_error_and_not_a_wait(call: Call, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("no port")
+    said = call("log", tmp_path / "bench.log", "--port", tmp_path / "notes.txt")
+    assert said.code == 2
+    assert "it is no serial port" in said.err
+    assert not (tmp_path / "bench.log").exists()
+    missing = call("log", tmp_path / "bench.log", "--port", "ttyX")
+    assert missing.code == 2
+    assert "there is no such port" in missing.err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
+def test_a_port_that_is_in_use_is_named(call: Call, tmp_path: Path) -> None:
+    from thermid.acquire.demo import simulated
+    from thermid.acquire.port import Port
+
+    with simulated() as terminal:
+        held = Port(terminal.port)
+        said = call("log", tmp_path / "bench.log", "--port", terminal.port)
+        held.close()
+    assert said.code == 2
+    assert "another program has it open" in said.err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
+def test_a_log_that_exists_is_continued_and_that_is_said(call: Call, tmp_path: Path) -> None:
+    for _ in range(2):
+        said = call("log", tmp_path / "bench.log", "--simulate", "--for", "5 [s]")
+    assert (said.code, "is continued: start 2 of it" in said.err) == (0, True)
+    assert "0 faulty values. Marks: " in said.out
+
+
+def test_several_boards_want_a_choice(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from serial.tools import list_ports
+    from serial.tools.list_ports_common import ListPortInfo
+
+    boards = []
+    for name, maker in (("/dev/ttyACM0", 0x2341), ("/dev/ttyUSB0", 0x1A86), ("/dev/ttyS0", None)):
+        boards.append(ListPortInfo(name, skip_link_detection=True))
+        boards[-1].vid = maker
+    monkeypatch.setattr(list_ports, "comports", lambda: boards)
+    said = call("log", tmp_path / "bench.log")
+    assert said.code == 2
+    assert "several boards: /dev/ttyACM0 (Arduino), /dev/ttyUSB0 (CH340). Give one with --port." in said.err
