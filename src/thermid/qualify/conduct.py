@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -49,6 +49,7 @@ def run_profile(
     chamber_ramp: str | float | None = None,
     every: str | float = 60.0,
     options: Options | None = None,
+    told: Callable[[int, int, float], None] | None = None,
 ) -> ProfileRun:
     """Return a profile run on a model, phase by phase: ways, waits, dwells, off times and starts.
 
@@ -66,6 +67,7 @@ def run_profile(
     chamber_ramp : str or float     What the chamber can, where that is less than the profile asks for. [K/s]
     every : str or float            Interval of the stored samples. [s]
     options : Options               Of the integrator.
+    told : callable                 Told after each step its number, how many there are, and the time reached in seconds.
 
     Raises
     ------
@@ -79,8 +81,10 @@ def run_profile(
     limit = float("inf") if chamber_ramp is None else _rate(chamber_ramp)
     bench, start = _bench(model, profile, chamber, equipment, scenario or Scenario(profile.title), options or Options())
     course = _Course(bench, profile, start, _nodes(bench, watch), base and _node(bench, base), limit)
-    for step in profile.steps:
+    for k, step in enumerate(profile.steps, 1):
         course.do(step)
+        if told is not None:
+            told(k, len(profile.steps), course.plan.times[-1])
     return _finished(course, every)
 
 

@@ -12,13 +12,25 @@ import numpy as np
 from thermid.errors import DeckError
 from thermid.identify.calibration import Calibration
 from thermid.identify.retune_plan import RetunePlan
-from thermid.studio.desk import Curve, Desk, RunCurves
+from thermid.studio.courses import Shelf
+from thermid.studio.curves import Curve, RunCurves, Window
+from thermid.studio.desk import Desk
 from thermid.studio.project import Project
 
 if TYPE_CHECKING:
     from thermid.studio.work import Work
 
-__all__ = ["as_json", "curves_object", "desk_object", "fit_object", "picture", "plan_object", "project_object"]
+__all__ = [
+    "as_json",
+    "curves_object",
+    "desk_object",
+    "fit_object",
+    "picture",
+    "plan_object",
+    "project_object",
+    "shelf_object",
+    "window_of",
+]
 
 GASES = ("air", "vacuum", "printed")
 
@@ -51,7 +63,7 @@ def desk_object(desk: Desk) -> dict[str, Any]:
     }
 
 
-def curves_object(desk: Desk, values: Mapping[str, float], gas: str, measured: bool = True) -> dict[str, Any]:
+def curves_object(desk: Desk, values: Mapping[str, float], gas: str, measured: bool = True, window: Window = None) -> dict[str, Any]:
     """Return the curves at values of the sliders, in air, in vacuum, or in vacuum as the source document prints it.
 
     Raises
@@ -61,7 +73,7 @@ def curves_object(desk: Desk, values: Mapping[str, float], gas: str, measured: b
     """
     if gas not in GASES:
         raise DeckError(f"'{gas}' is none of {', '.join(GASES)}.", "studio")
-    runs = desk.curves(values)
+    runs = desk.curves(values, window)
     without = desk.without_gas(values, as_printed=gas == "printed") if gas != "air" else {}
     return {"runs": [_run(r, without.get(r.name, ()), measured) for r in runs]}
 
@@ -72,8 +84,8 @@ def _run(run: RunCurves, without: tuple[Curve, ...], measured: bool) -> dict[str
 
 
 def _curve(curve: Curve, without: Curve | None, measured: bool) -> dict[str, Any]:
-    still = ("name", "node", "times", "seen", "measured", "count") if measured else ()
-    out = {k: getattr(curve, k) for k in (*still, "simulated", "rmse", "bias", "largest")}
+    still = ("name", "node", "seen", "measured", "count") if measured else ()
+    out = {k: getattr(curve, k) for k in (*still, "times", "simulated", "apart", "left", "rmse", "bias", "largest")}
     if without is not None:
         out |= {"gone_times": without.times, "gone": without.simulated}
     return out
@@ -114,6 +126,34 @@ def plan_object(plan: RetunePlan) -> dict[str, Any]:
         "sensors": {s: [plan.before[s] - 273.15, plan.after[s] - 273.15] for s in plan.before if s in plan.after},
         "text": str(plan),
     }
+
+
+def shelf_object(shelf: Shelf, desk: Desk) -> dict[str, Any]:
+    """Return what can be run, and what the form of a profile asks for."""
+    limits, source = shelf.limits(desk)
+    return {
+        "courses": [{"key": c.key, "title": c.title, "group": c.group, "kind": c.kind} for c in shelf.courses(desk).values()],
+        "boundaries": desk.boundaries,
+        "nodes": desk.nodes,
+        "limits": [one.point for one in limits],
+        "source": source,
+        "fitted": desk.calibration is not None,
+    }
+
+
+def window_of(asked: Mapping[str, Any]) -> Window:
+    """Return the stretch that a page shows, or None for all of it. [s]
+
+    Raises
+    ------
+    DeckError   When it is no pair of times.
+    """
+    given = asked.get("window")
+    if given is None:
+        return None
+    if not isinstance(given, list) or len(given) != 2 or not all(isinstance(v, int | float) for v in given) or not given[0] < given[1]:
+        raise DeckError("a window is two times, the earlier first.", "studio")
+    return float(given[0]), float(given[1])
 
 
 def as_json(value: object) -> str:

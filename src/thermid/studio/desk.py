@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,100 +15,21 @@ from thermid.identify.calibration import Calibration
 from thermid.identify.residuals import Problem
 from thermid.identify.wired import Bench
 from thermid.model.model import Model
-from thermid.model.resolve import Entry, parameter_table
+from thermid.model.resolve import parameter_table
+from thermid.network.network import compile_network
 from thermid.reporting.diagram import diagram
 from thermid.reporting.folding import parts_of
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
+from thermid.studio.curves import POINTS, Curve, RunCurves, Window, thinned
+from thermid.studio.sliders import Slider, slider_of
 from thermid.units import unit
 
-__all__ = ["Curve", "Desk", "RunCurves", "Slider", "thinned"]
+__all__ = ["Desk"]
 
 Array = NDArray[np.float64]
-POINTS = 1200
-"""Points of a curve that are sent to a page: more than a screen has columns for it."""
 ICE = 273.15
-
-
-@dataclass(frozen=True)
-class Slider:
-    """A parameter that may be moved.
-
-    Parameters
-    ----------
-    path : str              The parameter.
-    unit : str              In which values and bounds are written.
-    value, low, high        Where it starts and how far it may go. [unit]
-    log : bool              Whether the track is logarithmic.
-    free : bool             Whether the stage fits it.
-    error : float or None   Standard error that the fit found. [unit]
-    source, note : str      Where the value comes from.
-    also : tuple of str     Other instances that move with it.
-    """
-
-    path: str
-    unit: str
-    value: float
-    low: float
-    high: float
-    log: bool
-    free: bool = False
-    error: float | None = None
-    source: str = ""
-    note: str = ""
-    also: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """One sensor, or one node where nothing was measured, at the points that a page shows.
-
-    Parameters
-    ----------
-    name, node : str            The sensor, the node that it observes.
-    times : array (points,)     [s]
-    simulated : array (points,) [degC]
-    seen : array (seen,)        Times of the measured points. [s]
-    measured : array (seen,)    Empty where nothing was measured. [degC]
-    rmse, bias, largest, count  Of all readings, not only of the points shown. [K]
-    """
-
-    name: str
-    node: str
-    times: Array
-    simulated: Array
-    seen: Array
-    measured: Array
-    rmse: float = math.nan
-    bias: float = math.nan
-    largest: float = math.nan
-    count: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class RunCurves:
-    """All curves of one record or scenario."""
-
-    name: str
-    curves: tuple[Curve, ...]
-    remarks: tuple[str, ...] = ()
-
-
-def thinned(times: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
-    """Return at most `points` samples of a curve that keep its lowest and highest values in every interval shown.
-
-    Parameters
-    ----------
-    times, values : array (samples,)
-    points : int        Even; a curve with fewer samples is returned as it is.
-    """
-    if times.size <= points:
-        return times, values
-    edges = np.linspace(0, times.size, points // 2 + 1).astype(int)
-    pieces = [(a, values[a:b]) for a, b in pairwise(edges)]
-    index = np.unique([0, *(a + int(at(piece)) for a, piece in pieces for at in (np.argmin, np.argmax)), times.size - 1])
-    return times[index], values[index]
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +65,7 @@ class Desk:
             value, error = (found[path].value, found[path].error) if path in found else (literal.value, None)
             if value != 0.0 and math.isfinite(value):
                 unknown = unknowns.get(path)
-                out.append(_slider(path, entry, value, error, unknown is not None, unknown.also if unknown is not None else ()))
+                out.append(slider_of(path, entry, value, error, unknown is not None, unknown.also if unknown is not None else ()))
         return tuple(sorted(out, key=lambda s: not s.free))
 
     def si(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -171,12 +91,13 @@ class Desk:
         given = {p: f"{v!r} [{units[path].unit}]" for path, v in values.items() for p in (path, *units[path].also)}
         return held.with_values(given, "tuned by hand")
 
-    def curves(self, values: Mapping[str, float]) -> tuple[RunCurves, ...]:
+    def curves(self, values: Mapping[str, float], window: Window = None) -> tuple[RunCurves, ...]:
         """Return measured and simulated curves of every record, or of every scenario where nothing was measured.
 
         Parameters
         ----------
-        values : dict   Slider -> value in its unit; the fit's, or the deck's, where none is given.
+        values : dict           Slider -> value in its unit; the fit's, or the deck's, where none is given.
+        window : (begin, end)   What a page shows of them; all of it by default. Metrics are of all readings all the same. [s]
 
         Raises
         ------
@@ -184,8 +105,18 @@ class Desk:
         """
         si = self.si(values)
         if self.problem is None:
-            return tuple(_of_scenario(simulator, si) for simulator in self._simulators)
-        return tuple(self._of_record(i, bench, si) for i, bench in enumerate(self._benches))
+            return tuple(_of_scenario(simulator, si, window) for simulator in self._simulators)
+        return tuple(self._of_record(i, bench, si, window) for i, bench in enumerate(self._benches))
+
+    @cached_property
+    def boundaries(self) -> tuple[str, ...]:
+        """Names of what is given from outside: gases, plates, shrouds."""
+        return compile_network(self.model).boundaries
+
+    @cached_property
+    def nodes(self) -> tuple[str, ...]:
+        """Paths of all nodes whose temperature a run finds."""
+        return compile_network(self.model).nodes
 
     @cached_property
     def parts(self) -> tuple[str, ...]:
@@ -200,7 +131,7 @@ class Desk:
         ThermidError   When a coefficient holds radiation that nobody has split off, or a run cannot be finished.
         """
         model, out = self.tuned(values), {}
-        for title, scenario, nodes in self._conditions:
+        for title, scenario, nodes in self.conditions:
             simulator = prepare(model, scenario.vacuum(as_printed), every=scenario.seconds / (POINTS // 2))
             out[title] = _curves_of(simulator.run(), nodes or simulator.wiring.network.nodes)
         return out
@@ -216,9 +147,9 @@ class Desk:
         folded : sequence   Submodels drawn as one mass.
         """
         model = self.tuned(values)
-        if time is None or not 0 <= run < len(self._conditions):
+        if time is None or not 0 <= run < len(self.conditions):
             return diagram(model, folded=folded, marked=True)
-        scenario = self._conditions[run][1]
+        scenario = self.conditions[run][1]
         at = min(max(time, 0.0), scenario.seconds)
         solution = prepare(model, scenario, times=np.unique([0.0, at])).run()
         temperatures = {n: float(solution[n].kelvin[-1]) for n in solution.nodes}
@@ -226,7 +157,7 @@ class Desk:
         return diagram(model, temperatures=temperatures, flows=flows, folded=folded, marked=True)
 
     @cached_property
-    def _conditions(self) -> tuple[tuple[str, Scenario, tuple[str, ...]], ...]:
+    def conditions(self) -> tuple[tuple[str, Scenario, tuple[str, ...]], ...]:
         """Title, scenario and nodes shown of every run."""
         if self.problem is None:
             return tuple((s.title, s, ()) for s in self.scenarios)
@@ -251,7 +182,7 @@ class Desk:
     def _simulators(self) -> tuple[Simulator, ...]:
         return tuple(prepare(self.model, scenario, self._names, every=scenario.seconds / (POINTS // 2)) for scenario in self.scenarios)
 
-    def _of_record(self, i: int, bench: Bench, si: Mapping[str, float]) -> RunCurves:
+    def _of_record(self, i: int, bench: Bench, si: Mapping[str, float], window: Window) -> RunCurves:
         """Return the curves of one record, with starts, constant errors and powers as the fit found them."""
         problem = self.problem
         assert problem is not None
@@ -265,35 +196,23 @@ class Desk:
             times = bench.experiment.times[o.index]
             left = o.measured - predicted
             rmse, bias, largest = float(np.sqrt(np.mean(left**2))), float(left.mean()), float(np.abs(left).max())
-            lines = (*thinned(times, predicted - ICE), *thinned(times, o.measured - ICE))
-            out.append(Curve(o.sensor, o.node, *lines, rmse, bias, largest, int(left.size)))
+            (at, simulated), (seen, measured), (apart, rest) = (
+                thinned(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
+            )
+            out.append(Curve(o.sensor, o.node, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
         return RunCurves(bench.experiment.record.name, tuple(out))
 
 
-def _of_scenario(simulator: Simulator, si: Mapping[str, float]) -> RunCurves:
+def _of_scenario(simulator: Simulator, si: Mapping[str, float], window: Window) -> RunCurves:
     """Return the curves of a scenario, those of every mass."""
     solution = simulator.run(dict(si))
-    return RunCurves(simulator.wiring.scenario.title, _curves_of(solution, simulator.wiring.network.nodes), tuple(solution.warnings))
+    return RunCurves(
+        simulator.wiring.scenario.title, _curves_of(solution, simulator.wiring.network.nodes, window), tuple(solution.warnings)
+    )
 
 
-def _curves_of(solution: Solution, nodes: Sequence[str]) -> tuple[Curve, ...]:
-    none = np.zeros(0)
-    return tuple(Curve(n, n, solution.times, solution[n].celsius, none, none) for n in nodes)
-
-
-def _slider(path: str, entry: Entry, value: float, error: float | None, free: bool, also: tuple[str, ...]) -> Slider:
-    """Return the slider of a parameter: its own bounds, or a factor of five either way where it has none."""
-    given = entry.parameter
-    of = unit(given.unit or "1")
-    low, high = (None if b is None else _plain(b, given.unit) for b in (given.minimum, given.maximum))
-    at = _plain(value, given.unit)
-    log = at > 0 and not of.absolute and (low is None or low > 0)
-    span = abs(at) if not of.absolute else 50.0
-    low = low if low is not None else at / 5 if log else at - span
-    high = high if high is not None else at * 5 if log else at + span
-    shown = None if error is None or not math.isfinite(error) else error / float(of.factor)
-    note = "; ".join(t for t in (given.note, given.basis) if t)
-    return Slider(path, of.text, at, min(low, at), max(high, at), log, free, shown, given.source or entry.origin, note, also)
+def _curves_of(solution: Solution, nodes: Sequence[str], window: Window = None) -> tuple[Curve, ...]:
+    return tuple(Curve(n, n, *thinned(solution.times, solution[n].celsius, window)) for n in nodes)
 
 
 def _start(problem: Problem) -> Array:
@@ -306,8 +225,3 @@ def _bias(problem: Problem, sensor: str, fitted: Array) -> float:
     places = (k for k, u in enumerate(problem.unknowns) if u.kind == "sensor" and u.name == f"sensor {sensor}")
     k = next(places, None)
     return problem.fixed_bias.get(sensor, 0.0) if k is None else float(fitted[k])
-
-
-def _plain(si: float, text: str) -> float:
-    of = unit(text or "1")
-    return (si - float(of.offset)) / float(of.factor)

@@ -106,7 +106,7 @@ class Project:
     def look(self, name: str) -> StageState:
         """Return where a stage stands, taking its fit from the results folder when nothing that it depends on has changed."""
         if self.source is None:
-            return StageState(name, "deck", "a deck alone: nothing was measured")
+            return self._set(StageState(name, "deck", "a deck alone: nothing was measured"))
         if name in self.done:
             return self.states[name]
         direct = self.below(name)

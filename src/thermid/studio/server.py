@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError, ThermidError
-from thermid.studio.answers import as_json, curves_object, desk_object, picture, plan_object, project_object
+from thermid.studio.answers import as_json
+from thermid.studio.follow import Follower
+from thermid.studio.orders import orders, questions
 from thermid.studio.project import Project
 from thermid.studio.work import Work
 
@@ -31,13 +33,14 @@ GUARD = "x-thermid-studio"
 KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"}
 
 
-def application(project: Project, port: int) -> Starlette:
+def application(project: Project, port: int, log: Path | None = None) -> Starlette:
     """Return the studio of a project as an ASGI application.
 
     Parameters
     ----------
     project : Project   What is open.
     port : int          Where it will listen; requests under any other name are refused.
+    log : Path or None  A log that grows, to be followed.
 
     Raises
     ------
@@ -48,18 +51,19 @@ def application(project: Project, port: int) -> Starlette:
         from starlette.routing import Route
     except ImportError:
         raise DeckError("the studio needs starlette and uvicorn: pip install 'thermid[studio]'.") from None
-    work, lock = Work(project), threading.Lock()
+    work, lock, bench = Work(project), threading.Lock(), threading.Lock()
+    follower = Follower(project.path.parent, log)
 
-    def reads(make: Callable[[Request], Any]) -> Callable[[Request], Response]:
+    def reads(make: Callable[[Mapping[str, str]], Any]) -> Callable[[Request], Response]:
         """Return an endpoint that answers with JSON, errors of ours in words."""
 
         def endpoint(request: Request) -> Response:
             with lock:
-                return _answer(lambda: make(request))
+                return _answer(lambda: make(request.query_params))
 
         return endpoint
 
-    def writes(make: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Awaitable[Response]]:
+    def writes(make: Callable[[Mapping[str, Any]], Any], lock: threading.Lock = lock) -> Callable[[Request], Awaitable[Response]]:
         """Return the same for a request with a body of JSON."""
 
         async def endpoint(request: Request) -> Response:
@@ -85,25 +89,12 @@ def application(project: Project, port: int) -> Starlette:
     def page(request: Request) -> Response:
         return _file(request.path_params.get("name", "index.html"))
 
-    def curves(body: Mapping[str, Any]) -> Any:
-        return curves_object(project.desk(_text(body, "stage")), _values(body), _text(body, "gas"), bool(body.get("measured", True)))
-
-    routes = [
-        Route("/", page),
-        Route("/static/{name}", page),
-        Route("/api/project", reads(lambda r: project_object(project, work))),
-        Route("/api/desk", reads(lambda r: desk_object(project.desk(r.query_params.get("stage", project.stages[0]))))),
-        Route("/api/job", reads(lambda r: work.state())),
-    ]
-    orders: dict[str, Callable[[Mapping[str, Any]], Any]] = {
-        "curves": curves,
-        "picture": lambda b: picture(project.desk(_text(b, "stage")), _values(b), b),
-        "run": lambda b: work.run(_text(b, "stage"), bool(b.get("below"))),
-        "fit": lambda b: work.fit(_text(b, "stage"), _values(b), tuple(map(str, b.get("free", ())))),
-        "save": lambda b: {"file": project.save(_text(b, "stage"), _values(b), _text(b, "name")).name},
-        "swap": lambda b: plan_object(project.swap(_text(b, "part"), _text(b, "deck"))),
-    }
-    routes += [Route(f"/api/{name}", writes(order), methods=["POST"]) for name, order in orders.items()]
+    given, asked = questions(project, work, follower), orders(project, work)
+    routes = [Route("/", page), Route("/static/{name}", page)]
+    routes += [Route(f"/api/{name}", reads(answer)) for name, answer in given.items()]
+    routes += [Route(f"/api/{name}", writes(order), methods=["POST"]) for name, order in asked.items()]
+    # a long log is read beside what the sliders ask for, not before it
+    routes.append(Route("/api/bench", writes(follower.look, bench), methods=["POST"]))
     made = Starlette(routes=routes)
     made.add_middleware(Guard, port=port)
     return made
@@ -162,21 +153,7 @@ def _file(name: str) -> Response:
     return Response(known[name].read_text(encoding="utf-8"), media_type=KINDS[Path(name).suffix], headers={"cache-control": "no-store"})
 
 
-def _text(body: Mapping[str, Any], key: str) -> str:
-    found = body.get(key, "")
-    if not isinstance(found, str):
-        raise DeckError(f"'{key}' is no text.", "studio")
-    return found
-
-
-def _values(body: Mapping[str, Any]) -> dict[str, float]:
-    found = body.get("values", {})
-    if not isinstance(found, dict) or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in found.values()):
-        raise DeckError("values are numbers by path.", "studio")
-    return {str(k): float(v) for k, v in found.items()}
-
-
-def serve(project: Project, port: int, ready: Callable[[str], None] | None = None) -> None:
+def serve(project: Project, port: int, ready: Callable[[str], None] | None = None, log: Path | None = None) -> None:
     """Serve the studio of a project on loopback until it is interrupted.
 
     Parameters
@@ -184,6 +161,7 @@ def serve(project: Project, port: int, ready: Callable[[str], None] | None = Non
     project : Project   What is open.
     port : int          A free one is taken where it is 0.
     ready : callable    Called with the address once it answers.
+    log : Path or None  A log that grows, to be followed.
 
     Raises
     ------
@@ -207,5 +185,5 @@ def serve(project: Project, port: int, ready: Callable[[str], None] | None = Non
     listener.listen()
     if ready is not None:
         ready(f"http://127.0.0.1:{taken}/")
-    server = uvicorn.Server(uvicorn.Config(application(project, taken), log_level="warning", access_log=False))
+    server = uvicorn.Server(uvicorn.Config(application(project, taken, log), log_level="warning", access_log=False))
     server.run(sockets=[listener])

@@ -1,4 +1,4 @@
-"""What takes longer than a moment: stages and fits in one thread, with progress that a page can ask for."""
+"""What takes longer than a moment: stages, fits and scenarios in one thread, with progress that a page can ask for, and an end to it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from thermid.errors import DeckError, ThermidError
+from thermid.studio.courses import Shelf
+from thermid.studio.outcomes import Outcome, run_course
 from thermid.studio.project import Project
 
 __all__ = ["Work"]
@@ -23,9 +25,16 @@ class _Job:
     begun: float = field(default_factory=time.monotonic)
     evaluations: int = 0
     rms: float = 0.0
+    share: float = 0.0
+    reached: float = 0.0
+    stopped: bool = False
     ended: bool = False
     error: str = ""
     result: Mapping[str, Any] = field(default_factory=dict)
+
+
+class _StoppedError(Exception):
+    """Raised inside a job that was ended from the page."""
 
 
 class Work:
@@ -38,6 +47,8 @@ class Work:
 
     def __init__(self, project: Project) -> None:
         self._project = project
+        self.shelf = Shelf(project.path)
+        self.outcome: Outcome | None = None
         self._job: _Job | None = None
         self._thread: threading.Thread | None = None
         self._start("look", "", self._look)
@@ -73,6 +84,30 @@ class Work:
 
         return self._start("fit", self._project.known(stage), job)
 
+    def scenario(self, stage: str, key: str, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Begin to run a profile, scenario or test on a stage at values of the sliders; `outcome` has it in the end."""
+        desk = self._project.desk(stage)
+        course = self.shelf.course(desk, key)
+
+        def job(j: _Job) -> None:
+            def told(step: int, steps: int, reached: float) -> None:
+                _going(j)
+                j.share, j.reached = step / steps, reached
+
+            found = run_course(self.shelf, desk, course, values, asked, told)
+            _going(j)
+            self.outcome = found
+
+        return self._start("scenario", stage, job)
+
+    def stop(self) -> dict[str, Any]:
+        """End what is running; its result is dropped, and its thread leaves at its next report."""
+        if self._job is not None and not self._job.ended and self._job.what != "look":
+            self._job.stopped = self._job.ended = True
+            self._job.error = f"'{self._job.stage}' was stopped."
+            self._thread = None
+        return self.state()
+
     def _look(self, job: _Job) -> None:
         for name in self._project.stages:
             job.stage = name
@@ -86,8 +121,10 @@ class Work:
         def work() -> None:
             try:
                 make(job)
+            except _StoppedError:
+                pass
             except ThermidError as error:
-                job.error = str(error)
+                job.error = job.error or str(error)
             except Exception as error:  # a page that waits for ever would hide it
                 job.error = f"{type(error).__name__}: {error}"
                 raise
@@ -99,5 +136,11 @@ class Work:
         return self.state()
 
 
+def _going(job: _Job) -> None:
+    if job.stopped:
+        raise _StoppedError
+
+
 def _tell(job: _Job, count: int, rms: float) -> None:
+    _going(job)
     job.evaluations, job.rms = count, rms

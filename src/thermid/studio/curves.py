@@ -1,0 +1,84 @@
+"""Curves as a page shows them: thinned to what a screen can hold, without hiding an extreme."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["POINTS", "Curve", "RunCurves", "Window", "thinned"]
+
+Array = NDArray[np.float64]
+Window = tuple[float, float] | None
+POINTS = 1200
+"""Points of a curve that are sent to a page: more than a screen has columns for it."""
+
+
+def _none() -> Array:
+    return np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One sensor, or one node where nothing was measured, at the points that a page shows.
+
+    Parameters
+    ----------
+    name, node : str            The sensor, the node that it observes.
+    times : array (points,)     [s]
+    simulated : array (points,) [degC]
+    seen : array (seen,)        Times of the measured points. [s]
+    measured : array (seen,)    Empty where nothing was measured. [degC]
+    apart : array (apart,)      Times of what is left; it is thinned by itself, since its extremes lie elsewhere. [s]
+    left : array (apart,)       Measured less simulated. [K]
+    rmse, bias, largest, count  Of all readings, not only of the points shown. [K]
+    """
+
+    name: str
+    node: str
+    times: Array
+    simulated: Array
+    seen: Array = field(default_factory=_none)
+    measured: Array = field(default_factory=_none)
+    apart: Array = field(default_factory=_none)
+    left: Array = field(default_factory=_none)
+    rmse: float = math.nan
+    bias: float = math.nan
+    largest: float = math.nan
+    count: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class RunCurves:
+    """All curves of one record or scenario."""
+
+    name: str
+    curves: tuple[Curve, ...]
+    remarks: tuple[str, ...] = ()
+
+
+def thinned(times: Array, values: Array, window: Window = None, points: int = POINTS) -> tuple[Array, Array]:
+    """Return at most `points` samples of a curve that keep its lowest and highest values in every interval shown.
+
+    Parameters
+    ----------
+    times, values : array (samples,)    Values may have gaps (nan), which stay.
+    window : (begin, end)               Only this stretch, with one sample more on either side; all where none is given. [s]
+    points : int                        Even; a stretch with fewer samples is returned as it is.
+    """
+    if window is not None:
+        first = max(int(np.searchsorted(times, window[0])) - 1, 0)
+        last = int(np.searchsorted(times, window[1], side="right")) + 1
+        times, values = times[first:last], values[first:last]
+    if times.size <= points:
+        return times, values
+    edges = np.linspace(0, times.size, points // 2 + 1).astype(int)
+    low, high = np.where(np.isnan(values), np.inf, values), np.where(np.isnan(values), -np.inf, values)
+    extremes = [(a + int(low[a:b].argmin()), a + int(high[a:b].argmax())) for a, b in pairwise(edges)]
+    gaps = np.isnan(values)
+    ends = np.flatnonzero(gaps & ~np.append(False, gaps[:-1])) if gaps.any() else np.zeros(0, dtype=int)
+    index = np.unique([0, *(k for pair in extremes for k in pair), *ends[:points], times.size - 1])
+    return times[index], values[index]

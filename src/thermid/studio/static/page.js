@@ -1,0 +1,42 @@
+// What every part of the page needs: elements, numbers as text, words from the server, errors in words.
+export const at = (id) => document.getElementById(id);
+export const studio = (window.studio = { latencies: [], errors: [], frames: [] });
+const COLOURS = ["#0072b2", "#d55e00", "#007a5a", "#b0509c", "#8a6d00", "#3f7fbf", "#a3201d", "#5b6b7a", "#6a4fb3", "#2e8b8b", "#b36b00", "#7a3b3b"];
+const LIGHT = ["#6db3ee", "#ff9a55", "#4fc79b", "#e39ad3", "#d6b73f", "#9cc7f2", "#ff9b94", "#a9b4c1", "#b7a3f0", "#6fd0d0", "#e0a24a", "#d99a9a"];
+const DASHES = [[], [9, 3], [3, 3], [12, 3, 3, 3]];
+const dark = matchMedia("(prefers-color-scheme: dark)");
+
+export const colour = (k) => (dark.matches ? LIGHT : COLOURS)[k % COLOURS.length];
+export const dash = (k) => DASHES[Math.floor(k / COLOURS.length) % DASHES.length]; // the thirteenth line has the first colour and another stroke
+export const shown = (v, digits = 4) => (v === null || v === undefined ? "–" : Number(v).toPrecision(digits).replace(/(\.\d*?)0+($|e)/, "$1$2").replace(/\.($|e)/, "$1"));
+export const hours = (list) => Float64Array.from(list, (t) => t / 3600);
+export const numbers = (list) => Float64Array.from(list, (v) => (v === null ? NaN : v));
+
+export function make(tag, attributes = {}, ...inside) {
+  const node = document.createElement(tag);
+  for (const [k, v] of Object.entries(attributes)) k === "text" ? (node.textContent = v) : k.startsWith("on") ? node.addEventListener(k.slice(2), v) : v === false || node.setAttribute(k, v === true ? "" : v);
+  node.append(...inside);
+  return node;
+}
+export const row = (head, ...cells) => make("tr", {}, make("th", { scope: "row", text: head }), ...cells.map((c) => make("td", typeof c === "string" ? { text: c } : { class: "num", text: c === null ? "–" : c.toFixed(1) })));
+
+export async function ask(path, body) {
+  const answer = await fetch(path, body === undefined ? {} : { method: "POST", headers: { "content-type": "application/json", "x-thermid-studio": "1" }, body: JSON.stringify(body) });
+  const found = await answer.json();
+  if (found.error) throw new Error(found.where && !found.error.includes(found.where) ? `${found.where}: ${found.error}` : found.error);
+  return found;
+}
+export function wrong(error) { const box = at("error"); box.hidden = !error; box.textContent = error ? String(error.message || error) : ""; }
+export async function tried(make) { try { wrong(null); return await make(); } catch (error) { wrong(error); return null; } }
+
+// the legend of a chart: a button for each curve that shows or hides it
+export function legend(host, names, charts) {
+  host.replaceChildren(...names.map((name, k) => {
+    const line = make("i", { style: `border-top-color:${colour(k)};border-top-style:${["solid", "dashed", "dotted", "double"][Math.floor(k / COLOURS.length) % 4]}` });
+    const flip = (e) => { for (const chart of charts) { chart.hidden.has(name) ? chart.hidden.delete(name) : chart.hidden.add(name); chart.draw(); } e.currentTarget.setAttribute("aria-pressed", String(!charts[0].hidden.has(name))); };
+    return make("button", { type: "button", "aria-pressed": String(!charts[0].hidden.has(name)), "data-curve": name, onclick: flip }, line, make("span", { text: name }));
+  }));
+}
+dark.addEventListener("change", () => document.dispatchEvent(new Event("recolour")));
+window.addEventListener("error", (e) => studio.errors.push(e.message));
+window.addEventListener("unhandledrejection", (e) => studio.errors.push(String(e.reason)));

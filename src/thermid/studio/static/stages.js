@@ -1,0 +1,77 @@
+// The strip of stages, what a stage takes and hands on, jobs that run and their progress, swaps.
+import { ask, at, make, row, shown, tried, wrong } from "/static/page.js";
+import { s } from "/static/state.js";
+
+const MANY = 14; // stages beyond which the strip is one line with a search
+let open = async () => {};
+export function opensWith(f) { open = f; }
+
+export function drawStages() {
+  const list = at("stages"), job = s.project.job, held = document.activeElement?.dataset.stage, many = s.project.stages.length > MANY;
+  const word = at("find-stage").value.trim().toLowerCase();
+  list.hidden = s.project.kind === "deck";
+  list.classList.toggle("many", many);
+  at("stage-tools").hidden = !many;
+  const seen = s.project.stages.filter((x) => !many || x.name === s.stage || x.name.toLowerCase().includes(word) || x.state === word);
+  const counts = Object.entries(Object.groupBy ? Object.groupBy(s.project.stages, (x) => x.state) : {}).map(([k, v]) => `${v.length} ${k}`).join(", ");
+  at("stage-count").textContent = `${s.project.stages.length} stages: ${counts}${word ? `; ${seen.length} shown` : ""}`;
+  list.replaceChildren(...seen.map((x) => {
+    const running = job && !job.ended && job.what === "run" && job.stage === x.name, state = running ? "running" : x.state;
+    const says = state === "done" ? `RMSE to ${shown(Math.max(...Object.values(x.sensors), 0), 2)} K` : state;
+    return make("li", {}, make("button", { type: "button", "data-stage": x.name, "data-state": state, "aria-current": x.name === s.stage ? "true" : "false", title: x.why || state, onclick: () => open(x.name) }, make("span", { text: x.name }), make("small", { text: says })));
+  }));
+  if (held) list.querySelector(`[data-stage="${CSS.escape(held)}"]`)?.focus();
+}
+at("find-stage").addEventListener("input", drawStages);
+
+export function drawLevels() {
+  const state = s.project.stages.find((x) => x.name === s.stage), box = at("stage-detail");
+  box.replaceChildren();
+  if (!state || s.project.kind === "deck") { at("levels").hidden = true; return; }
+  const above = s.project.stages.filter((x) => x.below.includes(s.stage)).map((x) => x.name);
+  box.append(make("p", { text: `${s.stage}: ${state.state}${state.why ? `, ${state.why}` : ""}. ` + (state.below.length ? `Takes values of ${state.below.join(", ")}. ` : "Takes values of no other stage. ") + (above.length ? `Hands its own to ${above.join(", ")}.` : "Hands its own to none.") }));
+  box.append(make("button", { type: "button", id: "run-stage", text: "Run this stage", onclick: () => tried(() => begin("/api/run", { stage: s.stage, below: true })) }));
+  const parts = Object.keys(s.project.table), levels = s.project.stages.map((x) => x.name).filter((n) => parts.some((p) => n in s.project.table[p]));
+  at("table").tHead.replaceChildren(make("tr", {}, make("th", { scope: "col", text: "Part" }), ...levels.map((n) => make("th", { scope: "col", class: "num", text: n }))));
+  at("table").tBodies[0].replaceChildren(...parts.map((p) => row(p, ...levels.map((n) => (n in s.project.table[p] ? shown(s.project.table[p][n], 3) : "")))));
+}
+
+const DOING = { look: "looking at", fit: "fitting", run: "running", scenario: "running a scenario on" };
+export async function refresh() {
+  const found = await ask("/api/project");
+  const changed = !s.project || JSON.stringify(found.stages) !== JSON.stringify(s.project.stages);
+  s.project = found;
+  at("title").textContent = found.title;
+  at("note").textContent = [found.file, found.note].filter(Boolean).join(" — ");
+  document.title = `${found.title} · thermid studio`;
+  const job = found.job, running = job && job.ended === false;
+  const far = job.what === "scenario" ? `, ${shown(job.reached / 3600, 3)} h simulated, ${Math.round(100 * job.share)} % of its steps` : job.evaluations ? `, evaluation ${job.evaluations}, weighted RMS ${shown(job.rms, 3)}` : "";
+  at("status").textContent = running ? `${DOING[job.what]} ${job.stage}${far}` : "";
+  at("stop").hidden = !running || job.what === "look";
+  at("progress").hidden = !(running && job.what === "scenario");
+  at("progress").value = job.share || 0;
+  at("fit").disabled = running || !s.desk || !s.desk.measured;
+  at("scenario-run").disabled = running || !s.desk;
+  drawStages();
+  if (changed) drawLevels();
+  return running;
+}
+export async function watch(after) {
+  const running = await refresh();
+  if (running) { setTimeout(() => tried(() => watch(after)), 150); return; }
+  if (s.project.job && s.project.job.error) { wrong(s.project.job.error); if (s.project.job.what === "scenario") at("verdict").replaceChildren(); }
+  else if (after) await after(s.project.job);
+}
+export async function begin(path, body, after) {
+  await ask(path, body);
+  await watch(after || (async () => { if (body.stage === s.stage) await open(s.stage); }));
+}
+at("stop").addEventListener("click", () => tried(async () => { await ask("/api/stop", {}); }));
+
+at("swap").addEventListener("submit", (e) => { e.preventDefault(); tried(async () => {
+  const plan = await ask("/api/swap", { part: at("swap-part").value, deck: at("swap-deck").value });
+  const due = new Set(plan.stages.filter((x) => x.action !== "kept").map((x) => x.name));
+  s.project.stages = s.project.stages.map((x) => (due.has(x.name) ? { ...x, state: "stale", why: `after ${plan.part}: ${plan.old} → ${plan.new}` } : x));
+  drawStages();
+  at("swap-result").replaceChildren(make("p", { text: `${plan.part}: ${plan.old} → ${plan.new}. ${plan.freed.length} interface values retuned, ${due.size} of ${plan.stages.length} stages due again, ${plan.tests.length} tests to repeat.` }), make("ul", {}, ...plan.stages.map((x) => make("li", { "data-action": x.action, text: `${x.name}: ${x.action}, ${x.why}` }))), make("details", {}, make("summary", { text: "In full" }), make("pre", { text: plan.text, tabindex: "0" })));
+}); });

@@ -1,0 +1,28 @@
+// What the buttons of tuning do: fit, undo, redo, reset, save.
+import { move } from "/static/curves.js";
+import { ask, at, make, shown, studio, tried } from "/static/page.js";
+import { drawPicture } from "/static/picture.js";
+import { drawSliders, slidersTell } from "/static/sliders.js";
+import { begin } from "/static/stages.js";
+import { s } from "/static/state.js";
+
+export function buttons() { at("undo").disabled = !s.done.length; at("redo").disabled = !s.undone.length; at("reset").disabled = !Object.keys(s.values).length; }
+function remember() { s.done.push(s.values); s.undone = []; buttons(); }
+function step(from, to) { if (!from.length) return; to.push(s.values); s.values = from.pop(); after(); }
+function after() { buttons(); drawSliders(); studio.begun = performance.now(); move(); drawPicture(); }
+slidersTell(() => { buttons(); move(); }, remember, drawPicture);
+
+at("undo").addEventListener("click", () => step(s.done, s.undone));
+at("redo").addEventListener("click", () => step(s.undone, s.done));
+at("reset").addEventListener("click", () => { remember(); s.values = {}; after(); });
+document.addEventListener("keydown", (e) => { if (!(e.ctrlKey || e.metaKey) || e.target.matches("input[type=text],input[type=search],input[type=number]")) return; if (e.key === "z" && !e.shiftKey) { e.preventDefault(); step(s.done, s.undone); } else if (e.key === "y" || (e.key.toLowerCase() === "z" && e.shiftKey)) { e.preventDefault(); step(s.undone, s.done); } });
+
+at("fit").addEventListener("click", () => tried(async () => { await begin("/api/fit", { stage: s.stage, values: s.values, free: [...s.ticked] }, fitted); }));
+async function fitted(job) {
+  remember();
+  for (const [path, v] of Object.entries(job.result.values)) { s.values = { ...s.values, [path]: v.value }; const x = s.desk.sliders.find((y) => y.path === path); if (x) x.error = v.error; }
+  after();
+  const rows = Object.entries(job.result.values).map(([p, v]) => make("li", { text: `${p}: ${shown(v.value)} ± ${shown(v.error, 2)} ${v.unit}` }));
+  at("fit-result").replaceChildren(make("h3", { text: `Fitted, ${job.result.evaluations} evaluations, ${shown(job.seconds, 2)} s` }), make("ul", {}, ...rows), ...job.result.warnings.map((w) => make("p", { class: "warning", text: `warning: ${w}` })), make("details", {}, make("summary", { text: "The whole report" }), make("pre", { text: job.result.text, tabindex: "0" })));
+}
+at("save").addEventListener("submit", (e) => { e.preventDefault(); tried(async () => { const found = await ask("/api/save", { stage: s.stage, values: s.values, name: at("save-name").value }); at("status").textContent = `saved as results/${found.file}`; }); });
