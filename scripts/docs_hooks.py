@@ -53,7 +53,7 @@ PICTURES = {
 
 FENCE = re.compile(r"^```(\w+)((?: +\S+)*) *$", re.MULTILINE)
 DECK = re.compile(r"^```toml deck (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-FORMULA = re.compile(r"^```formula.*?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+FORMULA = re.compile(r"^```formula *(\S*).*?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 SHOWN = (".md", ".png", ".svg", ".toml", ".csv")
@@ -221,8 +221,15 @@ def turned(markdown: str, page: str) -> str:
         return f"{found[1]}[{found[2]}]({leads})"
 
     text = "".join(part if k % 2 else LINK.sub(link, part) for k, part in enumerate(CODE.split(markdown)))
-    text = FORMULA.sub(lambda found: "\n".join(mathml(line) for line in found[1].splitlines() if line.strip()), text)
+    text = FORMULA.sub(_formula, text)
     return FENCE.sub(_fence, text)
+
+
+def _formula(found: re.Match[str]) -> str:
+    """Return a formula, one line each, with the function that it documents."""
+    shown = "".join(mathml(line) for line in found[2].splitlines() if line.strip())
+    name = f"<code>thermid.physics.{found[1]}</code>" if found[1] else ""
+    return f'<div class="formula"><div>{shown}</div>{name}</div>'
 
 
 def _fence(found: re.Match[str]) -> str:

@@ -32,7 +32,7 @@ def _show(tree: ast.expr) -> str:
     if isinstance(tree, ast.UnaryOp):
         return f"<mrow><mo>&minus;</mo>{_inside(tree.operand, 3)}</mrow>"
     if isinstance(tree, ast.Call) and isinstance(tree.func, ast.Name):
-        return _call(tree.func.id, [_show(a) for a in tree.args])
+        return _call(tree.func.id, tree.args)
     if isinstance(tree, ast.BinOp):
         return _binary(tree)
     raise ValueError(f"{ast.unparse(tree)}: a formula is arithmetic on names")
@@ -73,12 +73,16 @@ def _row(tree: ast.expr, level: int = 0) -> str:
     return f"<mrow><mo>(</mo>{_show(tree)}<mo>)</mo></mrow>" if bare else f"<mrow>{_show(tree)}</mrow>"
 
 
-def _call(name: str, arguments: list[str]) -> str:
+def _call(name: str, arguments: list[ast.expr]) -> str:
+    shown = [_show(a) for a in arguments]
     if name == "sqrt":
-        return f"<msqrt>{arguments[0]}</msqrt>"
-    if name == "exp":
-        return f"<msup><mi>e</mi><mrow>{arguments[0]}</mrow></msup>"
-    inside = "<mo>,</mo>".join(arguments)
+        # a sign that must grow around a fraction does so only where a font for mathematics is installed
+        half = "<mrow><mn>1</mn><mo>/</mo><mn>2</mn></mrow>"
+        grows = any(isinstance(part, ast.Div) for part in ast.walk(arguments[0]))
+        return f"<msup><mrow><mo>(</mo>{shown[0]}<mo>)</mo></mrow>{half}</msup>" if grows else f"<msqrt>{shown[0]}</msqrt>"
+    if name == "diff":
+        return f"<mfrac><mrow><mi>d</mi>{shown[0]}</mrow><mrow><mi>d</mi>{shown[1]}</mrow></mfrac>"
+    inside = "<mo>,</mo>".join(shown)
     return f"<mrow>{_name(name)}<mo>(</mo>{inside}<mo>)</mo></mrow>"
 
 

@@ -139,6 +139,7 @@ def test_a_wrong_page_is_seen(tmp_path: Path) -> None:
         "```sh\nthermid schema nonsense\n```\n": "exit code 2",
         "```sh\nmake supper\n```\n": "no \\['supper'\\]",
         "```sh\nrm x\n```\n": "nobody runs",
+        "```formula lumped.steady_rise power=Q conductance=G\ndT = Q * G\n```\n": "steady_rise gives",
         "```perl\n1\n```\n": "nobody knows",
         '```python\nprint(\'{"a": {"b": 1.5}}\')\n```\n\n```json\n{"a": {"b": 1.7}}\n```\n': "shown as 1.7",
         '```python\nprint(\'{"a": {}}\')\n```\n\n```json\n{"a": {"b": 1}}\n```\n': "no .a.b",

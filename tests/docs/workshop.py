@@ -23,6 +23,7 @@ from thermid.acquire.sensormap import load_sensors
 from thermid.cli import main
 from thermid.identify.campaignfile import read_campaign
 
+from .formulas import disagreement
 from .pages import ROOT, Block, blocks, differences, near
 
 OTHER_PROGRAMS = ("make", "pip", "git", "pre-commit", ".venv/bin/pip", ".venv/bin/pre-commit")
@@ -83,6 +84,8 @@ class Workshop:
                 self._toml(block, rest, place)
             elif kind == "python" and not rest:
                 self.python(block, place)
+            elif kind == "formula":
+                assert not (wrong := disagreement(block.text, rest)), f"{place}: {wrong}"
             elif kind == "sh" and not rest:
                 self.said = "".join(self._commands(block, place))
             elif kind == "text" and not rest:
