@@ -181,7 +181,7 @@
       });
       const last = this.panels.at(-1), texts = last.axis;
       if (!all) {
-        const [xs, step] = ticks(low, high, Math.round(last.width / 75));
+        const [xs, step] = ticks(low, high, Math.round(last.width / 62));
         for (const x of xs) { const t = draw("text", { x: this.place(x), y: last.top + last.height + 14, "text-anchor": "middle" }); t.textContent = text(x, step); texts.append(t); }
       }
       if (this.at !== null) this.show(Math.min(high, Math.max(low, this.at)));
@@ -196,7 +196,7 @@
       const sx = p.width / (high - low), sy = p.height / (y1 - y0);
       const left = p.left + (p.x0 - low) * sx, top = p.top + (y1 - p.y1) * sy;
       p.view.setAttribute("transform", `translate(${left} ${top})scale(${sx * (p.x1 - p.x0) / GRID} ${sy * (p.y1 - p.y0) / GRID})`);
-      const [ys, step] = ticks(y0, y1, Math.max(2, Math.round(p.height / 42))), [xs] = ticks(low, high, Math.round(p.width / 75));
+      const [ys, step] = ticks(y0, y1, Math.max(3, Math.round(p.height / 42))), [xs] = ticks(low, high, Math.round(p.width / 62));
       p.axis.replaceChildren(...ys.map((y) => { const t = draw("text", { x: p.left - 6, y: p.top + (y1 - y) * sy + 3.8, "text-anchor": "end" }); t.textContent = text(y, step); return t; }));
       p.rules.setAttribute("d", xs.map((x) => `M${this.place(x)} ${p.top}v${p.height}`).join("") + ys.map((y) => `M${p.left} ${p.top + (y1 - y) * sy}h${p.width}`).join(""));
       p.now = [y0, y1];
