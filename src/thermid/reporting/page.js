@@ -103,6 +103,8 @@
       });
       const p = this.known[0];
       this.whole = this.now = [p.x0, p.x1];
+      const xs = this.known.flatMap((q) => q.lines.flatMap((l) => [l.x[0], l.x.at(-1)]));
+      this.data = [Math.min(...xs), Math.max(...xs)];
       this.hair = draw("path", { class: "hair", style: "stroke:var(--f-ink);stroke-width:.8;fill:none" });
       this.dots = draw("g", { class: "hair" });
       this.pick = draw("rect", { class: "hair", y: p.top, style: "fill:var(--f-simulated);fill-opacity:.15" });
@@ -204,6 +206,8 @@
 
     /** Show the values at x. */
     show(x) {
+      this.panels;
+      x = Math.min(this.data[1], Math.max(this.data[0], x));
       const found = this.panels.map((p) => p.lines.filter((l) => !l.path.classList.contains("off")).map((l) => [l, this.value(l, x)]));
       this.at = x;
       const first = this.panels[0], last = this.panels.at(-1), px = this.place(x);
