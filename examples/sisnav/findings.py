@@ -97,9 +97,9 @@ def vacuums(runs: Iterable[Vacuum]) -> Table:
     columns = [
         Column("node"),
         Column("after 5 h, °C", True),
-        Column("low", True),
-        Column("high", True),
-        Column("hidden truth", True),
+        Column("low, °C", True),
+        Column("high, °C", True),
+        Column("hidden truth, °C", True),
         Column("truth"),
     ]
     columns += [

@@ -176,7 +176,7 @@ def _panel(
     low, high = min([low, *p.levels]), max([high, *p.levels])
     low, high = _widened(low, high, 0.05)
     high = p.top if p.top is not None and p.top < high else high
-    x_ticks, y_ticks = nice_ticks(*x_ends, round(width / 75)), nice_ticks(low, high, max(2, round(height / 42)))
+    x_ticks, y_ticks = nice_ticks(*x_ends, round(width / 62)), nice_ticks(low, high, max(3, round(height / 42)))
     place = [left + width * (t - x_ends[0]) / (x_ends[1] - x_ends[0]) for t in x_ticks]
     heights = [top + height * (high - t) / (high - low) for t in y_ticks]
     steps = [b - a for ticks in (x_ticks, y_ticks) for a, b in list(pairwise(ticks))[:1] or [(0.0, 1.0)]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,6 +108,17 @@ def _twins(c: Calibration) -> list[tuple[str, str, float]]:
     return [(a, b, r) for (a, b), r in c.correlations.items() if abs(r) > STRONG and not {a, b} & {f"sensor {s}" for s in c.sensors}]
 
 
+def _half(v: FittedValue) -> float:
+    """Return the half-width of a 95 % interval over its value. [-]"""
+    low, high = interval(v)
+    return (high - low) / 2 / abs(v.value) if v.value and math.isfinite(v.error) else math.inf
+
+
+def _some(texts: Sequence[str], most: int = 3) -> str:
+    """Return the first of some texts, and how many more there are."""
+    return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
+
+
 def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
     """Yield what the data do not tell, each with its stage."""
     if not campaign.verdicts:
@@ -115,17 +126,19 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
     for v in campaign.verdicts:
         if v.conditional:
             yield f"{v.record} at {v.model}: the verdict holds only for what was fitted to it, {', '.join(v.fitted_locally)}.", "verdicts"
-    for c, value in _values(campaign):
-        low, high = interval(value)
-        if not math.isfinite(value.error):
-            yield f"{value.path}: the logs do not determine it.", c.stage
-        elif at_bound(value):
-            yield f"{value.path} ended at its {at_bound(value)} bound: its error is not meaningful.", c.stage
-        elif value.value and (high - low) / 2 > VAGUE * abs(value.value):
-            yield f"{value.path}: known to ± {number(50 * (high - low) / abs(value.value), 2)} % only (95 %).", c.stage
     for c in _fits(campaign):
-        for a, b, r in _twins(c):
-            yield f"{a} and {b}: better known together than each alone (correlation {r:+.2f}).", c.stage
+        for value in c.values.parameters.values():
+            if not math.isfinite(value.error):
+                yield f"{value.path}: the logs do not determine it.", c.stage
+            elif at_bound(value):
+                yield f"{value.path} ended at its {at_bound(value)} bound: its error is not meaningful.", c.stage
+        known = [(_half(value), value.path) for value in c.values.parameters.values()]
+        vague = sorted((pair for pair in known if VAGUE < pair[0] < math.inf), reverse=True)
+        if vague:
+            yield f"Hardly known (95 %): {_some([f'{path} ± {number(100 * half, 2)} %' for half, path in vague])}.", c.stage
+        twins = [f"{a} with {b}" for a, b, _ in _twins(c)]
+        if twins:
+            yield f"Known together better than each alone: {_some(twins)}.", c.stage
     for c in _fits(campaign)[:1]:
         values = ParameterSet(c.fitted_model).table
         held = [p for p, e in values.items() if e.parameter.source == "assumed" and p not in c.values.assignments]
@@ -144,18 +157,19 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
         if missed:
             worst = max(missed, key=lambda c: c.found / c.limit)
             what = {"rmse": "RMSE", "max_error": "largest error", "mean_error": "mean error"}.get(worst.criterion, worst.criterion)
-            told = f"{what} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
-            yield f"Do not use {v.model} yet: {worst.sensor} in {v.record} misses, {told}. See where its residuals begin.", "verdicts"
+            missing = f"{what} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
+            yield f"Do not use {v.model} yet: {worst.sensor} in {v.record} misses, {missing}. See where its residuals begin.", "verdicts"
     for c in _fits(campaign):
         for m in c.moved.values:
             if m.verdict == "had to move":
                 yield f"{m.path} had to move from what {m.stage} found: look for what the part meets here and not alone.", c.stage
-        wanders = [s for s, found in c.sensors.items() if not found.white]
-        if wanders:
-            yield f"{', '.join(wanders)}: residuals wander, so something is missing; td.criticise says what.", c.stage
         for value in c.values.parameters.values():
             if at_bound(value):
                 yield f"{value.path}: widen its bounds, or doubt the power, area or place that it stands for.", c.stage
+    wanders = [(c.stage, [sensor for sensor, found in c.sensors.items() if not found.white]) for c in _fits(campaign)]
+    told = [f"{stage} ({_some(sensors)})" for stage, sensors in wanders if sensors]
+    if told:
+        yield f"Residuals wander at {_some(told)}: something is missing there; td.criticise says what.", ""
     apart = [c.stage for c in _fits(campaign) if _twins(c) or any(not math.isfinite(v.error) for v in c.values.parameters.values())]
     if apart:
         yield (

@@ -6,7 +6,7 @@ import math
 
 from thermid.identify.calibration import Calibration
 from thermid.identify.moves import Group, Move
-from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, plain, pretty
+from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, significant
 from thermid.units import unit
 
 __all__ = ["moved"]
@@ -29,7 +29,7 @@ def moved(calibration: Calibration) -> Table:
         Column("chance", True, "of so large a shift when nothing but noise moves it"),
         Column("result"),
     ]
-    rows: list[Line] = [_line(m) for m in calibration.moved.values] + [_group(g) for g in calibration.moved.groups]
+    rows: list[Line] = [_line(m, calibration) for m in calibration.moved.values] + [_group(g) for g in calibration.moved.groups]
     how = "A value that had to move: the part does not behave in the assembly as it did alone, or the stage below missed something."
     return Table.of(columns, rows, how)
 
@@ -38,22 +38,21 @@ def _result(verdict: str) -> Cell:
     return Cell(verdict, "", LOOKS[verdict])
 
 
-def _line(m: Move) -> Line:
+def _line(m: Move, calibration: Calibration) -> Line:
     of = unit(m.unit)
     below, here = ((v - float(of.offset)) / float(of.factor) for v in (m.below, m.here))
     share = number(100 * (here / below - 1), 2) if below else DASH
     far = f"{m.deviations:+.1f}" if math.isfinite(m.deviations) else DASH
-    return [
-        Cell(m.path, "", "main"),
-        m.stage,
-        plain(below, 5),
-        plain(here, 5),
-        pretty(m.unit),
-        share,
-        far,
-        number(m.chance, 2),
-        _result(m.verdict),
+    found = calibration.values.get(m.path)
+    sizes = (math.nan, math.nan)
+    if found is not None:
+        # a prior is in the fitted form, in which an error of a logarithm is relative
+        spread = found.prior[1] * (m.below if found.log else 1.0) if found.prior is not None else math.nan
+        sizes = (abs(spread) / float(of.factor), found.error / float(of.factor))
+    shown = [
+        f"{significant(v, e)} ± {number(e, 2)}" if math.isfinite(e) else plain(v, 5) for v, e in zip((below, here), sizes, strict=True)
     ]
+    return [Cell(m.path, "", "main"), m.stage, *shown, pretty(m.unit), share, far, number(m.chance, 2), _result(m.verdict)]
 
 
 def _group(g: Group) -> Line:

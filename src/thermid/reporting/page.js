@@ -103,6 +103,8 @@
       });
       const p = this.known[0];
       this.whole = this.now = [p.x0, p.x1];
+      const xs = this.known.flatMap((q) => q.lines.flatMap((l) => [l.x[0], l.x.at(-1)]));
+      this.data = [Math.min(...xs), Math.max(...xs)];
       this.hair = draw("path", { class: "hair", style: "stroke:var(--f-ink);stroke-width:.8;fill:none" });
       this.dots = draw("g", { class: "hair" });
       this.pick = draw("rect", { class: "hair", y: p.top, style: "fill:var(--f-simulated);fill-opacity:.15" });
@@ -181,7 +183,7 @@
       });
       const last = this.panels.at(-1), texts = last.axis;
       if (!all) {
-        const [xs, step] = ticks(low, high, Math.round(last.width / 75));
+        const [xs, step] = ticks(low, high, Math.round(last.width / 62));
         for (const x of xs) { const t = draw("text", { x: this.place(x), y: last.top + last.height + 14, "text-anchor": "middle" }); t.textContent = text(x, step); texts.append(t); }
       }
       if (this.at !== null) this.show(Math.min(high, Math.max(low, this.at)));
@@ -196,7 +198,7 @@
       const sx = p.width / (high - low), sy = p.height / (y1 - y0);
       const left = p.left + (p.x0 - low) * sx, top = p.top + (y1 - p.y1) * sy;
       p.view.setAttribute("transform", `translate(${left} ${top})scale(${sx * (p.x1 - p.x0) / GRID} ${sy * (p.y1 - p.y0) / GRID})`);
-      const [ys, step] = ticks(y0, y1, Math.max(2, Math.round(p.height / 42))), [xs] = ticks(low, high, Math.round(p.width / 75));
+      const [ys, step] = ticks(y0, y1, Math.max(3, Math.round(p.height / 42))), [xs] = ticks(low, high, Math.round(p.width / 62));
       p.axis.replaceChildren(...ys.map((y) => { const t = draw("text", { x: p.left - 6, y: p.top + (y1 - y) * sy + 3.8, "text-anchor": "end" }); t.textContent = text(y, step); return t; }));
       p.rules.setAttribute("d", xs.map((x) => `M${this.place(x)} ${p.top}v${p.height}`).join("") + ys.map((y) => `M${p.left} ${p.top + (y1 - y) * sy}h${p.width}`).join(""));
       p.now = [y0, y1];
@@ -204,6 +206,8 @@
 
     /** Show the values at x. */
     show(x) {
+      this.panels;
+      x = Math.min(this.data[1], Math.max(this.data[0], x));
       const found = this.panels.map((p) => p.lines.filter((l) => !l.path.classList.contains("off")).map((l) => [l, this.value(l, x)]));
       this.at = x;
       const first = this.panels[0], last = this.panels.at(-1), px = this.place(x);

@@ -19,7 +19,7 @@ def moves() -> Moves:
 
 
 def test_every_value_and_group_has_a_line(moves: Moves) -> None:
-    table = moved(SimpleNamespace(moved=moves))  # type: ignore[arg-type]
+    table = moved(SimpleNamespace(moved=moves, values={}))  # type: ignore[arg-type]
     text = [[cell.text if hasattr(cell, "text") else cell for cell in row] for row in table.rows]
     assert text[0] == ["a.power", "box", "4", "4.4", "W", "10", "+3.4", "0.00070", "had to move"]
     assert text[1][2:4] == ["20", "21"]

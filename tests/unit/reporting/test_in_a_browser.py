@@ -1,0 +1,236 @@
+"""Pages in a real browser: nothing wider than screen or sheet, figures that answer, keyboard, dark, accessibility, hostile names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib.resources import files
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import thermid as td
+from studio.browser import CHROMIUM, DRIVER, Page
+from thermid.identify.stages import Campaign
+from thermid.reporting.page import report
+
+EVIL = "\"><script>window.caught=1</script><img src=x onerror='window.caught=2'> ' & </style></svg> {{ 7*7 }} "
+NAMES = (EVIL, "W" * 180, "مستشعر درجة الحرارة", "\u202egnp.exe", "温度センサー", "a.very.long.path" * 9)
+AXE = """const [rules, done] = arguments, asked = rules.length ? { runOnly: rules } : {};
+const told = (r) => r.violations.map((v) => [v.impact, v.id, v.nodes.map((n) => n.html.slice(0, 160))]);
+axe.run(document, { resultTypes: ["violations"], ...asked }).then((r) => done(told(r)));"""
+WIDER = """const wide = document.documentElement.clientWidth;
+const beyond = (e) => e.getBoundingClientRect().right > wide + 1 && !e.closest(".scroll,.diagram,.formulas,pre,svg,.vh");
+const found = [...document.querySelectorAll("main *, header *")].filter(beyond).slice(0, 5);
+return [document.documentElement.scrollWidth - wide, found.map((e) => e.outerHTML.slice(0, 120))]"""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Page]:
+    pytest.importorskip("selenium", reason="selenium is not installed (extra test)")
+    if CHROMIUM is None or DRIVER is None:
+        pytest.skip("no Chromium with its driver (Debian: chromium, chromium-driver)")
+    made = Page("file:")
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def address(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> str:
+    bench = td.Scenario("hot bench", boundaries={"room": "45 [degC]"}, start="24 [degC]", duration="5 [h]")
+    run = td.simulate(campaign["submodel"].fitted_model, bench)
+    return report(campaign, to=tmp_path_factory.mktemp("shown") / "page.html", scenarios=[("Hot", run)]).as_uri()
+
+
+@pytest.fixture(scope="module")
+def hostile(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The campaign with every name that a stranger may choose turned into an attack, each of another kind."""
+
+    def soiled(fit: td.Calibration, k: int) -> td.Calibration:
+        blocks = tuple(
+            replace(b, sensor=NAMES[(k + n) % 6], record=NAMES[(k + n + 1) % 6], node=NAMES[(k + n + 2) % 6])
+            for n, b in enumerate(fit.blocks)
+        )
+        model = replace(fit.model, title=NAMES[k % 6], use=NAMES[(k + 1) % 6])
+        return replace(fit, stage=NAMES[k % 6], model=model, blocks=blocks, warnings=NAMES, bias={})
+
+    fits = [soiled(c, k) for k, c in enumerate(campaign.stages.values())]
+    verdicts = tuple(
+        replace(v, model=NAMES[1], record=EVIL, title=NAMES[2], fitted_locally=NAMES, prediction=soiled(v.prediction, 3))
+        for v in campaign.verdicts
+    )
+    made = Campaign(EVIL + NAMES[1], {c.stage: c for c in fits}, verdicts, {c.stage: EVIL for c in fits}, EVIL)
+    return report(made, to=tmp_path_factory.mktemp("evil") / "page.html", notes=NAMES).as_uri()
+
+
+def open_at(browser: Page, address: str, width: int, *, dark: bool = False, paper: bool = False) -> None:
+    features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+    browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print" if paper else "screen", "features": features})
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
+    browser.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    browser.driver.get(address)
+    browser.listen()
+
+
+def test_nothing_is_wider_than_the_screen_or_the_sheet(browser: Page, address: str, hostile: str) -> None:
+    for where in (address, hostile):
+        for width in (1600, 1024, 390):
+            open_at(browser, where, width)
+            assert browser.run(WIDER) == [0, []], width
+    open_at(browser, address, 688, paper=True)  # A4 less its margins
+    beyond = "return [...document.querySelectorAll('table, svg, pre')].filter((e) => e.getBoundingClientRect().right > 690).length"
+    assert browser.run(beyond) == 0
+
+
+def test_hostile_names_run_nothing_and_the_console_is_silent(browser: Page, hostile: str) -> None:
+    browser.said.clear()
+    browser.asked.clear()
+    open_at(browser, hostile, 1600)
+    browser.run("for (const e of document.querySelectorAll('.legend button')) { e.click(); e.click(); }")
+    browser.run(
+        "for (const e of document.querySelectorAll('.chart')) { e.focus(); e.dispatchEvent(new KeyboardEvent('keydown', { key: 'End' })); }"
+    )
+    browser.listen()
+    assert browser.run("return window.caught") is None
+    assert browser.run("return document.querySelectorAll('script, img, iframe, object').length") == 1
+    assert browser.said == []
+    assert {url.split(":")[0] for url in browser.asked} <= {"file", "data"}
+
+
+def test_axe_finds_nothing(browser: Page, address: str) -> None:
+    """Every rule in the light, contrast again in the dark."""
+    pytest.importorskip("selenium_axe_python", reason="selenium-axe-python is not installed (extra test)")
+    axe = files("selenium_axe_python").joinpath("axe-core/axe.min.js").read_text(encoding="utf-8")
+    for dark, rules in ((False, []), (True, ["color-contrast"])):
+        open_at(browser, address, 1280, dark=dark)
+        browser.run("for (const d of document.querySelectorAll('main details')) d.open = true")
+        browser.run(axe)
+        assert browser.driver.execute_async_script(AXE, rules) == []
+
+
+def test_headings_are_in_order_and_every_figure_and_table_has_words(browser: Page, address: str) -> None:
+    open_at(browser, address, 1280)
+    levels = browser.run("return [...document.querySelectorAll('h1,h2,h3,h4')].map((h) => Number(h.tagName[1]))")
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(b - a <= 1 for a, b in pairwise(levels))
+    assert (
+        browser.run(
+            "return [...document.querySelectorAll('table')].filter((t) => !t.caption || t.caption.textContent.trim().length < 3).length"
+        )
+        == 0
+    )
+    assert (
+        browser.run(
+            "return [...document.querySelectorAll('svg.plot')].filter((s) => (s.getAttribute('aria-label') || '').length < 40).length"
+        )
+        == 0
+    )
+
+
+def test_a_figure_answers_to_keys_and_its_values_are_those_of_the_data(browser: Page, address: str, campaign: Campaign) -> None:
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    open_at(browser, address, 1280)
+    verdict = campaign.verdicts[0].prediction.blocks[0]
+    browser.run("document.querySelector('#verdicts .chart').focus()")
+
+    def press(*keys: str) -> str:
+        for key in keys:
+            ActionChains(browser.driver, duration=0).send_keys(key).perform()
+        return browser.text("#verdicts .chart .read")
+
+    def row(name: str) -> float:
+        cells = "[...document.querySelectorAll('#verdicts .read span:first-child')]"
+        rows = browser.run(f"return {cells}.map((e) => [e.textContent, e.nextSibling?.textContent])")
+        return float(dict(rows)[name].split()[0].replace("\u2212", "-"))
+
+    assert "60.00 min" in press(Keys.ARROW_LEFT, Keys.ARROW_RIGHT)
+    k = int(abs(verdict.times - 3600.0).argmin())
+    assert row("measured") == pytest.approx(verdict.measured[k] - 273.15, abs=0.02)
+    assert row("simulated") == pytest.approx(verdict.predicted[k] - 273.15, abs=0.02)
+    assert row("measured less simulated") == pytest.approx(verdict.residuals[k], abs=0.003)
+    view = "return document.querySelector('#verdicts .view').getAttribute('transform')"
+    whole = browser.run(view)
+    press("+")
+    zoomed = browser.run(view)
+    assert zoomed != whole
+    assert row("measured") == pytest.approx(verdict.measured[k] - 273.15, abs=0.02)
+    press("0")
+    assert browser.run(view) == whole
+    browser.run("document.querySelector('#verdicts .legend button').click()")
+    assert "measured less simulated" in press(Keys.HOME)
+    assert (
+        browser.run("return [...document.querySelectorAll('#verdicts .read span:first-child')].some((e) => e.textContent === 'measured')")
+        is False
+    )
+
+
+def test_light_and_dark_change_and_are_kept_nowhere(browser: Page, address: str) -> None:
+    open_at(browser, address, 1280)
+    paper = "return getComputedStyle(document.body).backgroundColor"
+    assert browser.run(paper) == "rgb(255, 255, 255)"
+    browser.click("#theme")
+    assert browser.run(paper) == "rgb(20, 24, 30)"
+    assert browser.run("return document.cookie") == ""
+    browser.driver.refresh()
+    assert browser.run(paper) == "rgb(255, 255, 255)"
+
+
+def test_the_contents_stay_in_reach(browser: Page, address: str) -> None:
+    for width, shown in ((1600, ".side"), (390, ".menu summary")):
+        open_at(browser, address, width)
+        browser.run("document.documentElement.style.scrollBehavior = 'auto'; document.getElementById('provenance').scrollIntoView()")
+        top, bottom = browser.run(f"const r = document.querySelector('{shown}').getBoundingClientRect(); return [r.top, r.bottom]")
+        assert -1 <= top < bottom <= 901
+    browser.click(".menu summary")
+    browser.click(".menu a[href='#levels']")
+    assert browser.run("return document.querySelector('.menu').open") is False
+
+
+def test_without_script_the_page_stands_as_it_is(browser: Page, address: str) -> None:
+    browser.driver.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
+    try:
+        open_at(browser, address, 1280)
+    finally:
+        browser.driver.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
+    assert browser.run("return document.querySelectorAll('.chart, .legend button').length") == 0
+    assert browser.run("return document.getElementById('theme').hidden") is True
+    assert browser.run("return document.querySelectorAll('svg.plot .line').length") > 10
+
+
+def test_a_page_becomes_a_pdf(address: str, tmp_path: Path) -> None:
+    from thermid.reporting.pdf import page_to_pdf
+
+    if CHROMIUM is None:
+        pytest.skip("no Chromium to print with")
+    made = page_to_pdf(address.removeprefix("file://"), tmp_path / "new" / "page.pdf")
+    data = made.read_bytes()
+    assert data.startswith(b"%PDF-")
+    assert int(max(re.findall(rb"/Count (\d+)", data), key=int)) > 3
+
+
+def test_without_a_browser_the_print_says_what_to_do(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from thermid.reporting import pdf
+
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(pdf, "PLACES", ())
+    with pytest.raises(pdf.NoBrowserError, match=r"neither Chromium nor Chrome nor Edge is installed\. Install one of them"):
+        pdf.page_to_pdf(address.removeprefix("file://"), tmp_path / "page.pdf")
+
+
+def test_a_browser_that_prints_nothing_is_told(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from thermid.reporting import pdf
+
+    broken = tmp_path / "chromium"
+    broken.write_text("#!/bin/sh\necho out of order >&2\n", encoding="utf-8")
+    broken.chmod(0o755)
+    monkeypatch.setattr(pdf, "browser", lambda: str(broken))
+    with pytest.raises(pdf.NoBrowserError, match=r"'chromium' made no PDF of 'page.html'\. It said: out of order"):
+        pdf.page_to_pdf(address.removeprefix("file://"), tmp_path / "page.pdf")
+    broken.write_text("#!/bin/sh\nsleep 5\n", encoding="utf-8")
+    with pytest.raises(pdf.NoBrowserError, match=r"did not print 'page.html' within 0\.2 s"):
+        pdf.page_to_pdf(address.removeprefix("file://"), tmp_path / "page.pdf", seconds=0.2)
