@@ -14,11 +14,12 @@ from thermid.identify.prediction import Band
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.conduct import run_profile
 from thermid.qualify.foresight import Known, foresee
-from thermid.qualify.limits import STATES, LimitCheck, Limits, check_limits, times_in_state
+from thermid.qualify.limit_checks import LimitCheck, check_limits, times_in_state
+from thermid.qualify.limits import STATES, Limits
 from thermid.qualify.margins import Margin, margins
 from thermid.qualify.plan import load_plan
 from thermid.qualify.profile_run import ProfileRun
-from thermid.qualify.trial import tried
+from thermid.qualify.trying import tried
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
