@@ -130,7 +130,8 @@ def _stabilisation(q: Qualification) -> list[Block | Table]:
         out.append(folded(f"{t.test.name}: {waited}", [tables.phases(t)], f"at most {left:.1f} K unfinished when a dwell begins"))
         out += [Notes(t.course.remarks, f"Remarks on {t.test.name}")] if t.course.remarks else []
     for t in (t for t in q.trials if t.settled):
-        out += [Heading(f"{t.test.name}: as measured"), judged.settled(t)]
+        held = sum(s.stable for s in t.settled)
+        out.append(folded(f"{t.test.name}: as measured", [judged.settled(t)], f"{held} of {len(t.settled)} stretches settled by the rule"))
     return out or [Words("No test of this plan waits for its unit, and no settled stretch was logged.")]
 
 

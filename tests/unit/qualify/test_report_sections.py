@@ -1,0 +1,106 @@
+"""The page of a qualification: every section of a correlation report, in order, with what a reader looks for in it."""
+
+from __future__ import annotations
+
+import html
+import re
+
+import pytest
+
+import thermid as td
+from unit.qualify.project import PLAN, measured, project, with_log
+
+MORE = """
+discrepancies = ["the lid was not modelled"]
+
+[document]
+number   = "TR-017"
+issue    = "B"
+date     = "2026-02-03"
+prepared = "A. Author"
+checked  = "B. Checker"
+approved = "C. Chief"
+
+[configuration]
+as_tested   = "on a chamber plate"
+as_flown    = "on the panel"
+differences = [{ what = "harness of the test", effect = "0.02 W/K" }]
+
+[validity]
+temperature = ["15 [degC]", "60 [degC]"]
+pressure    = ["100 [kPa]", "102 [kPa]"]
+power       = ["0 [W]", "5 [W]"]
+gravity     = ["9.81 [m/s^2]"]
+orientation = ["upright"]
+basis       = "bench"
+
+[model]
+"""
+AS_RUN = {
+    "state": '"run"',
+    "deviations": '["door opened at 2 h"]',
+    "heat_leaks": '["cable, 0.1 W"]',
+    "date": '"2026-02-01"',
+    "orientation": '"on its side"',
+    "gravity": '"9.81 [m/s^2]"',
+    "spread": '{ air = "1 [K]", "scale.cpu" = "3 [%]" }',
+}
+SECTIONS = {
+    "Objectives and success criteria": ["limits kept", "every verdict met", "secondary", "project"],
+    "Article and model configuration": ["on a chamber plate", "on the panel", "harness of the test", "0.02 W/K"],
+    "Sensors": ["T_PROC", "hottest", "0.3 [K]", "ice point, 2026-01", "under the lid"],
+    "Test cases as run": ["door opened at 2 h", "2026-02-01", "on its side", "SYNTHETIC"],
+    "Boundaries, power, heater duty, heat leaks": ["40.0 .. 40.0", "ROOM", "scale.cpu ± 3 [%]", "cable, 0.1 W", "cpu"],
+    "Stabilisation": ["as measured", "3 C/h", "read", "drift, K/h"],
+    "Pre-test predictions and measurements": ["T_ELE", "±", "outside 95 %"],
+    "Heat flows and energy balance": ["what does not add up", "kJ", "out"],
+    "Parameter changes": ["Nothing was fitted."],
+    "Deviations after correlation": ["mean, K", "spread, K", "largest, K", "outside", "2 of 2"],
+    "Transient overlays": ["measured less simulated", "sensor, 95 %"],
+    "Excluded sensors": ["None."],
+    "Remaining discrepancies": ["the lid was not modelled", "would explain"],
+    "Uncertainty, limits and margins": ["flat rule", "and does not count", "Predictions of the service cases", "processor", "measured"],
+    "Validity envelope": [
+        "EXTRAPOLATION",
+        "power 9 .. 9 W; calibrated 0 .. 5 W",
+        "orientation on its side",
+        "bench",
+        "the test does not say",
+    ],
+    "What is assumed, by its effect": ["out.conductance", "four screws", "moves by, K"],
+    "Model delivery": ["identity", "nodes, conductors, loads", "plan", "thermid", "hot, experiment on board"],
+}
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Section -> its words, in the order of the page, and the head under an empty name."""
+    folder = tmp_path_factory.mktemp("page")
+    text = with_log(PLAN, **AS_RUN).replace("\n[model]\n", MORE, 1)
+    text = text.replace(
+        'noise = "0.1 [K]" }\nT_ELE', 'noise = "0.1 [K]", certificate = "ice point, 2026-01", location = "under the lid" }\nT_ELE'
+    )
+    file = project(folder, text)
+    deck = folder / "unit.toml"
+    deck.write_text(deck.read_text().replace("max = 2.0", 'max = 2, source = "assumed", basis = "four screws"'), encoding="utf-8")
+    measured(folder, offset=4.0)
+    whole = td.qualification_report(td.run_plan(file), to=folder / "page.html").read_text(encoding="utf-8")
+    head, *parts = re.split(r"<h2[^>]*>", whole)
+    plain = [html.unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", p))) for p in (f"</h2>{head}", *parts)]
+    return {"" if k == 0 else parts[k - 1].partition("</h2>")[0].strip(): p for k, p in enumerate(plain)}
+
+
+def test_sections_stand_in_the_order_of_a_correlation_report(page: dict[str, str]) -> None:
+    assert [name for name in page if name][: len(SECTIONS)] == list(SECTIONS)
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_a_section_holds_what_a_reader_looks_for(page: dict[str, str], section: str) -> None:
+    missing = [word for word in SECTIONS[section] if word not in page[section]]
+    assert not missing, page[section][:1500]
+
+
+def test_the_head_names_the_document_and_who_signed_and_what_is_open(page: dict[str, str]) -> None:
+    for word in ("TR-017", "B", "2026-02-03", "A. Author", "B. Checker", "C. Chief", "verdicts failed", "Not decided"):
+        assert word in page[""]
+    assert "no log has come back, so MIL-HDBK-340, transient could not be judged" in page[""]
