@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import signal
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Sequence
 
     from rich.console import Console
     from rich.text import Text
@@ -65,6 +65,8 @@ def log(
     steps = load_programme(programme) if programme is not None else None
     end = positive_seconds(duration, "--for") if duration is not None else None
     with ExitStack() as stack:
+        # a question to the user is broken off by Ctrl-C itself; all else ends between two lines
+        asked = [] if identify or ice_point else stack.enter_context(_asked_to_end())
         find: Callable[[], str] = find_port
         if simulate:
             from thermid.acquire.demo import simulated
@@ -83,7 +85,7 @@ def log(
         if identify or ice_point:
             _guided(made, sensors, identify)
         else:
-            _run(made, end, rule)
+            _run(made, end, rule, asked)
     marks = ", ".join(f"{word} {count}" for word, count in made.marks.items() if word not in ("port", "wall", "end"))
     faulty = sum(made.watch.counts.values())
     typer.echo(f"{file}: {made.state.lines} lines, {made.state.missing} missing, {faulty} faulty values. Marks: {marks or 'none'}.")
@@ -94,31 +96,43 @@ def log(
 
 def _closed(made: Logger) -> None:
     """Close a log to its end, however often somebody asks: heaters are turned off there."""
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
+    with _asked_to_end():
         made.close()
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
-def _run(made: Logger, end: float | None, rule: str) -> None:
+def _run(made: Logger, end: float | None, rule: str, asked: Sequence[int]) -> None:
     """Log until the end of the programme, the given time, or Ctrl-C."""
     from rich.console import Console
 
     from thermid.cli.judge import Judge
 
     def ended() -> bool:
-        return made.done or (end is not None and made.state.seconds >= end)
+        return bool(asked) or made.done or (end is not None and made.state.seconds >= end)
 
     console = Console()
     with Judge(made, rule) as judge:
-        try:
-            if console.is_terminal and not console.is_dumb_terminal:
-                _shown(made, judge, console, ended)
-            else:
-                _told(made, judge, ended)
-        except KeyboardInterrupt:
-            typer.echo("stopped; heaters off")
+        if console.is_terminal and not console.is_dumb_terminal:
+            _shown(made, judge, console, ended)
+        else:
+            _told(made, judge, ended)
+    if asked:
+        typer.echo("stopped; heaters off")
+
+
+@contextmanager
+def _asked_to_end() -> Iterator[list[int]]:
+    """Collect what asks the program to end, so that no line is lost between port and disk; what is ignored stays so (nohup)."""
+    asked: list[int] = []
+    numbers = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+    before = {number: signal.getsignal(number) for number in numbers}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, lambda number, _: asked.append(number))
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _shown(made: Logger, judge: Judge, console: Console, ended: Callable[[], bool]) -> None:

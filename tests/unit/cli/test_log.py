@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -104,6 +107,33 @@ def test_a_log_that_exists_is_continued_and_that_is_said(call: Call, tmp_path: P
         said = call("log", tmp_path / "bench.log", "--simulate", "--for", "5 [s]")
     assert (said.code, "is continued: start 2 of it" in said.err) == (0, True)
     assert "0 faulty values. Marks: " in said.out
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_log_between_two_lines(call: Call, tmp_path: Path, number: signal.Signals) -> None:
+    (tmp_path / "step.toml").write_text('steps = [{ at = "1 [s]", heater1 = "50 [%]" }]\n')
+    before = signal.getsignal(number)
+    log = tmp_path / "bench.log"
+
+    def ask() -> None:
+        until = time.monotonic() + 60.0
+        while time.monotonic() < until and not (log.exists() and ",H1,500,ok" in log.read_text()):
+            time.sleep(0.02)
+        for _ in range(2):
+            os.kill(os.getpid(), number)
+            time.sleep(0.02)
+
+    asker = threading.Thread(target=ask)
+    asker.start()
+    said = call("log", log, "--simulate", "--programme", tmp_path / "step.toml", "--silence", "60 [s]")
+    asker.join()
+    assert said.code == 0
+    assert "stopped; heaters off" in said.out
+    assert signal.getsignal(number) is before
+    text = log.read_text()
+    assert " 0 missing" in text.splitlines()[-1]
+    assert ",H1,0,ok" in text.rpartition(",H1,500,ok")[2]
 
 
 def test_several_boards_want_a_choice(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
