@@ -189,9 +189,11 @@ def _verdict(found: Outcome) -> dict[str, str]:
     else:
         text = f"Every limit is kept. Nearest: {what}, {worst.room:.1f} K left to its {side} limit of {limit - ICE_POINT:.4g} °C."
         word = "kept"
-    if worst.mark == "memory" or (run is not None and not run.decides):
-        text += " Not decided: numbers from memory are in it."
-        word = "not decided" if word == "kept" else word
+    undecided = [c.undecided for c in found.checks if c.undecided]
+    if run is not None and not run.decides:
+        undecided.append("numbers of the profile are from memory")
+    if undecided and all(c.passed is not False for c in found.checks):
+        word, text = "not decided", f"{text} Not decided: {'; '.join(dict.fromkeys(undecided))}."
     return {"word": word, "text": text + _settling(run)}
 
 
@@ -220,7 +222,15 @@ def _hours(seconds: float) -> str:
 def _check(c: LimitCheck) -> dict[str, Any]:
     side, temperature, time = _nearest(c)
     crossings = [{"side": x.side, "time": x.time, "worst": x.worst - ICE_POINT, "outside": x.outside} for x in c.crossings]
-    out: dict[str, Any] = {"point": c.point, "node": c.node, "state": c.state, "side": side, "mark": c.mark, "passed": c.passed}
+    out: dict[str, Any] = {
+        "point": c.point,
+        "node": c.node,
+        "state": c.state,
+        "side": side,
+        "mark": c.mark,
+        "passed": c.passed,
+        "why": c.undecided,
+    }
     out |= {"limits": [c.limits[0] - ICE_POINT, c.limits[1] - ICE_POINT], "lowest": c.lowest - ICE_POINT, "highest": c.highest - ICE_POINT}
     return out | {"room": c.room, "value": temperature - ICE_POINT, "time": time, "crossings": crossings}
 
@@ -230,6 +240,7 @@ def _point(found: Outcome, one: Limits) -> dict[str, Any]:
     spans = []
     for state in STATES:
         ends, inside = one.ends(state), times_in_state(found.solution, one, state, found.state)
+        ends = one.operating if ends is None and state == "non-operating" else ends  # they stand in, as in the checks
         if ends is not None:
             limits = [ends[0] - ICE_POINT, ends[1] - ICE_POINT]
             spans += [{"state": state, "from": a, "to": b, "limits": limits} for a, b in _stretches(found.solution.times, inside)]

@@ -75,7 +75,7 @@ function words() {
   at("verdict").replaceChildren(make("p", { class: "verdict", "data-word": found.verdict.word }, make("strong", { text: `${MARKS[found.verdict.word]} ${found.verdict.word}` }), make("span", { text: ` ${found.verdict.text}` })));
   const long = `${shown(found.duration / 3600, 3)} h${found.waited === null ? "" : `, of it ${shown(found.waited / 3600, 3)} h waiting for the unit`}`;
   at("scenario-title").textContent = `${found.title}: ${long}`;
-  at("checks").tBodies[0].replaceChildren(...[...found.checks].sort((a, b) => (a.room ?? 1e9) - (b.room ?? 1e9)).map((c) => make("tr", { "data-check": c.point, "data-bad": c.crossings.length > 0 }, make("th", { scope: "row", text: c.point }), make("td", { text: c.state }),
+  at("checks").tBodies[0].replaceChildren(...[...found.checks].sort((a, b) => (a.room ?? 1e9) - (b.room ?? 1e9)).map((c) => make("tr", { "data-check": c.point, "data-bad": c.crossings.length > 0 }, make("th", { scope: "row", text: c.point }), make("td", { text: c.state + (c.why ? ` (not decided: ${c.why})` : "") }),
     ...[c.lowest, c.highest].map((v) => make("td", { class: "num", text: v.toFixed(1) })), make("td", { class: "num", text: c.limits.map((v) => (v === null ? "–" : v.toFixed(0))).join(" .. ") }),
     make("td", { class: "num", text: c.room === null ? "–" : `${c.crossings.length ? "✗ " : ""}${c.room.toFixed(1)}` }), make("td", { class: "num", text: shown(c.time / 3600, 3) }))));
   at("checks").parentElement.hidden = !found.checks.length;

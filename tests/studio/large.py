@@ -1,0 +1,91 @@
+"""Made-up campaigns that are large: twelve sensors of ten thousand readings each, and an assembly of fifty parts with its levels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+__all__ = ["dense_campaign", "wide_campaign"]
+
+PART = """
+title = "{name}"
+needs = ["air", "plate"]
+
+[nodes]
+case = {{ mass = "{mass} [kg]", specific_heat = "900 [J/(kg K)]" }}
+
+[surfaces]
+skin = {{ of = "case", to = "air", area = "0.02 [m^2]", effective_htc = "8 [W/(m^2 K)]" }}
+
+[conductors]
+foot = {{ kind = "conduction", between = ["case", "plate"], conductance = "{foot} [W/K]" }}
+
+[loads]
+chips = {{ into = "case", power = "{power} [W]" }}
+"""
+
+
+def _log(file: Path, columns: dict[str, np.ndarray], step: float) -> None:
+    rows = next(iter(columns.values())).size
+    table = np.column_stack([np.arange(rows) * step, *columns.values()])
+    np.savetxt(file, table, delimiter=",", header="# SYNTHETIC\ntime_s," + ",".join(columns), comments="", fmt="%.3f")
+
+
+def dense_campaign(folder: Path, sensors: int = 12, rows: int = 10_000) -> Path:
+    """Write a plate with twelve blocks on it, each with a sensor, and one log; return its campaign."""
+    blocks = range(sensors)
+    nodes = "\n".join(f'b{k} = {{ capacitance = "{300 + 40 * k} [J/K]" }}' for k in blocks)
+    feet = "\n".join(
+        f'f{k} = {{ kind = "conduction", between = ["b{k}", "plate"], conductance = "{0.3 + 0.02 * k:.2f} [W/K]" }}' for k in blocks
+    )
+    loads = "\n".join(f'p{k} = {{ into = "b{k}", power = "{1 + 0.3 * k:.1f} [W]" }}' for k in blocks)
+    deck = f'title = "rack"\nneeds = ["air"]\n[nodes]\nplate = {{ capacitance = "4000 [J/K]" }}\n{nodes}\n'
+    deck += '[surfaces]\nskin = { of = "plate", to = "air", area = "0.4 [m^2]", effective_htc = "9 [W/(m^2 K)]" }\n'
+    deck += f"[conductors]\n{feet}\n[loads]\n{loads}\n"
+    (folder / "rack.toml").write_text(deck, encoding="utf-8")
+    rng, times = np.random.default_rng(3), np.arange(rows) * 4.0
+    readings = {
+        f"T{k}": 24.0 + (6.0 + 2.0 * k) * (1.0 - np.exp(-times / (2500.0 + 100.0 * k))) + 0.1 * rng.standard_normal(rows) for k in blocks
+    }
+    readings["T3"][rows // 2] = 60.0  # one reading that a thinned curve must not lose
+    _log(folder / "rack.csv", {**readings, "T_AIR": np.full(rows, 24.0)}, 4.0)
+    channels = ", ".join(f'T{k} = {{ node = "b{k}", noise = "0.1 [K]", accuracy = "0.3 [K]" }}' for k in blocks)
+    text = f'title = "rack"\n[records.warm]\nfile = "rack.csv"\nchannels = {{ {channels}, T_AIR = {{ boundary = "air" }} }}\n'
+    (folder / "campaign.toml").write_text(
+        text + '[[stages]]\nname = "rack"\nmodel = "rack.toml"\nrecords = ["warm"]\nfree = ["skin.effective_htc"]\n'
+    )
+    return folder / "campaign.toml"
+
+
+def wide_campaign(folder: Path, parts: int = 50) -> Path:
+    """Write fifty parts, each with a stage and a log, and an assembly of all of them on a tray; return its campaign."""
+    rng, times = np.random.default_rng(4), np.arange(200) * 60.0
+    text = 'title = "Equipment bay"\n'
+    stages, uses = "", []
+    kinds = ("Receiver", "Converter", "Gyro", "Transmitter", "Computer")
+    names = [f"{kinds[k % 5]}_{k // 5 + 1}" for k in range(parts)]
+    for k, name in enumerate(names):
+        part = PART.format(name=name, mass=0.3 + 0.02 * k, foot=round(0.2 + 0.01 * k, 2), power=round(2.0 + 0.1 * k, 1))
+        (folder / f"{name}.toml").write_text(part, encoding="utf-8")
+        rise = 9.0 * (1.0 - np.exp(-times / 1200.0)) + 0.1 * rng.standard_normal(times.size)
+        _log(folder / f"{name}.csv", {"T": 24.0 + rise, "T_AIR": np.full(times.size, 24.0), "T_PLATE": np.full(times.size, 24.0)}, 60.0)
+        bound = 'T_AIR = { boundary = "air" }, T_PLATE = { boundary = "plate" }'
+        case = 'T = { node = "case", noise = "0.1 [K]", accuracy = "0.3 [K]" }'
+        text += f'[records.{name}]\nfile = "{name}.csv"\nchannels = {{ {case}, {bound} }}\n'
+        stages += f'[[stages]]\nname = "{name}"\nmodel = "{name}.toml"\nrecords = ["{name}"]\nfree = ["skin.effective_htc"]\n'
+        uses.append(f'[submodels.u{k:02d}]\nuse = "{name}.toml"\nbind = {{ air = "air", plate = "tray" }}\n')
+    deck = 'title = "bay"\nneeds = ["air"]\n[nodes]\ntray = { capacitance = "9000 [J/K]" }\n'
+    deck += '[surfaces]\nback = { of = "tray", to = "air", area = "0.6 [m^2]", effective_htc = "9 [W/(m^2 K)]" }\n' + "".join(uses)
+    (folder / "bay.toml").write_text(deck, encoding="utf-8")
+    sensors = {f"T{k}": 24.0 + 12.0 * (1.0 - np.exp(-times / 3000.0)) + 0.1 * rng.standard_normal(times.size) for k in range(0, parts, 2)}
+    _log(folder / "bay.csv", {**sensors, "T_AIR": np.full(times.size, 24.0)}, 60.0)
+    channels = ", ".join(f'T{k} = {{ node = "u{k:02d}.case", noise = "0.1 [K]", accuracy = "0.3 [K]" }}' for k in range(0, parts, 2))
+    text += f'[records.bay]\nfile = "bay.csv"\nchannels = {{ {channels}, T_AIR = {{ boundary = "air" }} }}\n'
+    inherit = ", ".join(f'u{k:02d} = {{ stage = "{name}" }}' for k, name in enumerate(names))
+    text += (
+        stages
+        + f'[[stages]]\nname = "bay"\nmodel = "bay.toml"\nrecords = ["bay"]\nfree = ["back.effective_htc"]\ninherit = {{ {inherit} }}\n'
+    )
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+    return folder / "campaign.toml"
