@@ -135,6 +135,7 @@ if TYPE_CHECKING:
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.page import report as report
+    from thermid.reporting.pdf import page_to_pdf as page_to_pdf
     from thermid.reporting.qualification_page import correlation_report as correlation_report
     from thermid.reporting.qualification_page import qualification_report as qualification_report
     from thermid.reporting.structures_page import Structure as Structure
@@ -304,6 +305,7 @@ _PUBLIC = {
     "run_plan": "qualify.programme",
     "Qualification": "qualify.programme",
     "report": "reporting.page",
+    "page_to_pdf": "reporting.pdf",
     "study_report": "reporting.study_page",
     "structures_report": "reporting.structures_page",
     "Structure": "reporting.structures_page",

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
 import pytest
 
 import thermid as td
-from webpage import without_script
+from webpage import faults, without_script
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+ORDER = [
+    *("objectives", "configuration", "sensors", "tests", "power", "stabilisation", "predicted", "heat", "parameters", "deviations"),
+    *("overlays", "excluded", "discrepancies", "margins", "validity", "assumptions", "delivery"),
+]
+"""What a balance-test correlation report contains, in its order (SMC-S-016 8.2.6 and 8.3.7, MIL-HDBK-340 8.7.3)."""
 KINDS = {"thermal cycling", "thermal vacuum", "humidity", "hold", "ascent", "on-board"}
 
 
@@ -45,4 +51,7 @@ def test_the_unit_qualified_on_one_page(tmp_path: Path) -> None:
     assert "DEMONSTRATION: 56 ASSUMED PARAMETERS, SYNTHETIC DATA" in text
     assert "EXTRAPOLATION" in text
     without_script(text)
+    assert faults(text) == []
+    sections = [s for s in re.findall(r'<section id="([\w-]+)"', text) if s in ORDER]
+    assert sections == ORDER
     assert len(text) < 2_000_000

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from webpage import faults, without_script
 
 STUDY = Path(__file__).parents[2] / "examples" / "sisnav"
 
@@ -76,6 +77,14 @@ def test_a_constant_coefficient_misses_what_follows_a_pause(campaign: td.Campaig
     """Where a unit is switched off and on again, the pair and the measurement unit miss 0.5 K for a while; the report says so."""
     failed = {v.record for v in campaign.verdicts if not v.passed}
     assert failed == {"pre_held_out", "imu_held_out"}
+
+
+def test_the_report_is_one_light_page_whose_numbers_have_units(campaign: td.Campaign, tmp_path: Path) -> None:
+    text = td.report(campaign, to=tmp_path / "page.html").read_text(encoding="utf-8")
+    without_script(text)
+    assert faults(text) == []
+    print(f"page of the campaign: {len(text.encode()) / 1e6:.2f} MB")
+    assert len(text.encode()) < 1_500_000
 
 
 def test_true_temperatures_lie_near_the_fitted_model(campaign: td.Campaign, laboratory: Path) -> None:

@@ -101,7 +101,7 @@ def report(
 
     Raises
     ------
-    MissingExtraError   When matplotlib or jinja2 is not installed.
+    MissingExtraError   When jinja2 is not installed.
     """
     made, of = origins.made_records(campaign)
     coefficients, others = tables.levels(campaign)

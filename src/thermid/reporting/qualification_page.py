@@ -33,7 +33,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
 
     Raises
     ------
-    MissingExtraError   When matplotlib or jinja2 is not installed.
+    MissingExtraError   When jinja2 is not installed.
     """
     content, worst = q.plan.content, q.worst
     watermark = q.demonstration.upper()
@@ -80,7 +80,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
 
     Raises
     ------
-    MissingExtraError   When matplotlib or jinja2 is not installed.
+    MissingExtraError   When jinja2 is not installed.
     """
     blocks = [
         Section.of("deviations", "Deviations", [judged.deviations(c)]),

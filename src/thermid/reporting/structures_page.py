@@ -89,7 +89,7 @@ def structures_report(
     Raises
     ------
     ValueError          Without structures, or when the chosen one is not among them.
-    MissingExtraError   When matplotlib or jinja2 is not installed.
+    MissingExtraError   When jinja2 is not installed.
     """
     if not structures:
         raise ValueError("there are no structures to compare.")

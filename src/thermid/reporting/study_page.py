@@ -44,7 +44,7 @@ def study_report(
 
     Raises
     ------
-    MissingExtraError   When matplotlib or jinja2 is not installed.
+    MissingExtraError   When jinja2 is not installed.
     """
     made, of = origins.made_records(campaign)
     text = f"{len(made)} of {of} records were made, not measured: what rests on them says nothing about real hardware." if made else ""
