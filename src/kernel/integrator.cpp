@@ -83,6 +83,7 @@ void Integrator::check_state() {
     for (int i = 0; i < n_; ++i) {
         if (!std::isfinite(T1_[i])) throw Failure{NON_FINITE, i};
         if (T1_[i] > 0.0 && T1_[i] < 1e5) continue;
+        if (!(T_[i] > 0.0 && T_[i] < 1e5)) throw Failure{RUN_AWAY, i};  // a massless node that has stood there since the start
         for (int k = 0; k < n_; ++k) err_[k] = T1_[k] - T_[k];
         throw Failure{RUN_AWAY, worst(err_)};
     }

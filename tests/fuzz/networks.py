@@ -153,7 +153,8 @@ def plain(d: Draw) -> dict[str, Any]:
         d.link(k.FLOW, 0, -1, d.log(0.02, 1.0))
     for _ in range(int(d.rng.integers(3))):
         d.heater(float(d.rng.uniform(-2, 10)))
-    return {"benign": True}
+    # Behind a gas that is pumped out a negative power takes more than there is: no temperature above 0 K balances it.
+    return {"benign": all(d.net.coefs[row[2][0]][0] >= 0.0 for row in d.net.loads)}
 
 
 def extreme(d: Draw) -> dict[str, Any]:

@@ -49,6 +49,18 @@ def test_below_absolute_zero() -> None:
     assert r.node == 1
 
 
+def test_massless_node_below_absolute_zero_is_the_one_named() -> None:
+    """It stands there from the start, and moves less from then on than the nodes that it cools."""
+    net = lump()
+    cooled = net.node(None, 300.0)
+    net.link(k.LINEAR, cooled, 1, net.coef(0.1))
+    net.load(k.SIGNAL, cooled, net.coef(-40.0))
+    r = net.run([0, 1e3])
+    assert r.status == k.RUN_AWAY
+    assert r.node == cooled
+    assert r.time == 0.0
+
+
 def test_massless_node_without_conductance() -> None:
     net = lump()
     net.node(None, 300.0)
