@@ -120,6 +120,24 @@ def refuse_after(request: Request, problem: Problem, found: Fit, total: Array) -
             value, spread = u.to_value(float(found.fitted[k])) * scale, error * u.slope(float(found.fitted[k])) * scale
             raise IdentificationError(
                 f"'{u.name}' = {value:.3g} +- {spread:.2g} {u.unit}: its standard error is wider than its bounds {u.low * scale:.4g} .. "
-                f"{u.high * scale:.4g}, so the log says nothing new. Fix it, give it a prior, or add a record that moves it.",
+                f"{u.high * scale:.4g}, so the log says nothing new{_by_instruments(problem, total, k)}. Fix it, "
+                "give it a prior, or add a record that moves it.",
                 request.name or request.model.title,
             )
+
+
+def _by_instruments(problem: Problem, total: Array, k: int) -> str:
+    """Return which instruments' errors set most of the variance of an unknown; empty where none do."""
+    at = [j for j, u in enumerate(problem.unknowns) if u.kind in ("sensor", "shared", "instrument")]
+    if not at or not np.isfinite(total[np.ix_([k, *at], [k, *at])]).all():
+        return ""
+    across = total[at, k]
+    if float(across @ np.linalg.pinv(total[np.ix_(at, at)]) @ across) < 0.5 * total[k, k]:
+        return ""
+    share = across**2 / (np.diag(total)[at] * total[k, k])
+    behind = [problem.unknowns[j] for j, s in zip(at, share, strict=True) if s > 0.1]
+    if not behind:
+        return ""
+    names = listed([u.name.removeprefix("sensor ").removesuffix(" error") for u in behind])
+    cure = " (if all began at one temperature, say so with `start`: it shows them)" if all(u.kind == "sensor" for u in behind) else ""
+    return f"; most of that is the constant error of {names}{cure}"

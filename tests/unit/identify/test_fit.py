@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -224,6 +225,16 @@ class TestRefusals:
             match=r"'skin\.effective_htc' = .* \+- .* W/\(m\^2 K\): its standard error is wider than its bounds 1 \.\. 20",
         ):
             calibrate(model, data, [HTC])
+
+    def test_an_instrument_behind_a_wide_error_is_named(self) -> None:
+        model = box({"surfaces/skin/effective_htc": {"value": "6 [W/(m^2 K)]", "min": 5.7, "max": 6.3}})
+        data = log(model, {}, {"T": "case"}, hours=6.0, noise=0.05)
+        off = data.with_channels(replace(data["T"], accuracy=2.0))
+        cause = "most of that is the constant error of 'T' (if all began at one temperature, say so with `start`: it shows them). Fix it"
+        with pytest.raises(IdentificationError, match=re.escape(cause)):
+            calibrate(model, off, [HTC, MASS])
+        with pytest.raises(IdentificationError, match=r"most of that is the constant error of 'METER'\. Fix it"):
+            calibrate(model, metered(data, "heat", 4.0, accuracy=0.8), [HTC, MASS])
 
     @pytest.mark.parametrize(("error", "refused"), [(1.51, True), (1.49, False)])
     def test_wider_is_one_standard_error_either_side_against_the_width(self, error: float, refused: bool) -> None:
