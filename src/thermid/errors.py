@@ -49,6 +49,12 @@ class ThermidError(Exception):
         """Return the same error with a place, unless it already has one."""
         return self if self.where else type(self)(self.message, where)
 
+    def within(self, place: str) -> ThermidError:
+        """Return the same error with a place around the one that it names."""
+        if self.where.startswith(place.partition(",")[0]):
+            return self
+        return type(self)(self.message, f"{place}, {self.where}" if self.where else place)
+
 
 class UnitError(ThermidError):
     """A unit is unknown, has the wrong dimension, or is used as a difference when it is a temperature."""

@@ -1,20 +1,17 @@
 """The macro model in its host's scenarios: transport, pad, hold, ascent, coast.
 
-`python examples/sisnav/macro/macro.py FOLDER` runs all of them and prints where the unit goes. In air the unit is as the document has it,
-one effective coefficient a surface. Ascent and coast need radiation by itself: there the unit is the study's second structure, written
-into FOLDER by `structures.py`. Values of the host are assumed and say so.
+`python examples/sisnav/macro/macro.py` runs all of them and prints where the unit goes. In air the unit is as the document has it, one
+effective coefficient a surface. Ascent and coast need radiation by itself: there the unit is the study's second structure, whose decks
+lie in `../qualification/decks`. Values of the host are assumed and say so.
 """
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import thermid as td
 
 HERE = Path(__file__).parent
-if str(HERE.parent) not in sys.path:
-    sys.path.insert(0, str(HERE.parent))
 IN_AIR = ("transport", "pad", "pad_hold")
 THIN = ("ascent", "coast")
 POINTS = ("FOG_x", "FOG_y", "PrS", "EleG", "Acc_x", "disk", "base")
@@ -25,22 +22,18 @@ def macro() -> td.Model:
     return td.macro_model(HERE / "macro.toml")
 
 
-def flight(folder: Path) -> td.Model:
-    """Return the macro model with a unit whose convection and radiation are apart; its decks are written into a folder."""
-    import structures
-
-    structures.main(folder)
-    return td.macro_model(macro(), unit=td.load_model(folder / "m_Sd.toml"))
+def flight() -> td.Model:
+    """Return the macro model with a unit whose convection and radiation are apart."""
+    return td.macro_model(macro(), unit=td.load_model(HERE.parent / "qualification" / "decks" / "m_Sd.toml"))
 
 
-def runs(folder: Path) -> dict[str, td.Solution]:
+def runs() -> dict[str, td.Solution]:
     """Return scenario -> what the macro model does in it."""
-    models = {**dict.fromkeys(IN_AIR, macro()), **dict.fromkeys(THIN, flight(folder))}
+    models = {**dict.fromkeys(IN_AIR, macro()), **dict.fromkeys(THIN, flight())}
     return {name: td.simulate(model, td.load_scenario(HERE / f"{name}.toml")) for name, model in models.items()}
 
 
 if __name__ == "__main__":
-    out = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("out/sisnav/natural")
     print(f"demonstration, {len(td.assumed(macro()))} assumed parameters")
-    for run in runs(out).values():
+    for run in runs().values():
         print(f"{run.scenario}: " + ", ".join(f"{p} {run[p].kelvin.min() - 273.15:.1f} to {run[p].highest:.1f}" for p in POINTS) + " degC")

@@ -61,9 +61,14 @@ def plan(
     for test, sensors in told.items():
         typer.echo(f"  {test}")
         for sensor, p in sensors.items():
-            ends = [f"{p[f'{end}_C']:.1f} +- {1.96 * p[f'{end}_error_K']:.1f}" for end in ("lowest", "highest")]
+            ends = [f"{p[f'{end}_C']:.1f} +- {_size(1.96 * p[f'{end}_error_K'])}" for end in ("lowest", "highest")]
             typer.echo(f"    {sensor}: {' .. '.join(ends)} degC (95 %)")
     typer.echo(str(status))
+
+
+def _size(kelvin: float) -> str:
+    """Return an error as text; a question mark where nothing is known of it."""
+    return f"{kelvin:.1f}" if kelvin > 0 else "?"
 
 
 def qualify(file: PlanPath, to: Page = None, pdf: Pdf = None, data: Data = None, as_json: Json = False) -> None:

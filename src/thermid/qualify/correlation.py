@@ -309,7 +309,9 @@ def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str
     inside = (o.times >= window[0] - 1e-9) & (o.times <= window[1] + 1e-9)
     if not inside.any():
         raise IdentificationError(
-            f"the settled stretch from {window[0]:g} s to {window[1]:g} s holds no reading of '{o.sensor}' in '{o.case}'.", o.case
+            f"the settled stretch from {window[0]:g} s to {window[1]:g} s holds no reading of '{o.sensor}' in '{o.case}'. Name another "
+            "stretch, or exclude the sensor and say why.",
+            o.case,
         )
     z = o.residuals[inside]
     case = o.case if kind == "transient" else f"{o.case}, {window[0] / 3600:.4g} .. {window[1] / 3600:.4g} h"

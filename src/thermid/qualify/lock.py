@@ -47,7 +47,9 @@ class LockStatus:
             "locked": f"the plan is as it was locked on {self.date}, hash {self.sha256[:12]}"
             + (", before any log was looked at" if self.looked else "; no log was looked at yet"),
             "changed": f"the plan was changed since it was locked on {self.date}: {keys}; no log was looked at yet, lock it again",
-            "late": f"logs were looked at on {self.looked} before the plan was locked: it does not show what was decided beforehand",
+            "late": "another plan of this folder had looked at its logs before it was locked: it does not show what was decided beforehand"
+            if self.date
+            else f"logs were looked at on {self.looked} before the plan was locked: it does not show what was decided beforehand",
             "moved": f"THE PLAN WAS CHANGED AFTER LOGS WERE LOOKED AT on {self.looked}: {keys}; it was locked on {self.date}",
         }[self.state]
 
@@ -91,9 +93,23 @@ def lock_plan(plan: Plan, predictions: dict[str, Any] | None = None, date: str =
     data = _read(plan)
     if not data["locks"] or data["locks"][-1]["sha256"] != plan.sha256:
         entry = {"sha256": plan.sha256, "date": date or _today(), "planned": plan.planned, "predictions": predictions or {}}
+        entry["looked_beside"] = _beside(plan)
         data["locks"].append(entry)
         _write(plan, data)
     return _file(plan)
+
+
+def _beside(plan: Plan) -> list[str]:
+    """Return the hashes of logs that other plans of the folder have looked at; a copy of a plan does not unsee them."""
+    own, found = _file(plan), set()
+    for file in sorted(own.parent.glob("*.lock.json")):
+        if file == own:
+            continue
+        try:
+            found |= {str(look["sha256"]) for look in json.loads(file.read_text(encoding="utf-8"))["looks"]}
+        except (ValueError, KeyError, TypeError):
+            continue
+    return sorted(found)
 
 
 def note_look(plan: Plan, test: str, sha256: str, date: str = "") -> None:
@@ -113,6 +129,8 @@ def lock_status(plan: Plan) -> LockStatus:
     if not before:
         return LockStatus("late" if looks else "open", "", looked, (), plan.sha256)
     base = before[-1]
+    if {look["sha256"] for look in looks} & {*base.get("looked_beside", [])}:
+        return LockStatus("late", base["date"], looked, (), plan.sha256)
     old, new = base["planned"], plan.planned
     changed = tuple(sorted(k for k in {*old, *new} if old.get(k) != new.get(k)))
     state = "locked" if not changed else "moved" if looks else "changed"

@@ -139,6 +139,7 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     from pydantic import ValidationError
 
     from thermid.model.faults import deck_error
+    from thermid.qualify.plan_checks import check_parts, check_test
     from thermid.qualify.plan_schema import PlanFile
 
     target = Path(path)
@@ -166,8 +167,9 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
         limits = read_limits(given, where("limits"))
     own = {name: read_criteria(name, table, where(f"criteria.{name}")) for name, table in content.criteria.items()}
     criteria = CRITERIA | own
+    check_parts(content, where)
     for k, test in enumerate(content.tests):
-        _check_test(content, test, criteria, lambda key, k=k: where(f"tests.{k}.{key}"))  # type: ignore[misc]
+        check_test(content, test, criteria, lambda key, k=k: where(f"tests.{k}.{key}"))  # type: ignore[misc]
     if content.margins.policy not in POLICIES:
         known = "; ".join(POLICIES)
         raise NameNotFoundError(
@@ -193,33 +195,6 @@ def _not_empty(raw: Mapping[str, Any], name: str) -> None:
         )
 
 
-def _check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, CriteriaSet], where: Callable[[str], str]) -> None:
-    names = [t.name for t in content.tests]
-    if not test.name.strip() or names.count(test.name) > 1:
-        raise DeckError(f"a test needs a name of its own, not '{test.name}'.", where("name"))
-    if (test.profile is None) == (test.scenario is None):
-        raise DeckError(f"test '{test.name}' needs its course: a profile or a scenario, one of them.", where("name"))
-    if test.host and test.host not in content.hosts:
-        raise NameNotFoundError(f"there is no host '{test.host}'.{nearest(test.host, content.hosts)}", where("host"))
-    for sensor in test.sensors:
-        if sensor not in content.sensors:
-            raise NameNotFoundError(f"there is no sensor '{sensor}'.{nearest(sensor, content.sensors)}", where("sensors"))
-    for name in test.criteria:
-        if name not in criteria:
-            raise NameNotFoundError(
-                f"there are no criteria '{name}'; there are {', '.join(criteria)}.{nearest(name, criteria)}", where("criteria")
-            )
-    steady = [n for n in test.criteria if "steady" in criteria[n].kinds]
-    if test.log is not None and steady and not test.steady and test.profile is None:
-        raise DeckError(
-            f"'{steady[0]}' judges settled cases, and test '{test.name}' names no settled stretch: steady = [[\"4 [h]\", \"5 [h]\"]].",
-            where("criteria"),
-        )
-    for window in test.steady:
-        if len(window) != 2:
-            raise DeckError('a settled stretch is a pair of times, ["4 [h]", "5 [h]"].', where("steady"))
-
-
 def _hashes(target: Path, content: PlanFile, where: Callable[[str], str]) -> dict[str, str]:
     """Return the files that a plan rests on with the hash of what they say; of a deck, of the whole model."""
     folder, source = target.parent, content.model
@@ -231,7 +206,8 @@ def _hashes(target: Path, content: PlanFile, where: Callable[[str], str]) -> dic
     if source.deck:
         out[source.deck] = model(source.deck).identity()
     plain = [source.values, source.campaign, content.limits if isinstance(content.limits, str) else ""]
-    plain += [t.scenario for t in content.tests if isinstance(t.scenario, str)] + [h.deck for h in content.hosts.values()]
+    plain += [t.scenario for t in content.tests if isinstance(t.scenario, str)]
+    out |= {h.deck: model(h.deck).identity() for h in content.hosts.values()}
     for name in (n for n in plain if n):
         file = resolve_inside(folder, name, where("files"))
         if not file.is_file():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thermid.errors import ThermidError
 from thermid.identify.coefficients import constant_coefficients
 from thermid.identify.further import MISFIT
 from thermid.network.network import compile_network
@@ -175,7 +176,10 @@ def run_plan(
     for test in given.tests:
         if notice is not None:
             notice(test.name)
-        trial = tried(given, test)
+        try:
+            trial = tried(given, test)
+        except ThermidError as error:
+            raise error.within(f"{given.path.name}, test '{test.name}'") from None
         if trial.log_sha256:
             note_look(given, test.name, trial.log_sha256)
         trials.append(trial)

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.errors import RecordError
+from thermid.errors import NameNotFoundError, RecordError, nearest
 from thermid.identify.compare import compare
 from thermid.measure import Record, read_record
 from thermid.measure.stability import rule_of
+from thermid.model.flat import flatten
 from thermid.model.modelfile import resolve_inside
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
@@ -23,6 +24,7 @@ from thermid.qualify.diagnosis import diagnose
 from thermid.qualify.foresight import Known, foresee
 from thermid.qualify.heaters import heater_duty
 from thermid.qualify.limit_checks import LimitCheck, check_limits, check_readings
+from thermid.qualify.limits import Limits
 from thermid.qualify.plan import Plan
 from thermid.qualify.profile_run import ProfileRun
 from thermid.qualify.profiles import profile_from
@@ -49,6 +51,7 @@ def tried(plan: Plan, test: TestTable) -> Trial:
     known, limits = plan.hosted(test.host), plan.limits_on(test.host)
     scenario, course = _course(plan, test, known)
     sensors = sensors_of(plan, test)
+    _known_nodes(plan, known, limits, sensors)
     points = list(dict.fromkeys([x.node for x in limits] + [n for n, _ in sensors.values()]))
     step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / STORED)
     times = np.linspace(0.0, scenario.seconds, int(np.ceil(scenario.seconds / step)) + 1)
@@ -63,6 +66,20 @@ def tried(plan: Plan, test: TestTable) -> Trial:
     remarks = course.profile.check() if course is not None else ()
     trial = Trial(test, known, told, limits, checks, course, heaters, outside, remarks=remarks)
     return trial if test.log is None else _judged(plan, trial, scenario, sensors)
+
+
+def _known_nodes(plan: Plan, known: Known, limits: Sequence[Limits], sensors: Mapping[str, tuple[str, Any]]) -> None:
+    """Refuse sensors and reference points at nodes that the model does not have.
+
+    Raises
+    ------
+    NameNotFoundError   Which, and the nearest.
+    """
+    nodes = [n.path for n in flatten(known.model).nodes]
+    asked = [(f"limits.{x.point}.node", x.node) for x in limits] + [(f"sensors.{s}.node", n) for s, (n, _) in sensors.items()]
+    for key, node in asked:
+        if known.model.canonical(node) not in nodes:
+            raise NameNotFoundError(f"no node '{node}'.{nearest(node, nodes)}", f"{plan.path.name}, {key}")
 
 
 def _course(plan: Plan, test: TestTable, known: Known) -> tuple[Scenario, ProfileRun | None]:
@@ -135,7 +152,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         synthetic=made.synthetic,
         checks=(*trial.checks, *_measured(trial, counted, sensors)),
         doubts=(*_doubts(trial, record, counted, windows), *(_unsettled(settled) if steady else ())),
-        remarks=(*trial.remarks, *exchanged(counted), *unsure),
+        remarks=(*trial.remarks, *_state_remarks(test), *exchanged(counted), *unsure),
         settled=settled,
         as_logged={c: _ends(record, c) for c in log.boundaries},
     )
@@ -146,6 +163,11 @@ def _ends(record: Record, column: str) -> tuple[float, float]:
     channel = record[column]
     seen = channel.values[channel.valid] - ICE_POINT
     return (float(seen.min()), float(seen.max())) if seen.size else (np.nan, np.nan)
+
+
+def _state_remarks(test: TestTable) -> list[str]:
+    """Return what the state of a test with a log leaves to mend."""
+    return [f"its state is '{test.state}', and a log has come back: write state = \"run\""] if test.state == "planned" else []
 
 
 def _measured(trial: Trial, counted: Sequence[Overlay], sensors: Mapping[str, tuple[str, Any]]) -> tuple[LimitCheck, ...]:

@@ -8,7 +8,7 @@ from thermid.qualify.programme import Qualification
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, pretty, signed
 from thermid.reporting.qualification_cells import celsius, hours, verdict
 
-__all__ = ["assumed", "margin_table", "outside", "service"]
+__all__ = ["assumed", "counted", "margin_table", "outside", "service"]
 
 
 def margin_table(q: Qualification) -> Table:
@@ -23,7 +23,6 @@ def margin_table(q: Qualification) -> Table:
         Column("margin by it, K", True),
     ]
     columns += [Column("calibration bought, K", True, "by how much it narrowed the 95 % interval")]
-    columns += [Column("± model counts", wrapped=True), Column("and does not count", wrapped=True)]
     rows: list[Line] = []
     for m in q.margins:
         a, b = m.policy.acceptance, m.policy.qualification
@@ -33,11 +32,22 @@ def margin_table(q: Qualification) -> Table:
         line: Line = [*head, Cell(f"{m.uncertainty:.1f}", shares), *added, Cell(f"{celsius(m.limit, 0)} [{m.limit_mark}]")]
         line += [Cell(signed(m.margin, 1), "", "bad" if m.margin < 0 else "main"), verdict(m.passed, m.undecided)]
         line += [Cell(f"{m.flat.value:g} [{m.flat.mark}]", m.flat.source), signed(m.flat_left, 1)]
-        less = Cell("; ".join(m.not_counted), "", "warn") if m.not_counted else Cell(DASH)
-        rows.append([*line, f"{m.bought:.1f}" if math.isfinite(m.bought) else DASH, shares or "nothing", less])
+        rows.append([*line, f"{m.bought:.1f}" if math.isfinite(m.bought) else DASH])
     policy = q.margins[0].policy.name if q.margins else DASH
     tested = "correlated by a balance test" if q.plan.content.margins.balance_tested else "no balance test yet"
     return Table.of(columns, rows, f"Policy: {policy}; {tested}. A number marked 'memory' is shown and decides nothing.")
+
+
+def counted(q: Qualification) -> Table:
+    """Return what the uncertainty of every margin counts and does not count."""
+    columns = [Column("reference point"), Column("side"), Column("± model, K", True), Column("counts", wrapped=True)]
+    columns += [Column("and does not count", wrapped=True)]
+    rows: list[Line] = []
+    for m in q.margins:
+        shares = "; ".join(f"{c} {100 * s:.0f} %" for c, s in m.shares.items() if s >= 0.005)
+        less = Cell("; ".join(m.not_counted), "", "warn") if m.not_counted else Cell(DASH)
+        rows.append([Cell(m.point, "", "main"), m.side, f"{m.uncertainty:.1f}", shares or "nothing", less])
+    return Table.of(columns, rows, "Shares of the variance.")
 
 
 def outside(q: Qualification) -> Table:

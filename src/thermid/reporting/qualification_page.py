@@ -119,9 +119,19 @@ def _write(
 def _what_is_open(q: Qualification) -> list[Block]:
     """Return what is not decided and why, what was waived, and what must be known of the logs."""
     waived = tuple(f"{n}: held against its limits alone" for n in q.waived)
-    remarks = tuple(f"{t.test.name}: {r}" for t in q.trials for r in t.remarks)
+    remarks = (*_signatures(q), *(f"{t.test.name}: {r}" for t in q.trials for r in t.remarks))
     found = (("Not decided", q.open), ("Waived", waived), ("Remarks", remarks))
     return [Notes(lines, title) for title, lines in found if lines]
+
+
+def _signatures(q: Qualification) -> list[str]:
+    """Return what is amiss with who signed the document."""
+    d = q.plan.content.document
+    missing = [word for word, name in (("checked", d.checked), ("approved", d.approved)) if not name.strip()]
+    out = [f"the document is not {' and not '.join(missing)}"] if missing else []
+    if d.prepared.strip() and d.prepared.strip() in (d.checked.strip(), d.approved.strip()):
+        out.append(f"{d.prepared.strip()} prepared the document and signed for it again: nobody else has looked at it")
+    return out
 
 
 def _courses(q: Qualification) -> list[Block]:

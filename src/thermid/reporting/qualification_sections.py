@@ -52,6 +52,8 @@ def sections(q: Qualification) -> list[Section]:
             "Uncertainty, limits and margins",
             [
                 concluded.margin_table(q),
+                Heading("What the uncertainty holds"),
+                concluded.counted(q),
                 Heading("Predictions of the service cases"),
                 concluded.service(q),
                 folded("Every limit in every test", [judged.checks(q)]),

@@ -172,7 +172,7 @@ def foreseen(q: Qualification, t: Trial) -> Table:
         beyond = []
         for word, k in (("lowest", int(band.kelvin.argmin())), ("highest", int(band.kelvin.argmax())), ("last", -1)):
             error = 1.96 * float(band.error[k])
-            cells.append(f"{celsius(float(band.kelvin[k]))} ± {error:.1f}")
+            cells.append(f"{celsius(float(band.kelvin[k]))} ± {error:.1f}" if error > 0 else f"{celsius(float(band.kelvin[k]))} ± ?")
             if o is None:
                 cells.append(DASH)
                 continue
@@ -183,7 +183,9 @@ def foreseen(q: Qualification, t: Trial) -> Table:
             cells.append(Cell(celsius(found), f"{found - float(band.kelvin[k]):+.2f} K", "warn" if off else ""))
         rows.append([*cells, Cell(", ".join(beyond), "", "warn") if beyond else ("none" if o is not None else DASH)])
     return Table.of(
-        columns, rows, "± 95 % of the model's values and of what is stated of the test; outside: with the sensor's own error added."
+        columns,
+        rows,
+        "± 95 % of the model's values and of what is stated of the test, ? where nothing is; outside: with the sensor's own error added.",
     )
 
 

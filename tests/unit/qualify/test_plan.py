@@ -34,6 +34,12 @@ from unit.qualify.project import PLAN, measured, project, with_log
             DeckError,
             "'ECSS' judges settled cases, and test 'hot' names no settled",
         ),
+        (PLAN.replace('reason = "hottest"', 'reason = " "'), DeckError, "sensor 'T_PROC' sits there without a reason"),
+        (PLAN.replace("cap = 0.5", 'cap = 0.5\nreasons = { T_PROX = "?" }'), NameNotFoundError, "'T_PROX' is excluded, but is no sensor"),
+        (PLAN.replace('"5 [h]", "6 [h]"', '"6 [h]", "5 [h]"'), DeckError, "a settled stretch is a pair of times, the earlier first"),
+        (PLAN.replace("[exclusions]", '[validity]\npower = ["3 [W]"]\n[exclusions]'), DeckError, "is a pair, lowest first"),
+        (PLAN.replace("[exclusions]", '[validity]\npower = ["3 [W]", "1 [W]"]\n[exclusions]'), DeckError, "is a pair, lowest first"),
+        (PLAN.replace('kind = "on-board"', 'kind = "on-board"\nstate = "waived"'), DeckError, "is waived without a reason"),
         (PLAN.replace("[exclusions]", '[margins]\npolicy = "SMC"\n[exclusions]'), NameNotFoundError, "no margin policy 'SMC'"),
     ],
 )
@@ -107,3 +113,41 @@ def test_reading_a_log_is_noted_as_a_look(tmp_path: Path) -> None:
     assert run_plan(file).lock.state == "locked"
     project(tmp_path, with_log(PLAN).replace('each = "2 [K]"', 'each = "9 [K]"'))
     assert run_plan(file).lock.state == "moved"
+
+
+def test_a_node_that_the_model_does_not_have_is_named_with_its_place(tmp_path: Path) -> None:
+    text = PLAN.replace('T_ELE  = { node = "ele"', 'T_ELE  = { node = "eel"')
+    with pytest.raises(NameNotFoundError, match=r"plan.toml, sensors.T_ELE.node: no node 'eel'. Did you mean 'ele'\?"):
+        run_plan(project(tmp_path, text))
+
+
+def test_an_error_inside_a_test_says_which(tmp_path: Path) -> None:
+    text = PLAN.replace('criteria = ["ECSS", "ours"]', 'criteria = ["ECSS", "ours"]\nspread = { aer = "1 [K]" }')
+    with pytest.raises(NameNotFoundError, match=r"plan.toml, test 'hot', unit: no parameter 'aer'"):
+        run_plan(project(tmp_path, text))
+
+
+def test_a_copy_of_a_plan_does_not_unsee_its_logs(tmp_path: Path) -> None:
+    """Looked at through one plan, copied under another name, locked there: late."""
+    measured(tmp_path)
+    file = project(tmp_path, with_log(PLAN))
+    lock_plan(load_plan(file))
+    assert run_plan(file).lock.state == "locked"
+    other = tmp_path / "fresh.toml"
+    other.write_text(file.read_text(encoding="utf-8").replace('each = "2 [K]"', 'each = "9 [K]"'), encoding="utf-8")
+    lock_plan(load_plan(other))
+    late = run_plan(other).lock
+    assert late.state == "late"
+    assert "another plan of this folder had looked at its logs" in str(late)
+
+
+def test_a_part_of_a_host_s_deck_changes_the_hash_too(tmp_path: Path) -> None:
+    text = PLAN.replace("[limits.processor]", '[hosts]\nbench = { deck = "host.toml" }\n\n[limits.processor]')
+    file = project(tmp_path, text)
+    part = tmp_path / "part.toml"
+    part.write_text((tmp_path / "unit.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    host = 'title = "host"\nneeds = ["air"]\n[submodels]\npart = { use = "part.toml", bind = { air = "air" } }\n'
+    (tmp_path / "host.toml").write_text(host, encoding="utf-8")
+    before = load_plan(file).sha256
+    part.write_text(part.read_text(encoding="utf-8").replace("600", "601"), encoding="utf-8")
+    assert load_plan(file).sha256 != before
