@@ -104,15 +104,20 @@ class Board:
 
     def _off(self, word: str, detail: str) -> None:
         """Cut the heaters off and say why."""
+        self._live()
         self.duty = [0, 0]
         if word in ("overtemp", "blind"):
             self.refuses = word
         self._say("E", word, *([detail] if detail else []))
         self._heaters()
 
+    def _live(self) -> Sequence[float]:
+        """Let the world come up to now with the duties as they were."""
+        return self.world(self.seconds, (self.duty[0] / 1000.0, self.duty[1] / 1000.0))
+
     def _measure(self) -> None:
         """Take one cycle; send it if it is due."""
-        temperatures = self.world(self.seconds, (self.duty[0] / 1000.0, self.duty[1] / 1000.0))
+        temperatures = self._live()
         step = 1 << (12 - self.settings["resolution"])
         send = self.ms >= self.report
         hot, seen = "", not self.roms
@@ -185,6 +190,7 @@ class Board:
         if word == "heater" and len(values) == 2 and values[0] in (1, 2) and 0 <= values[1] <= 1000:
             if self.refuses and values[1]:
                 return self.refuses
+            self._live()
             self.duty[values[0] - 1] = values[1]
             if any(self.duty):
                 self.cycle = min(self.cycle, self.ms + 1000)

@@ -63,11 +63,14 @@ def tell_apart(log: Logger, path: Path, say: Callable[[str], object], ask: Calla
 
 
 def _sensors(log: Logger) -> list[str]:
-    """Return the ROMs that answer, once each has."""
+    """Return the ROMs that answer, once a whole list has come and each has sent a value or a fault."""
     log.ask("search")
     seen: set[str] = set()
-    while log.elapsed < 15.0 and not (seen and seen <= set(log.watch.values) | set(log.watch.faults)):
-        log.step()
+    begun = listed = False
+    while log.elapsed < 15.0 and not (listed and seen and seen <= set(log.watch.values) | set(log.watch.faults)):
+        line = log.step()
+        begun |= line is not None and line.kind == "B"
+        listed |= begun and line is not None and line.kind == "C"
         seen = set(log.state.bits)
     if not seen:
         raise RecordError("no sensor answers. Check the wire, the 4.7 kohm pull-up and the supply; docs/bench.md has a drawing.", "bench")

@@ -87,7 +87,12 @@ def bench_cells(data: bytes, file: str) -> Cells:
     for at, each in enumerate(log.heard):
         if each.line.kind == "D":
             row = rows[moments[at]]
-            table.setdefault(each.line.fields[0], {}).setdefault(row, each.line)
+            of_source = table.setdefault(each.line.fields[0], {})
+            if row not in of_source or each.line.fields[0] in (
+                "H1",
+                "H2",
+            ):  # a heater that changes in the moment of a cycle: the new duty holds
+                of_source[row] = each.line
             lines[row] = lines[row] or each.at
     bits = {each.line.fields[0]: int(each.line.fields[1]) for each in log.heard if each.line.kind == "S"}
     made = _Columns(len(rows))

@@ -79,6 +79,16 @@ def test_the_map_in_the_header_names_and_corrects(tmp_path: Path) -> None:
         td.read_record(path, {"x": "T2"})
 
 
+def test_a_heater_that_changes_in_the_moment_of_a_cycle_has_changed_then(tmp_path: Path) -> None:
+    made = Sheet().start()
+    for k in range(4):
+        made.say(10.0 * k, 10_000 * k, f"{A},320,ok").say(10.0 * k + 0.1, 10_000 * k, f"H1,{500 if k > 2 else 0},ok")
+        if k == 2:
+            made.say(10.0 * k + 0.2, 10_000 * k, "H1,500,ok")
+    record = td.read_record(made.save(tmp_path / "b.log"), {"T": A, "heater1": {"command": "h"}})
+    np.testing.assert_array_equal(record["heater1"].values, [0.0, 0.0, 0.5, 0.5])
+
+
 def test_power_is_voltage_times_current(tmp_path: Path) -> None:
     made = Sheet().start()
     for k in range(1, 5):
