@@ -6,8 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+import thermid as td
+
 __all__ = ["dense_campaign", "wide_campaign"]
 
+TRUE_HTC = 9.0
+"""Of every part, where its deck says 8. [W/(m^2 K)]"""
 PART = """
 title = "{name}"
 needs = ["air", "plate"]
@@ -66,9 +70,11 @@ def wide_campaign(folder: Path, parts: int = 50) -> Path:
     kinds = ("Receiver", "Converter", "Gyro", "Transmitter", "Computer")
     names = [f"{kinds[k % 5]}_{k // 5 + 1}" for k in range(parts)]
     for k, name in enumerate(names):
-        part = PART.format(name=name, mass=0.3 + 0.02 * k, foot=round(0.2 + 0.01 * k, 2), power=round(2.0 + 0.1 * k, 1))
+        mass, foot, power = 0.3 + 0.02 * k, 0.2 + 0.01 * k, 2.0 + 0.1 * k
+        part = PART.format(name=name, mass=f"{mass:.2f}", foot=f"{foot:.2f}", power=f"{power:.1f}")
         (folder / f"{name}.toml").write_text(part, encoding="utf-8")
-        rise = 9.0 * (1.0 - np.exp(-times / 1200.0)) + 0.1 * rng.standard_normal(times.size)
+        out = foot + TRUE_HTC * 0.02
+        rise = power / out * (1.0 - np.exp(-times * out / (900.0 * mass))) + 0.1 * rng.standard_normal(times.size)
         _log(folder / f"{name}.csv", {"T": 24.0 + rise, "T_AIR": np.full(times.size, 24.0), "T_PLATE": np.full(times.size, 24.0)}, 60.0)
         bound = 'T_AIR = { boundary = "air" }, T_PLATE = { boundary = "plate" }'
         case = 'T = { node = "case", noise = "0.1 [K]", accuracy = "0.3 [K]" }'
@@ -78,7 +84,12 @@ def wide_campaign(folder: Path, parts: int = 50) -> Path:
     deck = 'title = "bay"\nneeds = ["air"]\n[nodes]\ntray = { capacitance = "9000 [J/K]" }\n'
     deck += '[surfaces]\nback = { of = "tray", to = "air", area = "0.6 [m^2]", effective_htc = "9 [W/(m^2 K)]" }\n' + "".join(uses)
     (folder / "bay.toml").write_text(deck, encoding="utf-8")
-    sensors = {f"T{k}": 24.0 + 12.0 * (1.0 - np.exp(-times / 3000.0)) + 0.1 * rng.standard_normal(times.size) for k in range(0, parts, 2)}
+    truth = td.load_model(folder / "bay.toml").with_values(
+        {f"u{k:02d}.skin.effective_htc": f"{TRUE_HTC} [W/(m^2 K)]" for k in range(parts)}
+    )
+    course = td.Scenario("bay", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration=float(times[-1]))
+    run = td.simulate(truth, course, times=times)
+    sensors = {f"T{k}": run[f"u{k:02d}.case"].celsius + 0.1 * rng.standard_normal(times.size) for k in range(0, parts, 2)}
     _log(folder / "bay.csv", {**sensors, "T_AIR": np.full(times.size, 24.0)}, 60.0)
     channels = ", ".join(f'T{k} = {{ node = "u{k:02d}.case", noise = "0.1 [K]", accuracy = "0.3 [K]" }}' for k in range(0, parts, 2))
     text += f'[records.bay]\nfile = "bay.csv"\nchannels = {{ {channels}, T_AIR = {{ boundary = "air" }} }}\n'

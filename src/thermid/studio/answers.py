@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -32,11 +33,14 @@ __all__ = [
     "window_of",
 ]
 
+SINGLE = 1e6
+"""Up to here four bytes tell times to a tenth of a second and temperatures to a millikelvin."""
 GASES = ("air", "vacuum", "printed")
 
 
 def project_object(project: Project, work: Work) -> dict[str, Any]:
     """Return what is open and where its stages stand."""
+    job = work.state()  # before the stages: a job that has ended has set all of them
     return {
         "title": project.title,
         "file": project.path.name,
@@ -45,7 +49,7 @@ def project_object(project: Project, work: Work) -> dict[str, Any]:
         "stages": [asdict(project.states[name]) for name in project.stages],
         "decks": project.decks() if project.source is not None else (),
         "table": project.table(),
-        "job": work.state(),
+        "job": job,
     }
 
 
@@ -157,7 +161,7 @@ def window_of(asked: Mapping[str, Any]) -> Window:
 
 
 def as_json(value: object) -> str:
-    """Return a value as JSON that a script element cannot break out of; numbers that JSON lacks become null."""
+    """Return a value as JSON that a script element cannot break out of; arrays as bytes, numbers that JSON lacks as null."""
     return json.dumps(_plain(value), allow_nan=False).replace("<", "\\u003c")
 
 
@@ -165,8 +169,9 @@ def _plain(value: object) -> object:
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):
-        found = np.round(value, 4).tolist()
-        return found if np.isfinite(value).all() else [v if np.isfinite(v) else None for v in found]
+        # text of many numbers takes longer to write and read than a simulation does
+        single = value.size == 0 or not np.nanmax(np.abs(value), initial=0.0) > SINGLE
+        return {"f4" if single else "f8": base64.b64encode(value.astype("<f4" if single else "<f8").tobytes()).decode()}
     if isinstance(value, list | tuple):
         return [_plain(v) for v in value]
     if isinstance(value, float | np.floating):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,10 +74,12 @@ def thinned(times: Array, values: Array, window: Window = None, points: int = PO
         times, values = times[first:last], values[first:last]
     if times.size <= points:
         return times, values
-    edges = np.linspace(0, times.size, points // 2 + 1).astype(int)
-    low, high = np.where(np.isnan(values), np.inf, values), np.where(np.isnan(values), -np.inf, values)
-    extremes = [(a + int(low[a:b].argmin()), a + int(high[a:b].argmax())) for a, b in pairwise(edges)]
-    gaps = np.isnan(values)
-    ends = np.flatnonzero(gaps & ~np.append(False, gaps[:-1])) if gaps.any() else np.zeros(0, dtype=int)
-    index = np.unique([0, *(k for pair in extremes for k in pair), *ends[:points], times.size - 1])
-    return times[index], values[index]
+    width = -(-2 * times.size // points)
+    padded = np.concatenate([values, np.full(-times.size % width, np.nan)]).reshape(-1, width)
+    begins, gaps = width * np.arange(padded.shape[0]), np.isnan(values)
+    lowest = begins + np.where(np.isnan(padded), np.inf, padded).argmin(axis=1)
+    highest = begins + np.where(np.isnan(padded), -np.inf, padded).argmax(axis=1)
+    kept = np.zeros(times.size, dtype=bool)
+    kept[lowest] = kept[highest] = kept[0] = kept[-1] = True
+    kept |= gaps & ~np.append(False, gaps[:-1])  # where a gap begins, a line must break
+    return times[kept], values[kept]

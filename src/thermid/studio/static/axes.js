@@ -2,7 +2,7 @@
 export function axes(g, r, inner, style, labels, chart) {
   g.font = "12px system-ui, sans-serif"; g.fillStyle = style.color; g.lineWidth = 1; g.textBaseline = "middle";
   const edge = style.getPropertyValue("--edge") || "#ccc";
-  for (const [ticks, across] of [[ticksOf(r.x0, r.x1, inner.w / 90), false], [ticksOf(r.y0, r.y1, inner.h / 45), true]]) {
+  for (const [ticks, across] of [[ticksOf(r.x0, r.x1, inner.w / 90), false], [ticksOf(r.y0, r.y1, inner.h / 32), true]]) {
     for (const v of ticks.at) {
       g.strokeStyle = edge; g.globalAlpha = 0.7; g.beginPath();
       const text = (Math.abs(v) < 1e-12 ? 0 : v).toFixed(ticks.digits);

@@ -1,6 +1,6 @@
 // Bench: a log that grows is followed, held against a rule of stability, and its end forecast or declined.
 import { Chart } from "/static/chart.js";
-import { ask, at, colour, dash, hours, legend, make, numbers, shown, studio, tried, wrong } from "/static/page.js";
+import { ask, at, colour, dash, hours, legend, make, shown, studio, tried, wrong } from "/static/page.js";
 import { s } from "/static/state.js";
 
 const chart = new Chart(at("bench-chart"), { x: "time [h]", y: "temperature [°C]" }, () => {}, () => look(true));
@@ -85,7 +85,7 @@ function fillOnce(select, options) {
 function draw(own) {
   const marks = { gaps: [], ends: [], values: [] }, series = [];
   found.channels.forEach((c, k) => {
-    series.push({ name: c.name, x: hours(c.times), y: numbers(c.values), kind: "line", colour: colour(k), dash: c.name === found.reference ? [6, 4] : dash(k), wide: c === own && found.channels.length > 1 });
+    series.push({ name: c.name, x: hours(c.times), y: c.values, kind: "line", colour: colour(k), dash: c.name === found.reference ? [6, 4] : dash(k), wide: c === own && found.channels.length > 1 });
     if (!chart.hidden.has(c.name)) marks.gaps.push(...c.gaps.map((g) => [g.from / 3600, g.to / 3600]));
   });
   const f = own?.forecast;

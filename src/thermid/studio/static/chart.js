@@ -1,6 +1,7 @@
 // A chart of time series on a canvas: lines and points, axes, a cursor, zoom by dragging, keys, marks of limits and phases.
 // Drawn by hand because a redraw of a dozen sensors must end within a frame or two; see the decision note on the studio.
 import { axes } from "/static/axes.js";
+import { studio } from "/static/page.js";
 import { drawMarks, drawUnder, reach } from "/static/marks.js";
 const ROOM = { left: 54, right: 10, top: 8, bottom: 40 };
 
@@ -44,6 +45,12 @@ export class Chart {
   }
 
   paint() {
+    const begun = performance.now();
+    this.redraw();
+    studio.frames.push(performance.now() - begun);
+    if (studio.frames.length > 2000) studio.frames.splice(0, 1000);
+  }
+  redraw() {
     const { clientWidth: width, clientHeight: height } = this.host, scale = window.devicePixelRatio || 1;
     if (!width || !height) return;
     if (this.canvas.width !== Math.round(width * scale) || this.canvas.height !== Math.round(height * scale)) {
@@ -71,7 +78,7 @@ export class Chart {
     g.globalAlpha = s.kind === "points" ? 0.45 : s.faint ? 0.6 : 1;
     g.fillStyle = g.strokeStyle = s.colour;
     if (s.kind === "points") { for (let k = 0; k < s.x.length; k++) if (s.x[k] >= r.x0 && s.x[k] <= r.x1) g.fillRect(this.toX(s.x[k]) - 1.2, this.toY(s.y[k]) - 1.2, 2.4, 2.4); g.globalAlpha = 1; return; }
-    g.lineWidth = s.wide ? 3 : s.thin ? 1 : 1.8; g.setLineDash(s.kind === "dots" ? [2, 4] : s.dash || []); g.lineJoin = "round"; g.beginPath();
+    g.lineWidth = s.wide ? 3 : s.thin ? 1 : 1.8; g.setLineDash(s.kind === "dots" ? [2, 4] : s.dash || []); g.lineJoin = s.thin || s.x.length > 400 ? "bevel" : "round"; g.beginPath(); // round joins of a noisy line cost most of a redraw
     let down = false;
     for (let k = 0; k < s.x.length; k++) {
       if (Number.isNaN(s.y[k])) { down = false; continue; }

@@ -9,6 +9,9 @@ export async function drawPicture() {
   const found = await tried(() => ask("/api/picture", { stage: s.stage, values: s.values, run: s.run, time: s.time, folded: [...s.folded] }));
   if (!found || mine !== drawing) return;
   at("picture").innerHTML = found.svg; // made by the server, every text in it escaped, and no script may run here
+  const svg = at("picture").querySelector("svg");
+  const wide = svg.viewBox.baseVal.width;
+  svg.style.setProperty("--wide", `${0.7 * wide}px`); svg.style.setProperty("--whole", `${0.85 * wide}px`); svg.style.setProperty("--most", `${1.35 * wide}px`); // a small one neither scrolls sideways nor shouts
   mark();
 }
 // parts at first folded: with many, all that lie directly in the model, so that one screen holds it
@@ -16,6 +19,7 @@ const FEW = 16;
 export function foldAtFirst() {
   s.folded = new Set(s.desk.parts.length > FEW ? s.desk.parts.filter((p) => !p.includes(".")) : []);
   at("fold-tools").hidden = s.desk.parts.length <= FEW;
+  at("model").classList.toggle("large", s.desk.parts.length > FEW); // a row of its own, in a size that can be read
   at("find-part").value = "";
   chips();
 }

@@ -1,7 +1,7 @@
 // Scenarios: choose what is run, run it with progress, see limits and margins on the curves, the worst part and time in words.
 import { Chart } from "/static/chart.js";
 import { PHASES, swatch } from "/static/marks.js";
-import { ask, at, colour, dash, hours, legend, make, numbers, row, shown, studio, tried, wrong } from "/static/page.js";
+import { ask, at, colour, dash, hours, legend, make, row, shown, studio, tried, wrong } from "/static/page.js";
 import { begin } from "/static/stages.js";
 import { s } from "/static/state.js";
 
@@ -44,7 +44,7 @@ async function describe(fresh = true) {
   const lines = Object.entries(told.numbers).map(([n, v]) => make("tr", {}, make("th", { scope: "row", text: n }), make("td", { text: v.text }), make("td", { text: v.mark }), make("td", { text: [v.clause, v.note].filter(Boolean).join("; ") })));
   at("profile-numbers").replaceChildren(
     make("p", { text: [told.lacking && `Not complete: ${told.lacking}`, told.trust, told.note].filter(Boolean).join(" — ") }), ...told.remarks.map((r) => make("p", { class: "warning", text: r })),
-    make("details", {}, make("summary", { text: `Its numbers, with clauses${told.steps ? `; ${told.steps} steps` : ""}` }), make("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "Numbers of the profile" }, make("table", {}, make("thead", {}, make("tr", {}, ...["Number", "Value", "Known how", "Where"].map((t) => make("th", { scope: "col", text: t })))), make("tbody", {}, ...lines)))));
+    make("details", {}, make("summary", { text: `Its with clauses${told.steps ? `; ${told.steps} steps` : ""}` }), make("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "Numbers of the profile" }, make("table", {}, make("thead", {}, make("tr", {}, ...["Number", "Value", "Known how", "Where"].map((t) => make("th", { scope: "col", text: t })))), make("tbody", {}, ...lines)))));
 }
 at("course").addEventListener("change", () => describe());
 for (const id of ["lowest", "highest"]) at(id).addEventListener("change", () => { if ((at("lowest").value === "") === (at("highest").value === "")) describe(false); });
@@ -97,11 +97,11 @@ function words() {
 function draw() {
   const focus = found.points.find((p) => p.point === at("focus").value), series = [], marks = { phases: found.phases.map((p) => ({ ...p, from: p.from / 3600, to: p.to / 3600 })), limits: [], levels: [], flags: [], bands: [], values: [] };
   found.curves.forEach((c, k) => {
-    const own = focus && c.name === focus.node, look = { name: c.name, x: hours(c.times), y: numbers(c.values), kind: "line", colour: colour(k), dash: c.chamber ? [6, 4] : dash(k) };
+    const own = focus && c.name === focus.node, look = { name: c.name, x: hours(c.times), y: c.values, kind: "line", colour: colour(k), dash: c.chamber ? [6, 4] : dash(k) };
     series.push({ ...look, wide: own, thin: focus && !own && !c.chamber, faint: focus && !own });
     if (c.band && (!focus || own)) marks.bands.push({ x: hours(c.band_times), y: c.band_values, half: c.band, colour: colour(k) });
   });
-  (found.moisture?.dew || []).forEach((d, k) => series.push({ name: d.name, x: hours(d.times), y: numbers(d.values), kind: "dots", colour: colour(found.curves.length + k) }));
+  (found.moisture?.dew || []).forEach((d, k) => series.push({ name: d.name, x: hours(d.times), y: d.values, kind: "dots", colour: colour(found.curves.length + k) }));
   series.sort((a, b) => (a.wide || 0) - (b.wide || 0));
   const said = new Set();
   for (const span of focus?.spans || []) span.limits.forEach((v, k) => {

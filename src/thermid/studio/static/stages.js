@@ -3,6 +3,7 @@ import { ask, at, make, row, shown, tried, wrong } from "/static/page.js";
 import { s } from "/static/state.js";
 
 const MANY = 14; // stages beyond which the strip is one line with a search
+let drawn = "";
 let open = async () => {};
 export function opensWith(f) { open = f; }
 
@@ -20,6 +21,8 @@ export function drawStages() {
     const says = state === "done" ? `RMSE to ${shown(Math.max(...Object.values(x.sensors), 0), 2)} K` : state;
     return make("li", {}, make("button", { type: "button", "data-stage": x.name, "data-state": state, "aria-current": x.name === s.stage ? "true" : "false", title: x.why || state, onclick: () => open(x.name) }, make("span", { text: x.name }), make("small", { text: says })));
   }));
+  const current = list.querySelector("[aria-current=true]");
+  if (many && current && drawn !== s.stage) { drawn = s.stage; list.scrollLeft = current.parentElement.offsetLeft - list.clientWidth / 2; }
   if (held) list.querySelector(`[data-stage="${CSS.escape(held)}"]`)?.focus();
 }
 at("find-stage").addEventListener("input", drawStages);
