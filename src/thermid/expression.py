@@ -22,6 +22,8 @@ __all__ = ["NAME", "Expression", "Literal", "parse"]
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
 _BRACKET = re.compile(r"^(?P<number>[^\[\]]*)\[(?P<unit>[^\[\]]*)\]\s*$", re.DOTALL)
+_BARE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*([A-Za-z%][\w/^*% ]{0,20}?)\s*\Z")
+"""A number whose unit stands without brackets."""
 _LONGEST = 2000
 _LARGEST_POWER = 64
 _MOST_BITS = 4096
@@ -97,8 +99,10 @@ def parse(text: str) -> Expression:
     try:
         tree = ast.parse(body.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
+        bare = _BARE.match(text)
+        meant = f"{bare[1]} [{bare[2]}]" if bare else "2.5 [W]"
         raise ExpressionError(
-            f"'{_short(text)}' cannot be read as arithmetic. Write a number with its unit, '2.5 [W]', or names with + - * / **."
+            f"'{_short(text)}' cannot be read as arithmetic. Write a number with its unit, '{meant}', or names with + - * / **."
         ) from error
     names: list[str] = []
     _check(tree, text, names)

@@ -113,6 +113,8 @@ def unit(text: str) -> Unit:
                 f"'[{text}]' multiplies or divides the scale {scale}, which has an offset. "
                 f"Write {instead}: a difference of 1 {scale} is 1 {instead}."
             )
+    if re.search(r"\bgr\b", key):
+        raise UnitError(f"'[{text}]': gr is the grain, 0.0648 g. Write g for grams, or grain.")
     return _from_pint(text, key)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import operator
+import re
 import sys
 from collections.abc import Callable
 from fractions import Fraction
@@ -171,6 +172,12 @@ def test_runs_no_code(text: str) -> None:
 )
 def test_unreadable(text: str) -> None:
     with pytest.raises(ExpressionError, match=r"cannot be read as arithmetic\. Write a number with its unit"):
+        parse(text)
+
+
+@pytest.mark.parametrize(("text", "meant"), [("3h", "3 [h]"), ("0.05 m^2", "0.05 [m^2]"), ("5 W/(m^2 K)", "2.5 [W]"), ("2 +", "2.5 [W]")])
+def test_a_unit_without_brackets_is_shown_with_them(text: str, meant: str) -> None:
+    with pytest.raises(ExpressionError, match=re.escape(f"its unit, '{meant}', or")):
         parse(text)
 
 

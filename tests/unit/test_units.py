@@ -181,3 +181,10 @@ def test_right_dimension(text: str, slot: str) -> None:
 def test_names_of_dimensions() -> None:
     for text, name in NAMES.items():
         assert describe(unit(text).dimension) == name
+
+
+@pytest.mark.parametrize("text", ["gr", "J/(gr K)"])
+def test_the_grain_is_no_gram(text: str) -> None:
+    with pytest.raises(UnitError, match=r"gr is the grain, 0\.0648 g\. Write g"):
+        unit(text)
+    assert float(unit("grain").factor) == pytest.approx(6.479891e-5)

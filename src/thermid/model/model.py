@@ -121,9 +121,12 @@ class Model:
         """
         head, _, rest = self.canonical(path).partition(".")
         if head not in self.submodels:
-            raise NameNotFoundError(f"no submodel '{head}'.{nearest(head, self.submodels)}", self.title)
+            raise NameNotFoundError(f"no submodel '{head}'.{nearest(head, self.submodels) or self._parts()}", self.title)
         inner = self.submodels[head].model
         return inner.submodel(rest) if rest else inner
+
+    def _parts(self) -> str:
+        return f" There are {', '.join(self.submodels)}." if self.submodels else " It has none."
 
     def canonical(self, path: str) -> str:
         """Return the canonical path of a name: aliases resolved, here and in every submodel it passes."""
@@ -195,7 +198,7 @@ class Model:
         """
         head, _, rest = self.canonical(path).partition(".")
         if head not in self.submodels:
-            raise NameNotFoundError(f"no submodel '{head}'.{nearest(head, self.submodels)}", self.title)
+            raise NameNotFoundError(f"no submodel '{head}'.{nearest(head, self.submodels) or self._parts()}", self.title)
         old = self.submodels[head]
         if rest:
             changed = old.model.replace(rest, new)

@@ -81,7 +81,7 @@ def test_replace_deep_inside(part: Build, pair: Build) -> None:
     assert new.submodels["p"].definition == new.submodel("p").identity() != whole.submodels["p"].definition
     with pytest.raises(NameNotFoundError, match=r"Pair: no submodel 'c'"):
         whole.replace("p.c", part())
-    with pytest.raises(NameNotFoundError, match=r"Whole: no submodel 'q'"):
+    with pytest.raises(NameNotFoundError, match=r"Whole: no submodel 'q'\. There are p\.$"):
         whole.replace("q", part())
 
 
