@@ -49,6 +49,7 @@ def moves_above(
     """
     names = [u.name for u in problem.unknowns]
     stages = {p: v.stage for v in handed for p in v.parameters}
+    errors = {p: one.error for v in handed for p, one in v.parameters.items()}
     members = [k for k, u in enumerate(problem.unknowns) if u.kind == "parameter" and u.name in stages]
     if not members:
         return Moves()
@@ -62,9 +63,8 @@ def moves_above(
         sd = math.sqrt(max(spread[k, k], 0.0))
         tested = known[k] and sd > math.sqrt(INFORMED * total[k, k])
         far = float(shift[k]) / sd if tested else math.nan
-        values.append(
-            Move(u.name, part_of(model, u.name), stages[u.name], means[k], u.to_value(float(found.fitted[k])), u.unit, far, _normal(far))
-        )
+        here = u.to_value(float(found.fitted[k]))
+        values.append(Move(u.name, part_of(model, u.name), stages[u.name], means[k], here, u.unit, far, _normal(far), errors[u.name]))
     tested_rows = {names[k]: k for k, m in zip(members, values, strict=True) if math.isfinite(m.deviations)}
     together = lambda paths: _together([tested_rows[p] for p in paths if p in tested_rows], shift, spread)  # noqa: E731
     return Moves(tuple(values), _groups(values, together))
@@ -144,7 +144,7 @@ def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], found: 
             shift[k] = math.log(here.value / before.value) if here.log else here.value - before.value
             sd = math.sqrt(spread[k, k])
             far = float(shift[k]) / sd if sd > 0 and math.isfinite(sd) else math.nan
-            values.append(Move(q, place(q), stage.stage, before.value, here.value, here.unit, far, _normal(far)))
+            values.append(Move(q, place(q), stage.stage, before.value, here.value, here.unit, far, _normal(far), before.error))
     rows_of = {m.path: order.index(m.path) for m in values if math.isfinite(m.deviations)}
     return Moves(tuple(values), _groups(values, lambda paths: _together([rows_of[p] for p in paths if p in rows_of], shift, spread)))
 

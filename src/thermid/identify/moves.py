@@ -38,6 +38,7 @@ class Move:
     deviations : float      The shift over sqrt(variance below - variance here), of the fitted form; NaN where the level above says
                             nothing of it. [-]
     chance : float          Of a shift of this size when nothing but noise moves it. [-]
+    below_error : float     Standard error that it had there. [SI]
     """
 
     path: str
@@ -48,6 +49,7 @@ class Move:
     unit: str
     deviations: float
     chance: float
+    below_error: float = math.nan
 
     @property
     def verdict(self) -> str:

@@ -44,11 +44,7 @@ def _line(m: Move, calibration: Calibration) -> Line:
     share = number(100 * (here / below - 1), 2) if below else DASH
     far = f"{m.deviations:+.1f}" if math.isfinite(m.deviations) else DASH
     found = calibration.values.get(m.path)
-    sizes = (math.nan, math.nan)
-    if found is not None:
-        # a prior is in the fitted form, in which an error of a logarithm is relative
-        spread = found.prior[1] * (m.below if found.log else 1.0) if found.prior is not None else math.nan
-        sizes = (abs(spread) / float(of.factor), found.error / float(of.factor))
+    sizes = [e / float(of.factor) for e in (m.below_error, found.error if found is not None else math.nan)]
     shown = [
         f"{significant(v, e)} ± {number(e, 2)}" if math.isfinite(e) else plain(v, 5) for v, e in zip((below, here), sizes, strict=True)
     ]

@@ -159,11 +159,11 @@ def foreseen(q: Qualification, t: Trial) -> Table:
     columns = [
         Column("sensor"),
         Column("lowest, °C", True),
-        Column("measured", True),
+        Column("measured, °C", True),
         Column("highest, °C", True),
-        Column("measured", True),
+        Column("measured, °C", True),
     ]
-    columns += [Column("last, °C", True), Column("measured", True), Column("outside 95 %")]
+    columns += [Column("last, °C", True), Column("measured, °C", True), Column("outside 95 %")]
     seen = {o.sensor: o for o in t.correlation.overlays} if t.correlation is not None else {}
     rows: list[Line] = []
     for sensor, (node, _) in sensors_of(q.plan, t.test).items():

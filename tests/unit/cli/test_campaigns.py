@@ -199,7 +199,6 @@ class TestCalibrate:
 class TestReport:
     def test_it_writes_a_page(self, call: Call, campaign: Path, tmp_path: Path) -> None:
         pytest.importorskip("thermid.reporting.page", reason="the reporting room is not there")
-        pytest.importorskip("matplotlib")
         pytest.importorskip("jinja2")
         page = tmp_path / "page.html"
         said = call("report", campaign, "--to", page, "--json")
@@ -212,11 +211,41 @@ class TestReport:
 
     def test_it_says_that_a_verdict_failed(self, call: Call, campaign: Path, tmp_path: Path) -> None:
         pytest.importorskip("thermid.reporting.page", reason="the reporting room is not there")
-        pytest.importorskip("matplotlib")
         pytest.importorskip("jinja2")
         said = call("report", changed(campaign, 'rmse = "0.5 [K]"', 'rmse = "0.001 [K]"'), "--to", tmp_path / "page.html")
         assert said.code == 1
         assert (tmp_path / "page.html").is_file()
+
+    def test_it_asks_where_the_report_goes(self, call: Call, campaign: Path) -> None:
+        said = call("report", campaign)
+        assert said.code == 2
+        assert "say where the report goes: --to page.html, --pdf page.pdf, or both." in said.err
+
+    def test_a_missing_browser_is_told_before_anything_runs(
+        self, call: Call, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from thermid.reporting import pdf
+
+        monkeypatch.setenv("PATH", str(tmp_path))
+        monkeypatch.setattr(pdf, "PLACES", ())
+        said = call("report", campaign, "--pdf", tmp_path / "page.pdf")
+        assert said.code == 2
+        assert "neither Chromium nor Chrome nor Edge is installed" in said.err
+        assert "evaluation" not in said.err
+        assert list(tmp_path.glob("page*")) == []
+
+    def test_a_pdf_alone_leaves_no_page_behind(self, call: Call, campaign: Path, tmp_path: Path) -> None:
+        from thermid.reporting import pdf
+
+        try:
+            pdf.browser()
+        except pdf.NoBrowserError:
+            pytest.skip("no Chromium, Chrome or Edge to print with")
+        said = call("report", campaign, "--pdf", tmp_path / "out" / "page.pdf", "--json")
+        assert said.code == 0, said.out
+        assert said.object["pdf"] == str(tmp_path / "out" / "page.pdf")
+        assert "page" not in said.object
+        assert (tmp_path / "out" / "page.pdf").read_bytes().startswith(b"%PDF-")
 
 
 class TestSchema:
