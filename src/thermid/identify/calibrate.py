@@ -11,6 +11,7 @@ import numpy as np
 from thermid.identify.calibration import Calibration
 from thermid.identify.clock_search import at_clocks, in_turns, with_clocks
 from thermid.identify.gather import problem_for
+from thermid.identify.mistakes import mistakes
 from thermid.identify.refusals import refuse_after, refuse_before
 from thermid.identify.request import LocalSpec, Request
 from thermid.identify.residuals import Problem
@@ -110,7 +111,20 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     spread = wander(problem, found, request.loss, request.knee)
     total, random, weights = covariances(found, spread.level, spread.excess)
     refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
+    if stated and request.free:
+        asked = mistakes(request, problem, found.chi_square / _freedom(problem), _misfit)
+        found = replace(found, remarks=(*found.remarks, *asked))
     return summarise(request, problem, found, total, random, weights, spread)
+
+
+def _freedom(problem: Problem) -> float:
+    return max(problem.worth - len(problem.unknowns), 1.0)
+
+
+def _misfit(request: Request) -> float:
+    """Return the weighted sum of squares per degree of freedom that one descent from the start leaves. [-]"""
+    problem = problem_for(request)
+    return minimise(problem, request.loss, request.knee).chi_square / _freedom(problem)
 
 
 def _measured_noise(problem: Problem, found: Fit, loss: str) -> dict[str, float]:
