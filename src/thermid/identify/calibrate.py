@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.errors import IdentificationError
 from thermid.identify.calibration import Calibration
 from thermid.identify.clock_search import at_clocks, in_turns, with_clocks
 from thermid.identify.gather import problem_for
@@ -110,10 +111,14 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         found = replace(again, **kept)
     spread = wander(problem, found, request.loss, request.knee)
     total, random, weights = covariances(found, spread.level, spread.excess)
-    refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
-    if stated and request.free:
+    asked: tuple[str, ...] = ()
+    if stated and request.free and len(problem.experiments) == len(request.records):
         asked = mistakes(request, problem, found.chi_square / _freedom(problem), _misfit)
         found = replace(found, remarks=(*found.remarks, *asked))
+    try:
+        refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
+    except IdentificationError as refusal:
+        raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in asked)]), refusal.where) from None
     return summarise(request, problem, found, total, random, weights, spread)
 
 
