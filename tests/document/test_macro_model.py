@@ -23,14 +23,14 @@ def macro() -> td.Model:
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory: pytest.TempPathFactory) -> td.Model:
-    sys.path[:0] = [str(MACRO), str(SISNAV)]
+def flight() -> td.Model:
+    sys.path.insert(0, str(MACRO))
     try:
         import macro as decks
 
-        return decks.flight(tmp_path_factory.mktemp("natural"))
+        return decks.flight()
     finally:
-        del sys.path[:2]
+        del sys.path[0]
 
 
 def around(celsius: float, **more: object) -> td.Scenario:
