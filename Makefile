@@ -14,7 +14,7 @@ SANITIZED := tests/unit/kernel tests/unit/network tests/unit/simulation tests/un
 install = { command -v uv >/dev/null && uv pip install --quiet --python $(BIN)/python --require-hashes -r $(1); } \
 	|| $(BIN)/python -m pip install --disable-pip-version-check --quiet --require-hashes -r $(1)
 
-.PHONY: help setup setup-test demo test test-all bench firmware bench-tools docs lint sanitize format lengths lock clean
+.PHONY: help setup setup-test demo test test-all bench screenshots firmware bench-tools docs lint sanitize format lengths lock clean
 
 help:  ## what can be made
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
@@ -36,6 +36,9 @@ bench: setup-test  ## every benchmark beside the peers that are installed, the t
 	@for case in B1 B2 B3 B4 B5 B6; do $(BIN)/python benchmarks/run.py $$case --save benchmarks/results || exit 1; done
 	@$(BIN)/python benchmarks/table.py
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --benchmark-only tests/benchmarks
+
+screenshots: setup-test  ## pictures of the studio and of a report page at three widths, light and dark, into out/screenshots (needs Chromium)
+	@$(BIN)/python scripts/screenshots.py
 
 firmware:  ## the firmware of the bench (needs avr-gcc), with its flash and RAM
 	@$(MAKE) --no-print-directory -C firmware

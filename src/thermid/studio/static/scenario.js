@@ -44,7 +44,7 @@ async function describe(fresh = true) {
   const lines = Object.entries(told.numbers).map(([n, v]) => make("tr", {}, make("th", { scope: "row", text: n }), make("td", { text: v.text }), make("td", { text: v.mark }), make("td", { text: [v.clause, v.note].filter(Boolean).join("; ") })));
   at("profile-numbers").replaceChildren(
     make("p", { text: [told.lacking && `Not complete: ${told.lacking}`, told.trust, told.note].filter(Boolean).join(" — ") }), ...told.remarks.map((r) => make("p", { class: "warning", text: r })),
-    make("details", {}, make("summary", { text: `Its with clauses${told.steps ? `; ${told.steps} steps` : ""}` }), make("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "Numbers of the profile" }, make("table", {}, make("thead", {}, make("tr", {}, ...["Number", "Value", "Known how", "Where"].map((t) => make("th", { scope: "col", text: t })))), make("tbody", {}, ...lines)))));
+    make("details", {}, make("summary", { text: `Its numbers, with clauses${told.steps ? `; ${told.steps} steps` : ""}` }), make("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "Numbers of the profile" }, make("table", {}, make("thead", {}, make("tr", {}, ...["Number", "Value", "Known how", "Where"].map((t) => make("th", { scope: "col", text: t })))), make("tbody", {}, ...lines)))));
 }
 at("course").addEventListener("change", () => describe());
 for (const id of ["lowest", "highest"]) at(id).addEventListener("change", () => { if ((at("lowest").value === "") === (at("highest").value === "")) describe(false); });
