@@ -47,7 +47,7 @@ bench-tools: firmware  ## the simulated bench that runs it (needs libsimavr)
 	@$(MAKE) --no-print-directory -C bench
 
 docs: setup-test  ## the documentation as pages that open from the disk; ends with the path of the first
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 	@echo $(CURDIR)/build/docs/index.html
 
 sanitize: setup-test  ## the tests that reach the kernel, with a kernel built under address and undefined behaviour sanitizers (gcc)

@@ -211,6 +211,11 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     return turned(markdown, page.file.src_uri)
 
 
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Leave blocks of code out of the search: one looks for words, and finds pages that explain them."""
+    return re.sub(r'<div class="([^"]*\bhighlight\b[^"]*)">', r'<div class="\1" data-search-exclude>', html)
+
+
 def turned(markdown: str, page: str) -> str:
     """Return a page with links, fences and formulas as the site needs them."""
 
