@@ -91,7 +91,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
     found = list(c.verdicts.values())
     watermark = "SYNTHETIC DATA" if synthetic else ""
     banner = [(watermark, "The readings were made, not measured.")] if synthetic else []
-    said = f"{len(c.gates)} gates, {len(c.failed)} not met"
+    said = f"{len(c.gates)} gate{'s' if len(c.gates) != 1 else ''}, {len(c.failed)} not met"
     return _write(
         to,
         title=c.title,

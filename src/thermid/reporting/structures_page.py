@@ -178,7 +178,7 @@ def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table
                 verdict,
             ]
         )
-    caption = "From the simplest down; ▸ is taken. Green: within 5 % of the lowest error, or with support by the corrected likelihood."
+    caption = "From the simplest down; ▸ is taken. Strong: within 5 % of the lowest error, or with support by the corrected likelihood."
     return Table.of(columns, rows, caption)
 
 
