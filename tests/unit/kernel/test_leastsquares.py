@@ -14,7 +14,7 @@ from unit.kernel.test_noisy_input import START, ambient, bench
 from unit.kernel.test_thermostat import heated
 
 LOOSE = {"rtol": 1e-6, "atol": 4e-4, "input_atol": 1e-3}
-"""With `atol` above the parts of `input_atol` that a step may err by, so that runs with stored and with collected outputs take the same steps."""
+"""With `atol` above the parts of `input_atol` that a step may err by: stored and collected outputs then take the same steps."""
 LOSSES = {"linear": k.SQUARE, "soft_l1": k.SOFT_L1, "huber": k.HUBER, "cauchy": k.CAUCHY}
 
 
