@@ -85,6 +85,7 @@ def test_nothing_is_wider_than_the_screen_or_the_sheet(browser: Page, address: s
 
 
 def test_hostile_names_run_nothing_and_the_console_is_silent(browser: Page, hostile: str) -> None:
+    browser.listen()  # a browser that was just started has shown its own first page
     browser.said.clear()
     browser.asked.clear()
     open_at(browser, hostile, 1600)
