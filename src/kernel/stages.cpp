@@ -346,7 +346,7 @@ void Integrator::improve() {
 // followed, and finer where sensitivities are wanted, whose errors are up to twice as large. Least squares only take directions from them.
 double Integrator::tolerance() const {
     const double tol = o_.atol + o_.rtol * (high_ - low_);
-    return leftover_ ? std::max(tol, (np_ > 0 && !squares_ ? 0.1 : 0.15) * o_.input_atol) : tol;
+    return leftover_ ? std::max(tol, (np_ > 0 && !squares_ ? 0.25 : 0.32) * o_.input_atol) : tol;
 }
 
 }  // namespace thermid
