@@ -85,6 +85,7 @@ class Experiment:
     loose : tuple of str        Observed nodes whose start nothing gives but their own readings.
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
     ticks : Ticks or None       What was logged on a second clock that is known within a range only.
+    noisy : dict                Logged boundary -> standard deviation of one sample of it. [K]
     """
 
     record: Record
@@ -97,6 +98,7 @@ class Experiment:
     loose: tuple[str, ...] = ()
     tips: Mapping[str, str] = field(default_factory=dict)
     ticks: Ticks | None = None
+    noisy: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def bare(self) -> Scenario:
@@ -169,6 +171,7 @@ def meet(
     inputs = Inputs(given, dict(base.loads), dict(base.commands), dict(base.gains))
     observed: list[tuple[Channel, str]] = []
     driven: dict[str, str] = {}
+    noisy: dict[str, float] = {}
     for channel in record.channels.values():
         role, path = _bound(record, channel, network)
         if role == "node":
@@ -177,6 +180,8 @@ def meet(
         else:
             _bare(channel, role, record)
             driven[channel.name] = path
+            if role == "boundary" and (noise := _noise(channel)):
+                noisy[path] = noise
             inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
         raise RecordError(f"no channel observes a node of {network.title}; there is nothing to compare.", record.name)
@@ -206,7 +211,7 @@ def meet(
         tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
         followed = tuple((name, p) for c, p in driven.items() if c in second.channels for name, held in tables if p in held)
         ticks = Ticks(second, followed, zero, second.at)
-    return Experiment(record, network, made, times, observations, inputs.shared, readings, loose, tips, ticks)
+    return Experiment(record, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy)
 
 
 def _timed(channel: Channel, record: Record) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.identify.noisy_inputs import excess_of_inputs
 from thermid.identify.residuals import Problem
 from thermid.identify.solve import Fit, covariances
 from thermid.identify.statistics import loss_of
@@ -60,7 +61,8 @@ class Wander:
     ----------
     traces : tuple of Trace                 One per record and sensor.
     level : float                           Variance of the traces that do not wander, in squares of the noise, never below 1. [-]
-    excess : array (unknowns, unknowns)     What wandering adds to the covariance of J'r, over `level` times J'J; zeros where there is none.
+    excess : array (unknowns, unknowns)     What wandering, and the noise of logged boundaries, adds to the covariance of J'r, over
+                                            `level` times J'J; zeros where there is none.
     """
 
     traces: tuple[Trace, ...]
@@ -127,7 +129,7 @@ def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0
             one = own if slow > 0.0 else b.within
             effective = total * min((one + slow) / (own + slow * float(b.count @ like @ b.count) / total), 1.0)
         traces.append(Trace(record, sensor, int(total), own, slow, time, effective))
-    return Wander(tuple(traces), level, excess)
+    return Wander(tuple(traces), level, excess + excess_of_inputs(problem, found.fitted, pieces))
 
 
 def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 1.0) -> dict[tuple[str, str], Binned]:

@@ -37,13 +37,17 @@ class Bench:
         wiring = Wiring(experiment.network, experiment.scenario, free)
         return cls(experiment, tuple(free), wiring, Engine(wiring))
 
-    def temperatures(self, x: Array, gradients: bool, options: Options, times: Array | None = None) -> tuple[Array, Array]:
+    def temperatures(
+        self, x: Array, gradients: bool, options: Options, times: Array | None = None, *, from_rest: bool = False
+    ) -> tuple[Array, Array]:
         """Return observed temperatures (times, sensors) [K] and their derivatives (times, sensors, free), empty when not asked for.
 
-        `times` are the experiment's own where none are given. [s]
+        `times` are the experiment's own where none are given [s]; `from_rest` holds the start while the free names change.
         """
         wanted = self.experiment.times if times is None else times
         assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
+        if from_rest:
+            assembled = replace(assembled, initial_gradient=np.zeros_like(assembled.initial_gradient))
         nodes = tuple(o.node for o in self.experiment.observations)
         kept = kept_for(assembled, nodes)
         duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
