@@ -78,6 +78,13 @@ def run_course(shown: Page, key: str) -> None:
     shown.until(f"(studio.outcomes || 0) > {done}")
 
 
+def open_log(shown: Page) -> None:
+    shown.click("[data-view=bench]")
+    shown.run("document.getElementById('log').value = 'run.csv'")
+    shown.click("#bench-open")
+    shown.until("(studio.looks || 0) > 0")
+
+
 def test_a_profile_is_run_and_its_worst_part_named(shown: Page) -> None:
     run_course(shown, "SMC-S-016 unit thermal cycle, acceptance")
     verdict = shown.text("#verdict")
@@ -125,10 +132,7 @@ def test_a_long_run_is_stopped(shown: Page) -> None:
 def test_hostile_names_of_profiles_and_channels_stay_text(shown: Page) -> None:
     run_course(shown, "profile own.toml")
     assert EVIL in shown.text("#scenario-title")
-    shown.click("[data-view=bench]")
-    shown.run("document.getElementById('log').value = 'run.csv'")
-    shown.click("#bench-open")
-    shown.until("(studio.looks || 0) > 0")
+    open_log(shown)
     assert "<script>" in shown.text("#channels")
     assert shown.run("return window.evil") is None
     shown.clean()
@@ -183,6 +187,8 @@ def test_the_views_are_reached_by_the_keyboard(shown: Page) -> None:
     from selenium.webdriver import ActionChains
     from selenium.webdriver.common.keys import Keys
 
+    run_course(shown, "SMC-S-016 unit thermal cycle, acceptance")
+    open_log(shown)
     for view, wanted in (
         ("scenarios", {"course", "lowest", "highest", "base", "state", "scenario-run", "focus", "scenario-chart"}),
         ("bench", {"log", "bench-open", "rule", "since", "slowest", "reference", "bench-focus", "follow"}),
