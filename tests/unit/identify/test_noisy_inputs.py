@@ -43,11 +43,11 @@ class Laboratory:
         truth = td.compare(self.model.with_values({p: f"{v} [{UNITS[p]}]" for p, v in PLANTED.items()}), nothing)
         self.truth = {b.sensor: b.predicted - 273.15 for b in truth.blocks}
 
-    def record(self, errors: np.ndarray, plate: np.ndarray, cover: np.ndarray, noise: float = SD) -> td.Record:
+    def record(self, errors: np.ndarray, plate: np.ndarray, cover: np.ndarray) -> td.Record:
         path = self.folder / "log.csv"
         columns = [self.times, plate + errors[:, 0], cover + errors[:, 1], self.room + errors[:, 2], self.heater]
         np.savetxt(path, np.column_stack(columns), delimiter=",", header="t_s,plate,cover,room,heat", comments="", fmt="%.7f")
-        told = {n: {"boundary" if n == "room" else "node": n, "noise": f"{noise} [K]"} for n in NAMES}
+        told = {n: {"boundary" if n == "room" else "node": n, "noise": f"{SD} [K]"} for n in NAMES}
         return td.read_record(path, told | {"heat": {"command": "heater"}})
 
     def fitted(self, errors: np.ndarray) -> td.Calibration:
@@ -85,6 +85,9 @@ def test_a_boundary_without_noise_adds_nothing(tmp_path: Path) -> None:
     channels = {n: {"boundary" if n == "room" else "node": n} | ({} if n == "room" else {"noise": f"{SD} [K]"}) for n in NAMES}
     bare = td.read_record(tmp_path / "log.csv", channels | {"heat": {"command": "heater"}})
     without = td.calibrate(laboratory.model, bare, free=list(PLANTED))
+    assert without.experiments[0].noisy == {}
+    at = np.array(list(without.fitted.values()))
+    assert not excess_of_inputs(without.problem, at, binned(without.problem, at)).any()
     for path in ("skin.effective_htc", "plate.capacitance"):
         assert without[path].error < 0.9 * fit[path].error
 
