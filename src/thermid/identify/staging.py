@@ -156,7 +156,11 @@ def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
 
 
 def key_of(request: Request, below: list[str]) -> str:
-    """Return the hash of everything that a stage's result depends on."""
+    """Return the hash of everything that a stage's result depends on.
+
+    What it inherits is a result of the stages below, whose keys say what that depends on. Inherited errors are left out: a fit that was
+    recalled computes them anew, with other last digits than the search that came upon it.
+    """
     content = {
         "version": version("thermid"),
         "model": request.model.identity(),
@@ -175,7 +179,7 @@ def key_of(request: Request, below: list[str]) -> str:
         "priors": repr(sorted(request.priors.items())),
         "bias": repr(sorted(request.held_bias.items())),
         "record_local": repr(sorted((n, sorted(t.items())) for n, t in request.record_local.items())),
-        "bias priors": repr(sorted(request.bias_priors.items())),
+        "bias priors": repr(sorted((name, mean) for name, (mean, _) in request.bias_priors.items())),
         "how": [request.untie, request.loss, request.knee, request.search, request.window, repr(request.options)],
         "readings": repr(sorted(request.readings.items())),
         "weights": sorted(request.weights.items()),

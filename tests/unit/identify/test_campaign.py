@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from studio.large import wide_campaign
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
 from thermid.identify.cache import in_full
 from thermid.identify.campaignfile import read_campaign
@@ -401,6 +402,20 @@ class TestCache:
         assert (first, second) == (["box", "pair"], [])
         assert self.numbers(one) == self.numbers(two)
         assert [v.checks for v in one.verdicts] == [v.checks for v in two.verdicts]
+
+    @pytest.mark.parametrize("noise", ["stated", "measured"])
+    def test_last_digits_of_errors_below_do_not_run_a_stage_again(self, tmp_path: Path, noise: str) -> None:
+        path = wide_campaign(tmp_path, 2)
+        if noise == "measured":
+            path.write_text(path.read_text().replace(', noise = "0.1 [K]"', ""))
+        one, first = self.runs(path, tmp_path / "r")
+        two, second = self.runs(path, tmp_path / "r")
+        assert (first, second) == (["Receiver_1", "Converter_1", "bay"], [])
+        assert one.keys == two.keys
+        for stage in one:
+            for name, found in one[stage].values.items():
+                assert two[stage][name].value == found.value
+                assert two[stage][name].error == pytest.approx(found.error, rel=1e-5)
 
     @pytest.mark.parametrize("loss", ["linear", "huber"])
     def test_also_where_no_noise_is_stated(self, project: Path, tmp_path: Path, loss: str) -> None:
