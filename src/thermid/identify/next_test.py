@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,11 +14,12 @@ from thermid.identify.actions import Action, Aim, usual_actions
 from thermid.identify.calibration import Calibration
 from thermid.identify.doubts import doubted, doubts_without_gas
 from thermid.identify.gather import problem_for
+from thermid.identify.knowledge import WITHOUT_GAS, Knowledge
 from thermid.identify.planned import Sensor, planned_record, sensors_of
+from thermid.identify.predict import predict
 from thermid.identify.ranking import Advice, Option
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
-from thermid.identify.unknowns import Unknown
 from thermid.model.model import Model
 from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario
@@ -31,24 +32,6 @@ NAME = "next test"
 DURATIONS = 24
 ENOUGH = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Knowledge:
-    """What is known: a model at its values, names of unknowns with their information, and what of it priors of instruments hold.
-
-    `thin` says that it was learnt with thin gas already.
-    """
-
-    model: Model
-    names: tuple[str, ...]
-    free: tuple[str, ...]
-    information: Array
-    fitted: Mapping[str, float]
-    spread: float
-    untie: bool
-    held: Mapping[str, float]
-    thin: bool = False
 
 
 def next_test(
@@ -85,7 +68,8 @@ def next_test(
     planned readings. A new instrument brings the prior of its constant error, one that was there before brings none a second time
     (Fedorov, Theory of Optimal Experiments, Academic Press 1972, chapter 1).
     """
-    known = _known(source, priors or {})
+    aim = target.scenario if isinstance(target, Aim) else None
+    known = Knowledge.of_fit(source, aim) if isinstance(source, Calibration) else Knowledge.of_model(source, priors or {})
     model = known.model
     if scenario is None and not actions:
         raise IdentificationError("there is nothing to choose from: give actions, or a scenario to vary.", model.title)
@@ -99,7 +83,7 @@ def next_test(
     todo = tuple(actions) or usual_actions(model, base, given)
     options = [_option(known, a, a.sensors or given, every, gradient, wanted) for a in todo]
     ranked = sorted(options, key=lambda o: _rank(o, wanted))
-    return Advice(label, value, now, slot, wanted, tuple(ranked))
+    return Advice(label, value, now, slot, wanted, tuple(ranked), _beside(source, target))
 
 
 def _rank(option: Option, goal: float) -> tuple[float, float, float]:
@@ -107,35 +91,6 @@ def _rank(option: Option, goal: float) -> tuple[float, float, float]:
     if np.isfinite(goal):
         return (option.hours, option.error, 0.0)
     return (round(20.0 * float(np.log(option.error))) if np.isfinite(option.error) else np.inf, option.hours, option.error)
-
-
-def _known(source: Calibration | Model, priors: Mapping[str, tuple[str, str]]) -> _Knowledge:
-    if isinstance(source, Calibration):
-        values = source.values
-        names = tuple(values)
-        information = np.linalg.pinv(np.where(np.isfinite(values.covariance), values.covariance, 0.0), hermitian=True)
-        untie = source.request.untie if source.request is not None else False
-        spread = max(1.0, source.reduced_chi_square) ** 0.5
-        held = {n: v.prior[1] ** -2 for n, v in values.items() if v.prior is not None}
-        thin = any(e.scenario.environment for e in source.experiments)
-        return _Knowledge(source.fitted_model, names, tuple(values.parameters), information, source.fitted, spread, untie, held, thin)
-    from thermid.identify.unknowns import parameter_unknown
-    from thermid.network.network import compile_network
-
-    if not priors:
-        raise IdentificationError("a model alone says nothing of what it does not know: give priors, or a fit.", source.title)
-    from thermid.identify.gather import prior_of
-
-    parameters = compile_network(source).flat.parameters
-    table = parameters.evaluate({})
-    unknowns = []
-    for raw, texts in priors.items():
-        path = parameters.freeable(raw, source.canonical)
-        plain = parameter_unknown(path, parameters.table[path].parameter, parameters.dimension(path), float(table[path]), (), None)
-        unknowns.append(replace(plain, prior=prior_of(plain, texts)))
-    spreads = np.array([u.prior.sd for u in unknowns if u.prior is not None])
-    names = tuple(u.name for u in unknowns)
-    return _Knowledge(source, names, names, np.diag(spreads**-2), {u.name: u.to_fitted(u.start) for u in unknowns}, 1.0, False, {})
 
 
 def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
@@ -154,10 +109,10 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
     return tuple(out)
 
 
-def _gradient(known: _Knowledge, target: str | Aim) -> tuple[Array, float, str, str]:
+def _gradient(known: Knowledge, target: str | Aim) -> tuple[Array, float, str, str]:
     """Return the derivative of the target with respect to the fitted forms, its value, its name and its unit."""
     gradient = np.zeros(len(known.names))
-    unknowns = _unknowns(known)
+    unknowns = known.unknowns()
     if isinstance(target, str):
         path = known.model.canonical(target)
         if path not in unknowns:
@@ -165,20 +120,27 @@ def _gradient(known: _Knowledge, target: str | Aim) -> tuple[Array, float, str, 
         u = unknowns[path]
         gradient[known.names.index(path)] = u.slope(known.fitted[path])
         return gradient, u.to_value(known.fitted[path]), f"'{path}'", u.unit if u.unit != "K" else "1"
-    at = literal(target.at, "s", "at") if isinstance(target.at, str) and target.at else float(target.at or target.scenario.seconds)
-    run = prepare(known.model, target.scenario, known.free, times=[at]).run(sensitivities=True)
+    at = _instant(target)
+    every = [q for paths in known.free.values() for q in paths]
+    run = prepare(known.model, target.scenario, every, times=[at]).run(sensitivities=True)
     for path, u in unknowns.items():
-        gradient[known.names.index(path)] = float(run.sensitivity(target.node, path)[0]) * u.slope(known.fitted[path])
+        name = path + WITHOUT_GAS if path + WITHOUT_GAS in known.names else path
+        slope = sum(float(run.sensitivity(target.node, q)[0]) for q in known.free[path])
+        gradient[known.names.index(name)] = slope * u.slope(known.fitted[path])
     return gradient, float(run[target.node].kelvin[0]), str(target), "K"
 
 
-def _unknowns(known: _Knowledge) -> dict[str, Unknown]:
-    from thermid.identify.unknowns import parameter_unknown
-    from thermid.network.network import compile_network
+def _instant(aim: Aim) -> float:
+    return literal(aim.at, "s", "at") if isinstance(aim.at, str) and aim.at else float(aim.at or aim.scenario.seconds)
 
-    parameters = compile_network(known.model).flat.parameters
-    values = parameters.evaluate({})
-    return {p: parameter_unknown(p, parameters.table[p].parameter, parameters.dimension(p), float(values[p]), (), None) for p in known.free}
+
+def _beside(source: Calibration | Model, target: str | Aim) -> dict[str, float]:
+    """Return cause -> standard error of a prediction that comes from nothing a fit has freed. [K]"""
+    if isinstance(target, str) or not isinstance(source, Calibration) or not np.isfinite(source.values.covariance).all():
+        return {}
+    (band,) = predict(source, target.scenario, times=[_instant(target)], nodes=[target.node]).bands.values()
+    _, *rest = band.parts
+    return {cause: float(np.sqrt(band.parts[cause][-1])) for cause in rest}
 
 
 def _goal(text: str, slot: str, value: float) -> float:
@@ -200,13 +162,14 @@ def _error(information: Array, gradient: Array) -> float:
     return float(np.sqrt(np.sum(part[~weak] ** 2 / sizes[~weak])))
 
 
-def _option(known: _Knowledge, action: Action, sensors: Sequence[Sensor], every: str | float, gradient: Array, goal: float) -> Option:
+def _option(known: Knowledge, action: Action, sensors: Sequence[Sensor], every: str | float, gradient: Array, goal: float) -> Option:
     """Return what an action would be worth, over its duration."""
     longest = action.scenario.seconds / 3600.0
     try:
         grown = [replace(s, noise=(s.noise or 0.0) * known.spread if s.role == "node" else s.noise) for s in sensors]
         record = planned_record(known.model, action.scenario, grown, every, NAME)
         doubts = {} if known.thin else doubts_without_gas(known.model, action.scenario)
+        doubts = {path: size for path, size in doubts.items() if path not in known.split}
         free = (*known.free, *(p for p in doubts if p not in known.free))
         request = Request(known.model, (record,), free, {"*": action.scenario}, untie=known.untie)
         problem = doubted(problem_for(request), doubts)
@@ -223,10 +186,10 @@ def _option(known: _Knowledge, action: Action, sensors: Sequence[Sensor], every:
     return Option(action.name, float(errors[-1]), hours, longest, np.column_stack([durations / 3600.0, errors]))
 
 
-def _growing(known: _Knowledge, problem: Problem, doubts: Mapping[str, float]) -> tuple[Array, list[Array], list[str]]:
+def _growing(known: Knowledge, problem: Problem, doubts: Mapping[str, float]) -> tuple[Array, list[Array], list[str]]:
     """Return durations, the information at each, and the names that it is over: those known now, then the test's own."""
     # what holds with gas says nothing of the same value without it
-    own = [f"{u.name} without gas" if u.name in doubts else u.name for u in problem.unknowns]
+    own = [u.name + WITHOUT_GAS if u.name in doubts else u.name for u in problem.unknowns]
     names = [*known.names, *(n for n in own if n not in known.names)]
     place = [names.index(n) for n in own]
     at = np.array([known.fitted.get(u.name, u.to_fitted(u.start)) for u in problem.unknowns])
@@ -235,7 +198,7 @@ def _growing(known: _Knowledge, problem: Problem, doubts: Mapping[str, float]) -
     base = np.zeros((len(names),) * 2)
     base[: len(known.names), : len(known.names)] = known.information
     for k, u in enumerate(problem.unknowns):
-        if u.prior is not None and (u.kind != "parameter" or u.name in doubts):
+        if u.prior is not None and (u.kind != "parameter" or (u.name in doubts and own[k] not in known.names)):
             # a meter good to so many watts is known better as a share once it has read a larger power
             base[place[k], place[k]] += max(0.0, u.prior.sd**-2 - known.held.get(u.name, 0.0))
     durations = np.linspace(0.0, float(times.max()), DURATIONS + 1)[1:]

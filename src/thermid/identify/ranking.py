@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ from thermid.measure.amounts import duration_text
 __all__ = ["Advice", "Option"]
 
 Array = NDArray[np.float64]
+FELT = 0.1
+"""Part of the error now below which what else a prediction has is not spoken of."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,7 @@ class Advice:
     unit : str              'K' for a prediction; SI unit of a parameter otherwise.
     goal : float            Error to be reached; nan without one. [SI]
     options : tuple         The best first.
+    beside : dict           Of a prediction: cause -> standard error [K] that it has besides and that these figures leave out.
     """
 
     target: str
@@ -56,6 +60,7 @@ class Advice:
     unit: str
     goal: float
     options: tuple[Option, ...]
+    beside: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def best(self) -> Option:
@@ -80,4 +85,8 @@ class Advice:
             long = duration_text(3600 * o.longest)
             when = f"{what} {took} of {long}" if took else f"goal not within {long}"
             lines.append(f"  {o.name:<{width}}  +- {self._shown(o.error):<10} {gain:<20} {when}")
+        felt = {cause: error for cause, error in self.beside.items() if error >= FELT * self.now}
+        if felt:
+            named = ", ".join(f"{cause} +- {error:.2g} K" for cause, error in felt.items())
+            lines.append(f"  Not in these figures: {named}.")
         return "\n".join(lines)

@@ -113,6 +113,57 @@ def test_a_prediction_is_bettered_by_what_it_depends_on(fit: td.Calibration) -> 
     assert str(advice).startswith("Next test for 'case' in 'hot' at the end: now +- ")
 
 
+BLACK = {"surfaces/skin/emissivity": {"value": "0.85", "min": 0.7, "max": 0.95}}
+FAR = td.Scenario("pumped", duration="40 [h]").vacuum()
+
+
+def test_without_gas_it_counts_what_a_prediction_counts() -> None:
+    """The split of an effective coefficient decides there; tests in air, however long, do not narrow it."""
+    fit = td.calibrate(box(BLACK), log(box(BLACK), {}, {"T": "case"}, noise=0.05, accuracy=0.2, samples=121), [HTC, MASS])
+    far = FAR.with_(boundaries={"air": "24 [degC]"})
+    cause, *rest = (parts := td.predict(fit, far)["case"].parts)
+    advice = td.next_test(fit, td.Aim(far, "case"), scenario=BENCH)
+    assert cause == "fit, and split of effective coefficients"
+    assert advice.now == pytest.approx(np.sqrt(parts[cause][-1]), rel=1e-3)
+    assert advice.now > 0.5
+    assert list(advice.beside) == rest
+    assert advice.best.name == "the same, pumped down"
+    assert advice.best.error < 0.3 * advice.now
+    assert option(advice, "the same test again").error == pytest.approx(advice.now, rel=1e-3)
+
+
+def test_without_gas_a_joint_is_as_doubtful_as_in_a_prediction() -> None:
+    model = pair(first=box(BLACK), second=box({**BLACK, "parameters/power/value": "1 [W]", "title": "Cool"}))
+    data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room", noise=0.05, accuracy=0.2, samples=121)
+    fit = td.calibrate(model, data, [JOINT, "a.skin.effective_htc"], priors={JOINT: ("", "50 [%]")})
+    far = FAR.with_(boundaries={"room": "24 [degC]"})
+    parts = td.predict(fit, far)["b.case"].parts
+    bench = td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]")
+    advice = td.next_test(fit, td.Aim(far, "b.case"), scenario=bench)
+    assert "and gas in joints" in next(iter(parts))
+    assert advice.now == pytest.approx(np.sqrt(next(iter(parts.values()))[-1]), rel=1e-3)
+    assert advice.best.name == "the same, pumped down"
+
+
+def test_what_else_a_prediction_has_is_said(fit: td.Calibration) -> None:
+    hot = td.Scenario("hot", boundaries={"air": "60 [degC]"}, loads={"heat": "8 [W]"}, duration="20 [h]")
+    parts = td.predict(fit, hot)["case"].parts
+    advice = td.next_test(fit, td.Aim(hot, "case"), scenario=BENCH)
+    assert advice.beside["constant coefficients"] == pytest.approx(np.sqrt(parts["constant coefficients"][-1]), rel=1e-6)
+    assert str(advice).splitlines()[-1].startswith("  Not in these figures: constant coefficients +- ")
+
+
+def test_every_part_that_shares_a_value_counts() -> None:
+    """Two boxes of one deck in one room share a coefficient: where one warms the other, both matter."""
+    model = pair()
+    data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room", noise=0.05, accuracy=0.2, samples=121)
+    fit = td.calibrate(model, data, ["*.skin.effective_htc"])
+    assert [v.also for v in fit.values.parameters.values()] == [("b.skin.effective_htc",)]
+    hot = td.Scenario("hot", boundaries={"room": "40 [degC]"}, duration="20 [h]")
+    advice = td.next_test(fit, td.Aim(hot, "a.case"), scenario=td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]"))
+    assert advice.now == pytest.approx(np.sqrt(td.predict(fit, hot)["a.case"].parts["fit"][-1]), rel=1e-3)
+
+
 def test_another_sensor_tells_a_joint() -> None:
     model = pair(second=box({"parameters/power/value": "1 [W]", "title": "Cool"}))
     data = log(model, {}, {"A": "a.case"}, boundary="room", noise=0.05, accuracy=0.2, samples=121)
