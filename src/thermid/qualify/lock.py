@@ -112,12 +112,17 @@ def _beside(plan: Plan) -> list[str]:
     return sorted(found)
 
 
-def note_look(plan: Plan, test: str, sha256: str, date: str = "") -> None:
-    """Note that the log of a test was looked at; the same log again is no new look."""
+def note_look(plan: Plan, test: str, sha256: str, date: str = "") -> str:
+    """Note that the log of a test was looked at; return when another log of that test was first looked at, or an empty text.
+
+    The same log again is no new look.
+    """
     data = _read(plan)
+    others = [one["date"] for one in data["looks"] if one["test"] == test and one["sha256"] != sha256]
     if all((one["test"], one["sha256"]) != (test, sha256) for one in data["looks"]):
         data["looks"].append({"test": test, "sha256": sha256, "date": date or _today(), "locks_before": len(data["locks"])})
         _write(plan, data)
+    return str(min(others, default=""))
 
 
 def lock_status(plan: Plan) -> LockStatus:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
+from thermid.qualify.basis import basis
 from thermid.qualify.criteria import CRITERIA, CriteriaSet, read_criteria
 from thermid.qualify.foresight import Known
 from thermid.qualify.limits import Limits, load_limits, read_limits
@@ -39,7 +39,7 @@ class Plan:
     content : PlanFile          As it is written, checked.
     limits : tuple of Limits    Of the reference points.
     criteria : dict             Name -> set of criteria, published ones and the project's own.
-    files : dict                Name of a file that the plan rests on -> hash of its content.
+    files : dict                File that the plan rests on -> hash: decks, limits, scenarios, and the files that these name in turn.
     """
 
     path: Path
@@ -176,8 +176,8 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
             f"no margin policy '{content.margins.policy}'; there are {known}.{nearest(content.margins.policy, POLICIES)}",
             where("margins.policy"),
         )
-    folder = Path(data) if data is not None else None
-    return Plan(target, content, limits, criteria, _hashes(target, content, where), folder)
+    logs = Path(data) if data is not None else None
+    return Plan(target, content, limits, criteria, basis(target, content, logs, where), logs)
 
 
 def _not_empty(raw: Mapping[str, Any], name: str) -> None:
@@ -193,24 +193,3 @@ def _not_empty(raw: Mapping[str, Any], name: str) -> None:
         raise DeckError(
             f"the plan has no {', no '.join(lacking)}. Say so before any log is read; what is decided afterwards proves little.", name
         )
-
-
-def _hashes(target: Path, content: PlanFile, where: Callable[[str], str]) -> dict[str, str]:
-    """Return the files that a plan rests on with the hash of what they say; of a deck, of the whole model."""
-    folder, source = target.parent, content.model
-    out = {}
-
-    def model(name: str) -> Model:
-        return load_model(resolve_inside(folder, name, where("model")))
-
-    if source.deck:
-        out[source.deck] = model(source.deck).identity()
-    plain = [source.values, source.campaign, content.limits if isinstance(content.limits, str) else ""]
-    plain += [t.scenario for t in content.tests if isinstance(t.scenario, str)]
-    out |= {h.deck: model(h.deck).identity() for h in content.hosts.values()}
-    for name in (n for n in plain if n):
-        file = resolve_inside(folder, name, where("files"))
-        if not file.is_file():
-            raise DeckError(f"there is no file '{name}'.", target.name)
-        out[name] = hashlib.sha256(file.read_bytes()).hexdigest()
-    return out

@@ -181,7 +181,9 @@ def run_plan(
         except ThermidError as error:
             raise error.within(f"{given.path.name}, test '{test.name}'") from None
         if trial.log_sha256:
-            note_look(given, test.name, trial.log_sha256)
+            other = note_look(given, test.name, trial.log_sha256)
+            said = f"its log is not the one that was looked at on {other}: say in its deviations what was changed in it, and why"
+            trial = replace(trial, remarks=(*trial.remarks, said)) if other else trial
         trials.append(trial)
     trials = _alike(_informed(trials))
     found = {t.test.name: effects(t.known, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials}

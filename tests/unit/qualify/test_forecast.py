@@ -143,28 +143,68 @@ def test_a_reading_in_the_past_and_a_record_of_several():
         td.forecast(log(2.0, room=lambda t: 297.0 + 0.0 * t))
 
 
-@pytest.mark.campaign
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the logs of the Sao Paulo board are not in ../shared/data/tclabsp")
-def test_readings_at_1200_s_from_600_s_of_every_step():
-    """Forty steps and two longer warm-ups, both sensors. The counts must be those of the stated levels within what chance allows (1 %)."""
-    inside = dict.fromkeys((0.5, 0.8, 0.95), 0)
-    files = sorted((SHARED / "step").glob("*.csv.gz")) + sorted((SHARED / "step0to50").glob("*.csv.gz"))
-    errors = []
+def steps(every: int = 1) -> list[Path]:
+    """Return the logs of forty steps and two longer warm-ups, or every so many of them."""
+    return (sorted((SHARED / "step").glob("*.csv.gz")) + sorted((SHARED / "step0to50").glob("*.csv.gz")))[::every]
+
+
+LEVELS = (0.5, 0.8, 0.95)
+
+
+def forecasts(files: list[Path], until: float, at: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what readings are off by (forecasts,), and the intervals about the forecasts (forecasts, levels, 2). [K]"""
+    errors, intervals = [], []
     for file in files:
         record = read_record(file, {"T1_C": {"node": "h1"}, "T2_C": {"node": "h2"}}).trim("2 [s]").median("4 [s]")
         for name in ("T1_C", "T2_C"):
             found = record[name]
-            last = found.values[found.valid & (record.times <= 1200.0)][-1]
-            forecast = td.forecast(record, name, until="600 [s]")
-            for level in inside:
-                seen = forecast.reading("1200 [s]", level)
-                inside[level] += seen.low <= last <= seen.high
-            errors.append(seen.value - last)
-    n = len(errors)
-    print({level: f"{k} of {n}" for level, k in inside.items()}, "RMS", np.sqrt(np.mean(np.square(errors))))
-    assert n == 2 * len(files) >= 80
+            last = found.values[found.valid & (record.times <= at)][-1]
+            forecast = td.forecast(record, name, until=f"{until:g} [s]")
+            seen = [forecast.reading(at, level) for level in LEVELS]
+            errors.append(last - seen[0].value)
+            intervals.append([(s.low - s.value, s.high - s.value) for s in seen])
+    return np.array(errors), np.array(intervals)
+
+
+def counted(errors: np.ndarray, intervals: np.ndarray, stretched: float = 1.0) -> dict[float, int]:
+    """Return how many readings lie in the interval of each level, the intervals made wider or narrower."""
+    low, high = np.moveaxis(stretched * intervals, 2, 0)
+    within = (low <= errors[:, None]) & (errors[:, None] <= high)
+    return dict(zip(LEVELS, within.sum(axis=0).tolist(), strict=True))
+
+
+def least_chance(inside: dict[float, int], n: int) -> float:
+    """Return the smallest probability of a count at least so far to its side, if every interval held as often as stated."""
+    chances = []
     for level, k in inside.items():
         low = sum(comb(n, i) * level**i * (1 - level) ** (n - i) for i in range(k + 1))
         high = sum(comb(n, i) * level**i * (1 - level) ** (n - i) for i in range(k, n + 1))
-        assert min(low, high) > 0.005, (level, k, n)
-    assert np.sqrt(np.mean(np.square(errors))) < 1.1  # a reading is quantised to 0.49 K, and the room was not logged
+        chances += [low, high]
+    return min(chances)
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the logs of the Sao Paulo board are not in ../shared/data/tclabsp")
+def test_readings_at_1200_s_from_600_s_of_every_ninth_step():
+    inside = counted(*forecasts(steps(9), 600.0, 1200.0))
+    assert least_chance(inside, 10) > 0.005, inside
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the logs of the Sao Paulo board are not in ../shared/data/tclabsp")
+@pytest.mark.parametrize(("until", "at", "rms"), [(600.0, 1200.0, 1.1), (400.0, 900.0, 2.2)])
+def test_later_readings_of_every_step_lie_in_the_intervals_as_often_as_stated(until, at, rms):
+    """Forty steps and two longer warm-ups, both sensors. The counts must be those of the stated levels within what chance allows (1 %).
+
+    On 2026-11-21: 45, 73 and 81 of 84 from 600 s (RMS 0.95 K), 40, 66 and 82 from 400 s, which chose nothing (2.01 K).
+    """
+    files = steps()
+    errors, intervals = forecasts(files, until, at)
+    n, inside = errors.size, counted(errors, intervals)
+    found = float(np.sqrt(np.mean(errors**2)))
+    print({level: f"{k} of {n}" for level, k in inside.items()}, "RMS", found)
+    assert n == 2 * len(files) >= 80
+    assert least_chance(inside, n) > 0.005, inside
+    assert found < rms  # a reading is quantised to 0.49 K, and the room was not logged
+    # such a count sees intervals of half or twice the width
+    assert least_chance(counted(errors, intervals, 0.5), n) < 0.005
+    assert least_chance(counted(errors, intervals, 2.0), n) < 0.005

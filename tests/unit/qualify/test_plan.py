@@ -151,3 +151,68 @@ def test_a_part_of_a_host_s_deck_changes_the_hash_too(tmp_path: Path) -> None:
     before = load_plan(file).sha256
     part.write_text(part.read_text(encoding="utf-8").replace("600", "601"), encoding="utf-8")
     assert load_plan(file).sha256 != before
+
+
+SCENARIO = """
+start = "20 [degC]"
+duration = "2 [h]"
+
+[boundaries]
+air = { file = "weather/room.csv", column = "T", time = "time_s" }
+"""
+
+
+def weathered(folder: Path) -> Path:
+    """Return a plan one of whose tests takes the air from a table that its scenario names."""
+    inline = '{ boundaries = { air = "10 [degC]" }, start = "20 [degC]", duration = "2 [h]" }'
+    (folder / "weather").mkdir(exist_ok=True)
+    (folder / "course.toml").write_text(SCENARIO, encoding="utf-8")
+    (folder / "weather" / "room.csv").write_text("time_s,T\n0,10\n7200,12\n", encoding="utf-8")
+    return project(folder, PLAN.replace(inline, '"course.toml"'))
+
+
+def test_a_weather_file_that_changes_after_the_lock_is_noticed_and_named(tmp_path: Path) -> None:
+    file = weathered(tmp_path)
+    lock_plan(load_plan(file))
+    assert lock_status(load_plan(file)).state == "locked"
+    (tmp_path / "weather" / "room.csv").write_text("time_s,T\n0,10\n7200,8\n", encoding="utf-8")
+    changed = lock_status(load_plan(file))
+    assert (changed.state, changed.changed) == ("changed", ("file weather/room.csv",))
+    assert "file weather/room.csv" in str(changed)
+    (tmp_path / "weather" / "room.csv").unlink()
+    assert lock_status(load_plan(file)).changed == ("file weather/room.csv",)
+
+
+def test_what_a_campaign_rests_on_is_hashed_logs_in_another_folder_among_it(tmp_path: Path) -> None:
+    """Decks, logs by name and by pattern, one of them in a folder of data; a loop of names ends."""
+    home, data = tmp_path / "home", tmp_path / "data"
+    (home / "logs").mkdir(parents=True)
+    data.mkdir()
+    for file in (home / "logs" / "a_1.csv", home / "logs" / "a_2.csv", data / "b.csv"):
+        file.write_text("time_s,T\n0,1\n", encoding="utf-8")
+    (home / "part.toml").write_text('title = "part"\nback = "campaign.toml"\n', encoding="utf-8")
+    records = '[records.a]\nfiles = "logs/a_*.csv"\n[records.b]\nfile = "b.csv"\n'
+    (home / "campaign.toml").write_text('title = "c"\nnote = "*"\n' + records + '[[stages]]\nmodel = "part.toml"\n', encoding="utf-8")
+    file = project(home, PLAN.replace('deck = "unit.toml"', 'campaign = "campaign.toml"\nstage = "s"'))
+    found = load_plan(file, data).files
+    assert set(found) == {"campaign.toml", "part.toml", "logs/a_1.csv", "logs/a_2.csv", "data: b.csv"}
+    (data / "b.csv").write_text("time_s,T\n0,2\n", encoding="utf-8")
+    assert load_plan(file, data).files["data: b.csv"] != found["data: b.csv"]
+
+
+def test_a_file_outside_of_the_project_is_not_read_for_its_hash(tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    (tmp_path / "secret.csv").write_text("1", encoding="utf-8")
+    file = weathered(home)
+    (home / "course.toml").write_text(SCENARIO + 'note = "../secret.csv"\n', encoding="utf-8")
+    assert not [name for name in load_plan(file).files if "secret" in name]
+
+
+def test_a_log_that_is_exchanged_after_it_was_looked_at_is_remarked(tmp_path: Path) -> None:
+    measured(tmp_path)
+    file = project(tmp_path, with_log(PLAN))
+    lock_plan(load_plan(file))
+    assert not [r for r in run_plan(file)["hot"].remarks if "looked at" in r]
+    measured(tmp_path, offset=0.2)
+    assert [r for r in run_plan(file)["hot"].remarks if "is not the one that was looked at on" in r]
