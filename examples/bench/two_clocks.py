@@ -16,11 +16,11 @@ from scipy.linalg import expm
 
 import thermid as td
 from thermid.acquire.board import Board
+from thermid.acquire.boardport import BoardPort
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.programme import Programme
 from thermid.acquire.sensormap import Sensor
 from thermid.acquire.telemetry import Chain, Frame, frame_bytes, read_telemetry
-from thermid.acquire.terminal import Terminal
 
 HERE = Path(__file__).resolve().parent
 PLANTED = {"pads.resistance": "2.4 [K/W]", "skin.effective_htc": "11 [W/(m^2 K)]", "plate.capacitance": "120 [J/K]"}
@@ -54,17 +54,17 @@ class Hardware:
 def make_logs(folder: Path, seed: int = 3) -> tuple[Path, Path]:
     """Run the bench, and let the unit send what its two sensors see."""
     hardware, text, binary = Hardware(), folder / "bench.log", folder / "unit.bin"
-    board = Board(hardware, 1)
+    port = BoardPort(Board(hardware, 1))
     programme = Programme((600.0, 2400.0, 4200.0), ((800, 0), (200, 0), (0, 0)), HOURS * 3600.0)
-    with Terminal(board, speed=1.0, waits=True, keep=False) as terminal:
-        sensors = {board.roms[0]: Sensor("room", board.roms[0])}
-        log = Logger(text, lambda: terminal.port, sensors, Settings(interval=10.0, silence=3600.0), programme, sync=False)
-        while not log.state.lines:
-            log.step()
-        zero, terminal.speed = log.state.ms / 1000.0, 1e6  # a record begins with the first line that was heard
-        while not log.done:
-            log.step()
-        log.close()
+    sensors = {port.board.roms[0]: Sensor("room", port.board.roms[0])}
+    settings = Settings(interval=10.0, silence=3600.0)
+    log = Logger(text, lambda: port, sensors, settings, programme, sync=False, clock=port.clock, wall=port.wall)
+    while not log.state.lines:
+        log.step()
+    zero = log.state.ms / 1000.0  # a record begins with the first line that was heard
+    while not log.done:
+        log.step()
+    log.close()
     rng, chain = np.random.default_rng(seed), Chain()
     unit = np.arange(0.0, (HOURS * 3600.0 - 700.0), 5.0)  # on the unit's own clock
     when = zero + (unit - OFFSET) / RATE

@@ -1,4 +1,4 @@
-"""A bench to try the logger with: a heated plate, its cover and the room, made up, behind a pseudo-terminal."""
+"""A bench to try the logger with: a heated plate, its cover and the room, made up."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import pi, sin
 
 from thermid.acquire.board import Board
-from thermid.acquire.terminal import Terminal
+from thermid.acquire.boardport import BoardPort
 
 __all__ = ["Plate", "simulated"]
 
@@ -33,6 +33,6 @@ class Plate:
         return (self.plate, self.cover, room)
 
 
-def simulated(speed: float = 60.0) -> Terminal:
+def simulated(speed: float = 60.0) -> BoardPort:
     """Return a made-up board with three sensors, faster than time."""
-    return Terminal(Board(Plate(), 3), speed=speed, keep=False, waits=True)
+    return BoardPort(Board(Plate(), 3), speed)

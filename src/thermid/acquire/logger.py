@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+from thermid.acquire.boardport import BoardPort
 from thermid.acquire.history import History
 from thermid.acquire.link import Link
 from thermid.acquire.port import Port
@@ -47,7 +48,7 @@ class Logger:
     Parameters
     ----------
     path : str or Path           The log; continued where it exists.
-    port : callable              Returns the name of the port; called again after the port was lost.
+    port : callable              Returns the name of the port, or a board within this program; called again after the port was lost.
     sensors : mapping            The sensor map by ROM.
     settings : Settings          What the board is told.
     programme : Programme        What the heaters do, or None.
@@ -62,7 +63,7 @@ class Logger:
     def __init__(
         self,
         path: str | Path,
-        port: Callable[[], str],
+        port: Callable[[], str | BoardPort],
         sensors: Mapping[str, Sensor] | None = None,
         settings: Settings | None = None,
         programme: Programme | None = None,
@@ -77,7 +78,7 @@ class Logger:
         self.store = Store(path, sync=sync)
         self._clock, self._wall, self._find = clock, wall, port
         self._begun, self._offset, self._walled = clock(), wall() - clock(), 0.0
-        self._port: Port | None = None
+        self._port: Port | BoardPort | None = None
         self._tried = self._gone = -1e9
         self._quiet = self._full = self._fresh = False
         self._link = Link(self.settings)
@@ -173,8 +174,8 @@ class Logger:
             return False
         self._tried = self._clock()
         try:
-            name = self._find()
-            self._port = Port(name)
+            found = self._find()
+            self._port = Port(found) if isinstance(found, str) else found
         except (OSError, RecordError) as error:
             if not self._gone > -1e9:
                 self._gone = self.elapsed
@@ -182,7 +183,7 @@ class Logger:
             return False
         back = f"back after {self.elapsed - self._gone:.1f} s: " if self._gone > -1e9 else ""
         self._gone = -1e9
-        self.mark("port", f"{back}{name}")
+        self.mark("port", f"{back}{found if isinstance(found, str) else 'a simulated board'}")
         self._link.connected()
         self.state.heard, self._fresh = self.elapsed, True
         return True

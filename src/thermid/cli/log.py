@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
+    from thermid.acquire.boardport import BoardPort
     from thermid.acquire.logger import Logger
     from thermid.cli.judge import Judge
 
@@ -67,18 +68,19 @@ def log(
     with ExitStack() as stack:
         # a question to the user is broken off by Ctrl-C itself; all else ends between two lines
         asked = [] if identify or ice_point else stack.enter_context(_asked_to_end())
-        find: Callable[[], str] = find_port
+        find: Callable[[], str | BoardPort] = find_port
+        clock, wall = time.monotonic, time.time
         if simulate:
             from thermid.acquire.demo import simulated
 
-            terminal = stack.enter_context(simulated())
-            find = lambda: terminal.port  # noqa: E731
+            board = simulated()
+            find, clock, wall = lambda: board, board.clock, board.wall
         elif port is not None:
             check_port(port)  # a first look, so that a missing board is an error and not a wait
             find = lambda: port  # noqa: E731
         else:
             check_port(find_port())
-        made = Logger(file, find, known, given, steps)
+        made = Logger(file, find, known, given, steps, clock=clock, wall=wall)
         if made.store.session > 1:
             typer.echo(f"{file} is continued: start {made.store.session} of it.", err=True)
         stack.callback(_closed, made)

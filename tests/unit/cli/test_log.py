@@ -19,14 +19,11 @@ pytest.importorskip("serial", reason="pyserial is not installed: thermid[log]")
 PROGRAMME = 'end = "40 [s]"\nsteps = [{ at = "5 [s]", heater1 = "50 [%]" }]\n'
 
 
-@pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
 def test_a_step_test_without_hardware(call: Call, tmp_path: Path) -> None:
     (tmp_path / "sensors.toml").write_text(f'[sensors.plate]\nrom = "{made_up_rom(0)}"\n')
     (tmp_path / "step.toml").write_text(PROGRAMME)
     log = tmp_path / "bench.log"
-    said = call(
-        "log", log, "--simulate", "--sensors", tmp_path / "sensors.toml", "--programme", tmp_path / "step.toml", "--silence", "60 [s]"
-    )
+    said = call("log", log, "--simulate", "--sensors", tmp_path / "sensors.toml", "--programme", tmp_path / "step.toml")
     assert (said.code, "0 missing" in said.out) == (0, True)
     record = td.read_record(log, {"plate": "plate", "heater1": {"command": "heater"}})
     plate = record["plate"]
@@ -90,10 +87,11 @@ def test_a_port_that_is_none_is_an_error_and_not_a_wait(call: Call, tmp_path: Pa
 
 @pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
 def test_a_port_that_is_in_use_is_named(call: Call, tmp_path: Path) -> None:
-    from thermid.acquire.demo import simulated
+    from thermid.acquire.board import Board
     from thermid.acquire.port import Port
+    from thermid.acquire.terminal import Terminal
 
-    with simulated() as terminal:
+    with Terminal(Board(lambda t, d: [20.0], 1)) as terminal:
         held = Port(terminal.port)
         said = call("log", tmp_path / "bench.log", "--port", terminal.port)
         held.close()
@@ -101,7 +99,6 @@ def test_a_port_that_is_in_use_is_named(call: Call, tmp_path: Path) -> None:
     assert "another program has it open" in said.err
 
 
-@pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
 def test_a_log_that_exists_is_continued_and_that_is_said(call: Call, tmp_path: Path) -> None:
     for _ in range(2):
         said = call("log", tmp_path / "bench.log", "--simulate", "--for", "5 [s]")
@@ -130,7 +127,7 @@ def test_a_signal_ends_the_log_between_two_lines(call: Call, tmp_path: Path, num
 
     asker = threading.Thread(target=ask)
     asker.start()
-    said = call("log", log, "--simulate", "--programme", tmp_path / "step.toml", "--silence", "60 [s]")
+    said = call("log", log, "--simulate", "--programme", tmp_path / "step.toml")
     asker.join()
     after = signal.signal(number, own)
     assert after is late
