@@ -1,14 +1,8 @@
 // Python bindings: arrays in, arrays out. Shapes and indices are checked here; messages of failed runs are made in Python.
 #include "bind.hpp"
 
-namespace thermid { void bind_ensemble(nanobind::module_& m); }  // bind_ensemble.cpp
-
 using namespace thermid;
 using namespace nb::literals;
-
-namespace thermid {
-void bind_large(nb::module_& m);  // bind_large.cpp
-}
 
 namespace {
 
@@ -59,12 +53,11 @@ void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints
 }
 
 PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_end, Reals times, Ints nodes, std::optional<Csr> dcoef,
-                   std::optional<In<double, 2>> dT0, double rtol, double atol, double input_atol, double max_step, long max_steps,
-                   std::optional<Reals> breaks, bool energy, std::optional<Ints> on) {
+                   std::optional<In<double, 2>> dT0, bool energy, std::optional<Ints> on, nb::kwargs options) {
     need(coef.size() == static_cast<size_t>(p.nc), "coef: wrong length");
     need(T0.size() == static_cast<size_t>(p.n), "T0: wrong length");
     need(std::isfinite(t0) && std::isfinite(t_end) && t_end >= t0, "t_end must not lie before t0");
-    Options o = options_of(rtol, atol, input_atol, max_step, max_steps, breaks);
+    Options o = options_of(options);
     for (size_t i = 0; i < times.size(); ++i)
         need(times(i) >= (i ? times(i - 1) : t0) && times(i) <= t_end, "output_times must increase and lie in [t0, t_end]");
     for (size_t i = 0; i < nodes.size(); ++i) need(nodes(i) >= 0 && nodes(i) < p.nodes(), "output_nodes: no such node");
@@ -196,9 +189,7 @@ NB_MODULE(_kernel, m) {
              "conductor_a"_a, "conductor_b"_a, "conductor_coef"_a, "conductor_table"_a, "load_kind"_a, "load_node"_a, "load_coef"_a,
              "load_sensor"_a, "load_table"_a, "tables"_a, "inputs"_a)
         .def("integrate", &integrate, "coef"_a, "T0"_a, "t0"_a, "t_end"_a, "output_times"_a, "output_nodes"_a, nb::kw_only(),
-             "dcoef"_a = nb::none(), "dT0"_a = nb::none(), "rtol"_a = 2e-8, "atol"_a = 2e-7, "input_atol"_a = 1e-4,
-             "max_step"_a = std::numeric_limits<double>::infinity(), "max_steps"_a = 1000000L, "breaks"_a = nb::none(), "energy"_a = true,
-             "on"_a = nb::none())
+             "dcoef"_a = nb::none(), "dT0"_a = nb::none(), "energy"_a = true, "on"_a = nb::none(), "options"_a)
         .def("rhs", &rhs, "coef"_a, "T"_a, "t"_a, "dcoef"_a = nb::none(), "on"_a = nb::none())
         .def("flows", [](const Problem& p, Reals c, In<double, 2> T, Reals t) { return rows_of(p, c, T, t, false, {}); }, "coef"_a, "T_all"_a, "t"_a)
         .def("load_powers", [](const Problem& p, Reals c, In<double, 2> T, Reals t, std::optional<In<int32_t, 2>> on) {

@@ -72,16 +72,20 @@ inline CoefJacobian jacobian_of(const Problem& p, const std::optional<Csr>& csr)
     return d;
 }
 
-// What every kind of run is told of its steps.
-inline Options options_of(double rtol, double atol, double input_atol, double max_step, long max_steps, const std::optional<Reals>& breaks) {
-    need(rtol >= 0.0 && atol > 0.0 && input_atol > 0.0 && max_step > 0.0, "tolerances and max_step must be positive");
+// What every kind of run may be told of its steps, by name.
+inline Options options_of(const nb::kwargs& given) {
     Options o;
-    o.rtol = rtol;
-    o.atol = atol;
-    o.input_atol = input_atol;
-    o.max_step = max_step;
-    o.max_steps = max_steps;
-    if (breaks) o.breaks = copy<double>(*breaks);
+    for (const auto [key, value] : given) {
+        const std::string name = nb::cast<std::string>(key);
+        if (name == "rtol") o.rtol = nb::cast<double>(value);
+        else if (name == "atol") o.atol = nb::cast<double>(value);
+        else if (name == "input_atol") o.input_atol = nb::cast<double>(value);
+        else if (name == "max_step") o.max_step = nb::cast<double>(value);
+        else if (name == "max_steps") o.max_steps = nb::cast<long>(value);
+        else if (name != "breaks") throw nb::type_error(("no such option: " + name).c_str());
+        else if (!value.is_none()) o.breaks = copy<double>(nb::cast<Reals>(value));
+    }
+    need(o.rtol >= 0.0 && o.atol > 0.0 && o.input_atol > 0.0 && o.max_step > 0.0, "tolerances and max_step must be positive");
     return o;
 }
 
@@ -93,6 +97,8 @@ inline std::vector<int> thermostats_of(const Problem& p, const std::optional<Int
 
 void bind_modal(nb::module_& m);
 void bind_leastsquares(nb::module_& m);
+void bind_ensemble(nb::module_& m);
+void bind_large(nb::module_& m);
 
 inline std::vector<Table> read_tables(const nb::list& tables) {
     std::vector<Table> out;

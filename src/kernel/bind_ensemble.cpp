@@ -8,14 +8,14 @@ using namespace nb::literals;
 
 namespace {
 
-void make_ensemble(Ensemble* self, const Problem& p, In<double, 2> coef, In<double, 2> T0, double t0, double t_end, Reals times, Ints nodes, double rtol,
-                   double atol, double input_atol, double max_step, long max_steps, std::optional<Reals> breaks, const std::string& simd) {
+void make_ensemble(Ensemble* self, const Problem& p, In<double, 2> coef, In<double, 2> T0, double t0, double t_end, Reals times, Ints nodes,
+                   const std::string& simd, nb::kwargs options) {
     const size_t members = coef.shape(1);
     need(members > 0, "coef: an ensemble needs at least one member");
     need(coef.shape(0) == static_cast<size_t>(p.nc), "coef: must be (coefficients, members)");
     need(T0.shape(0) == static_cast<size_t>(p.n) && T0.shape(1) == members, "T0: must be (nodes, members)");
     need(std::isfinite(t0) && std::isfinite(t_end) && t_end >= t0, "t_end must not lie before t0");
-    const Options o = options_of(rtol, atol, input_atol, max_step, max_steps, breaks);
+    const Options o = options_of(options);
     need(times.size() > 0, "output_times must not be empty");
     for (size_t i = 0; i < times.size(); ++i)
         need(times(i) >= (i ? times(i - 1) : t0) && times(i) <= t_end, "output_times must increase and lie in [t0, t_end]");
@@ -42,8 +42,7 @@ nb::object advance(Ensemble& e, long rows, int threads) {
 void bind_ensemble(nb::module_& m) {
     nb::class_<Ensemble>(m, "Ensemble")
         .def("__init__", &make_ensemble, "problem"_a, "coef"_a, "T0"_a, "t0"_a, "t_end"_a, "output_times"_a, "output_nodes"_a, nb::kw_only(),
-             "rtol"_a = 2e-8, "atol"_a = 2e-7, "input_atol"_a = 1e-4, "max_step"_a = std::numeric_limits<double>::infinity(),
-             "max_steps"_a = 1000000L, "breaks"_a = nb::none(), "simd"_a = "auto", nb::keep_alive<1, 2>())
+             "simd"_a = "auto", "options"_a, nb::keep_alive<1, 2>())
         .def("advance", &advance, "rows"_a, "threads"_a = 1)
         .def_prop_ro("status", [](const Ensemble& e) { return ints(e.status); }).def_prop_ro("node", [](const Ensemble& e) { return ints(e.node); })
         .def_prop_ro("time", [](const Ensemble& e) { return reals(e.time); })

@@ -68,14 +68,13 @@ void make_readings(Readings* self, const Problem& p, Reals times, Ints nodes, In
 
 PySquares least_squares(const Problem& p, const Readings& readings, Reals coef, Reals T0, double t0, double t_end, Reals sigma, Reals bias,
                         Ints bias_column, Reals weight, In<double, 2> slope, int loss, double knee, std::optional<Csr> dcoef,
-                        std::optional<In<double, 2>> dT0, double rtol, double atol, double input_atol, double max_step, long max_steps,
-                        std::optional<Reals> breaks, std::optional<Reals> mesh, std::optional<Ints> on) {
+                        std::optional<In<double, 2>> dT0, std::optional<Reals> mesh, std::optional<Ints> on, nb::kwargs options) {
     const size_t channels = readings.channels;
     need(coef.size() == static_cast<size_t>(p.nc) && T0.size() == static_cast<size_t>(p.n), "coef or T0: wrong length");
     need(std::isfinite(t0) && std::isfinite(t_end) && t_end >= t0, "t_end must not lie before t0");
     need(readings.times.empty() || (readings.times.front() >= t0 && readings.times.back() <= t_end), "readings must lie in [t0, t_end]");
     need(knee > 0.0, "knee must be positive");
-    Options o = options_of(rtol, atol, input_atol, max_step, max_steps, breaks);
+    Options o = options_of(options);
     need(loss >= SQUARE && loss <= CAUCHY, "loss: no such kind");
     need(sigma.size() == channels && bias.size() == channels && bias_column.size() == channels, "sigma, bias, bias_column: one for each channel");
     CoefJacobian d = jacobian_of(p, dcoef);
@@ -118,8 +117,7 @@ void thermid::bind_leastsquares(nb::module_& m) {
         .def_ro("mesh", &PySquares::mesh);
     m.def("least_squares", &least_squares, "problem"_a, "readings"_a, "coef"_a, "T0"_a, "t0"_a, "t_end"_a, nb::kw_only(), "sigma"_a, "bias"_a,
           "bias_column"_a, "weight"_a, "slope"_a, "loss"_a = 0, "knee"_a = 1.0, "dcoef"_a = nb::none(), "dT0"_a = nb::none(),
-          "rtol"_a = 2e-8, "atol"_a = 2e-7, "input_atol"_a = 1e-4, "max_step"_a = std::numeric_limits<double>::infinity(),
-          "max_steps"_a = 1000000L, "breaks"_a = nb::none(), "mesh"_a = nb::none(), "on"_a = nb::none());
+          "mesh"_a = nb::none(), "on"_a = nb::none(), "options"_a);
     const char* names[] = {"SQUARE", "SOFT_L1", "HUBER", "CAUCHY"};
     for (int k = 0; k <= CAUCHY; ++k) m.attr(names[k]) = k;
 }

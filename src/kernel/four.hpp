@@ -20,6 +20,11 @@ inline Four operator+(const Four& x, const Four& y) {
     for (int j = 0; j < 4; ++j) r.v[j] = x.v[j] + y.v[j];
     return r;
 }
+inline Four operator-(const Four& x, const Four& y) {
+    Four r;
+    for (int j = 0; j < 4; ++j) r.v[j] = x.v[j] - y.v[j];
+    return r;
+}
 inline Four operator*(double a, const Four& x) {
     Four r;
     for (int j = 0; j < 4; ++j) r.v[j] = a * x.v[j];

@@ -114,6 +114,12 @@ class Integrator {
     void guess(int s);
     bool newton(int s);
     void stage_sensitivity(int s);
+    void iteration_matrix(const double* j);
+    void add_energy(int s, bool updated);
+    void start_sensitivity();
+    void heat_sensitivity(const double* j, const double* S, double* fs);
+
+    // errors.cpp
     double error();
     bool clear_of_knees(double& next) const;
     double slope_tolerance() const;
@@ -121,10 +127,6 @@ class Integrator {
     void filter_sensitivity(const double* e, double* G);
     void improve();
     double tolerance() const;
-    void iteration_matrix(const double* j);
-    void add_energy(int s, bool updated);
-    void start_sensitivity();
-    void heat_sensitivity(const double* j, const double* S, double* fs);
 
     // slaved.cpp
     void make_slaved(Slaved& s, double small);
@@ -192,14 +194,16 @@ class Integrator {
 
     // integrator.cpp
     void initial(const double* s0, Outputs& out);
-    void advance(double t_end, Outputs& out);
-    bool attempt(Outputs& out, double& next);
     void check_state();
     void seen();
-    double first_step(double span) const;
-    double settling();
     [[noreturn]] void underflow(int cause) const;
     int worst(const std::vector<double>& v) const;
+
+    // control.cpp
+    void advance(double t_end, Outputs& out);
+    bool attempt(Outputs& out, double& next);
+    double first_step(double span) const;
+    double settling();
     double hold_ = std::numeric_limits<double>::infinity();  // step limit by the sampled inputs
     double old_error_ = 1.0, resume_ = 0.0;
     int pending_ = -1, refined_ = 0, same_time_ = 0;

@@ -157,10 +157,6 @@ class LargeRun {
     void refresh_start();
     void full_rate(const Field& at, RowHeat& rows, std::vector<double>& g);
     void gather(RowHeat& rows, const double* t) const;
-    double row_rate();
-    std::vector<double> rates_;  // (special)
-    double lanczos();
-    void choose();
     double first_step();
     bool advance(double end, double& next);
     void settle();
@@ -173,6 +169,12 @@ class LargeRun {
     long since_poll_ = 0;
     double old_error_ = 1.0;
     bool rejected_ = false;
+
+    // large_method.cpp
+    std::vector<double> rates_;  // (special)
+    double row_rate();
+    double lanczos();
+    void choose();
 
     // large_rkc.cpp
     Field z1_, z2_;

@@ -1,91 +1,20 @@
+// Readings against the model, reduced to few rows, which go into one triangle.
 #include "leastsquares.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 
+#include "four.hpp"
 #include "linear.hpp"
 #include "traces.hpp"
 
 namespace thermid {
 
 namespace {
-constexpr int BLOCK = 128;       // rows that are reflected together
-constexpr double NOTHING = 1e-280;  // square of a column that is zero
+constexpr int BLOCK = 128;  // rows that are reflected together
+constexpr int WIDE = 4;     // numbers side by side
 }  // namespace
-
-#if defined(__GNUC__)
-typedef double Pack __attribute__((vector_size(32), aligned(8), may_alias));
-#else
-struct Pack {
-    double v[4];
-    Pack operator+(const Pack& o) const { return {{v[0] + o.v[0], v[1] + o.v[1], v[2] + o.v[2], v[3] + o.v[3]}}; }
-    Pack operator-(const Pack& o) const { return {{v[0] - o.v[0], v[1] - o.v[1], v[2] - o.v[2], v[3] - o.v[3]}}; }
-};
-inline Pack operator*(double a, const Pack& x) { return {{a * x.v[0], a * x.v[1], a * x.v[2], a * x.v[3]}}; }
-inline Pack operator*(const Pack& a, const Pack& x) { return {{a.v[0] * x.v[0], a.v[1] * x.v[1], a.v[2] * x.v[2], a.v[3] * x.v[3]}}; }
-#endif
-constexpr int WIDE = 4;  // numbers in a pack
-
-// One pass over the rows: a_j -= a_pivot w_j finishes the reflection before, product_j = sum a_next a_j starts the one to come. Before the
-// first there is no pivot, and w is zero. Columns left of the pivot's pack are done with.
-THERMID_CLONES static void sweep(double* a, int rows, int stride, int pivot, int next, const double* w, double* product) {
-    const int first = pivot / WIDE, last = stride / WIDE;
-    const Pack* of = reinterpret_cast<const Pack*>(w);
-    Pack* sum = reinterpret_cast<Pack*>(product);
-    int i = 0;
-    for (; i + 4 <= rows; i += 4, a += 4 * static_cast<size_t>(stride)) {
-        double *a0 = a, *a1 = a + stride, *a2 = a1 + stride, *a3 = a2 + stride;
-        const double p0 = a0[pivot], p1 = a1[pivot], p2 = a2[pivot], p3 = a3[pivot], wn = w[next];
-        const double n0 = a0[next] - p0 * wn, n1 = a1[next] - p1 * wn, n2 = a2[next] - p2 * wn, n3 = a3[next] - p3 * wn;
-        Pack *b0 = reinterpret_cast<Pack*>(a0), *b1 = reinterpret_cast<Pack*>(a1), *b2 = reinterpret_cast<Pack*>(a2), *b3 = reinterpret_cast<Pack*>(a3);
-        for (int j = first; j < last; ++j) {
-            const Pack v = of[j], x0 = b0[j] - p0 * v, x1 = b1[j] - p1 * v, x2 = b2[j] - p2 * v, x3 = b3[j] - p3 * v;
-            b0[j] = x0;
-            b1[j] = x1;
-            b2[j] = x2;
-            b3[j] = x3;
-            sum[j] = sum[j] + ((n0 * x0 + n1 * x1) + (n2 * x2 + n3 * x3));
-        }
-    }
-    for (; i < rows; ++i, a += stride) {
-        const double p = a[pivot], n = a[next] - p * w[next];
-        Pack* b = reinterpret_cast<Pack*>(a);
-        for (int j = first; j < last; ++j) {
-            b[j] = b[j] - p * of[j];
-            sum[j] = sum[j] + n * b[j];
-        }
-    }
-}
-
-void Triangle::reset(int columns, int pivots) {
-    stride_ = padded(columns);
-    pivots_ = pivots;
-    r_.assign(static_cast<size_t>(pivots) * stride_, 0.0);
-    weight_.assign(stride_, 0.0);
-    product_.assign(stride_, 0.0);
-}
-
-// Householder reflections of the triangle with the rows below it (Golub and Van Loan, Matrix Computations, 4th ed., section 5.2); column
-// by column, v = (r_k - beta, a_k), H = I - 2 v v' / v'v.
-void Triangle::absorb(double* rows, int count) {
-    if (count == 0 || pivots_ == 0) return;
-    std::fill(weight_.begin(), weight_.end(), 0.0);
-    for (int k = 0; k < pivots_; ++k) {
-        std::fill(product_.begin(), product_.end(), 0.0);
-        sweep(rows, count, stride_, std::max(k - 1, 0), k, weight_.data(), product_.data());
-        double* r = row(k);
-        const double below = product_[k];
-        std::fill(weight_.begin(), weight_.end(), 0.0);
-        if (!(below > NOTHING)) continue;
-        const double norm = std::sqrt(r[k] * r[k] + below), beta = r[k] > 0.0 ? -norm : norm, v = r[k] - beta, scale = -1.0 / (beta * v);
-        for (int j = k + 1; j < stride_; ++j) {
-            weight_[j] = scale * (v * r[j] + product_[j]);
-            r[j] -= v * weight_[j];
-        }
-        r[k] = beta;
-    }
-}
 
 template <class V>
 THERMID_INLINE V get(const double* from) {
@@ -96,7 +25,7 @@ THERMID_INLINE V get(const double* from) {
 template <class V>
 THERMID_INLINE void put(double* to, const V& v) { std::memcpy(to, &v, sizeof v); }
 
-// Of some channels that stand together (one or a pack): measured less predicted into rows, and what is told of them.
+// Of some channels that stand together (one or four): measured less predicted into rows, and what is told of them.
 template <class V>
 THERMID_INLINE void tell_of(double* left, int stride, const double* y, const double* t, long m, int channels, GroupSums& s, int c) {
     const V bias = get<V>(&s.bias[c]), first = get<V>(&s.first[c]);
@@ -123,7 +52,7 @@ THERMID_INLINE void tell_of(double* left, int stride, const double* y, const dou
 
 THERMID_CLONES static void tell(double* left, int stride, const double* y, const double* t, long m, int channels, GroupSums& s) {
     int c = 0;
-    for (; c + WIDE <= channels; c += WIDE) tell_of<Pack>(left, stride, y, t, m, channels, s, c);
+    for (; c + WIDE <= channels; c += WIDE) tell_of<Four>(left, stride, y, t, m, channels, s, c);
     for (; c < channels; ++c) tell_of<double>(left, stride, y, t, m, channels, s, c);
     double *high = s.high.data(), *low = s.low.data();
     for (long i = 0; i < m; ++i, left += stride)

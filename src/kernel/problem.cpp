@@ -136,11 +136,10 @@ void Problem::find_pattern() {
     slope_begin.assign(1, 0);
     for (const auto& list : parts) {
         for (const Part& x : list) {
-            slope_row.push_back(x.row);
-            slope_end.push_back(x.end);
+            slope_at.push_back(x.row + x.end * con.size());
             slope_sign.push_back(x.sign);
         }
-        slope_begin.push_back(static_cast<int>(slope_row.size()));
+        slope_begin.push_back(static_cast<int>(slope_at.size()));
     }
     for (int r = 0; r < load.size(); ++r)
         load_place.push_back(load.sensor[r] < n && load.kind[r] != SIGNAL ? pattern.at(load.node[r], load.sensor[r]) : -1);
@@ -153,7 +152,10 @@ Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&
     ceff.push_back(0.0);
     ceff.push_back(std::numeric_limits<double>::infinity());
     t.assign(p->nodes(), 0.0);
-    for (auto* v : {&q, &phi, &qa, &qb}) v->assign(m, 0.0);
+    for (auto* v : {&q, &phi}) v->assign(m, 0.0);
+    qab.assign(2 * m, 0.0);
+    qa = qab.data();
+    qb = qa + m;
     power.assign(l, 0.0);
     slope.assign(l, 0.0);
     on.assign(l, 0);

@@ -40,14 +40,14 @@ struct Problem {
     int kind_begin[CONDUCTOR_KINDS + 1] = {};  // conductors of a kind stand together
     std::vector<int> meet_begin, meet_row;       // conductors that bring heat to (sign 1) or take it from (-1) a node
     std::vector<double> meet_sign;
-    // The Jacobian's pattern; each entry is a signed sum of row slopes (end 0: qa, 1: qb), and loads add their own.
+    // The Jacobian's pattern; each entry is a signed sum of row slopes (those of qa, then those of qb), and loads add their own.
     Pattern pattern;
     Elimination elimination;
-    std::vector<int> slope_begin, slope_row, slope_end, load_place;
+    std::vector<int> slope_begin, slope_at, load_place;
     std::vector<double> slope_sign;
 
     // Values of the pattern from the slopes of the rows.
-    void sum_slopes(const double* qa, const double* qb, const double* loads, double* v) const;
+    void sum_slopes(const double* qab, const double* loads, double* v) const;
 
     int nodes() const { return n + nb; }
     static constexpr int LARGEST = 5000;  // unknowns that the small integrator and a dense Jacobian are meant for
@@ -86,13 +86,15 @@ struct Evaluation {
     const double* coef;                 // as passed
     std::vector<double> u, ceff;        // inputs; effective coefficients, then a zero and an infinity for unused slots
     std::vector<double> t;              // (nodes)
-    std::vector<double> q, phi, qa, qb; // conductors
+    std::vector<double> q, phi, qab;    // conductors
+    double *qa, *qb;                    // the two halves of qab
     std::vector<double> power, slope;   // loads
     std::vector<uint8_t> on;            // thermostat states (loads)
     std::vector<double> f;              // heat into each unknown node
     bool quarter = false;               // the exponent of every power law is 1/4, always
 
     Evaluation(const Problem& problem, const double* coefficients);
+    Evaluation(const Evaluation&) = delete;
     void set_inputs();       // u -> ceff, boundary temperatures
     void move_inputs();      // the same after a change of moving inputs alone
     void rows();             // t -> rows and f
@@ -115,10 +117,12 @@ struct Evaluation {
 class SecondOrder {
   public:
     SecondOrder(const Problem& p);
+    SecondOrder(const SecondOrder&) = delete;
     bool add(const Evaluation& at, const double* dir_t, const double* dir_u, Scatter& s, double* jacobian, double* g);  // false: J stays
 
   private:
-    std::vector<double> dt_, dc_, da_, db_, d0_, d1_, dl_;
+    std::vector<double> dt_, dc_, dab_, d0_, d1_, dl_;
+    double *da_, *db_;  // the two halves of dab_
     void conductors(const Evaluation& at, bool exponents);
     void loads(const Evaluation& at);
     std::vector<double> dlc_;  // of the loads' own coefficients (loads, 4)

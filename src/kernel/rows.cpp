@@ -74,7 +74,7 @@ THERMID_CLONES void shifted_rows(const int* THERMID_RESTRICT a, const int* THERM
 }  // namespace
 
 void Evaluation::shift(double w, const double* delta, double* conductors, double* loads) const {
-    shifted_rows(p->con.a.data(), p->con.b.data(), q.data(), qa.data(), qb.data(), delta, w, conductors, p->con.size());
+    shifted_rows(p->con.a.data(), p->con.b.data(), q.data(), qa, qb, delta, w, conductors, p->con.size());
     for (int r = 0; r < p->load.size(); ++r) loads[r] += w * (power[r] - slope[r] * delta[p->load.sensor[r]]);
 }
 
@@ -86,7 +86,7 @@ void Evaluation::lean(double w, const double* dir, double* conductors, double* l
 void Evaluation::rows() {
     const Conductors& c = p->con;
     const int* first = p->kind_begin;
-    const Rows x{c.a.data(), c.b.data(), c.c0.data(), c.c1.data(), t.data(), ceff.data(), q.data(), phi.data(), qa.data(), qb.data()};
+    const Rows x{c.a.data(), c.b.data(), c.c0.data(), c.c1.data(), t.data(), ceff.data(), q.data(), phi.data(), qa, qb};
     linear_rows(x, first[LINEAR], first[POWER]);
     if (quarter) quarter_rows(x, first[POWER], first[RADIATION]);
     else power_rows(x, first[POWER], first[RADIATION]);
@@ -120,20 +120,19 @@ void Evaluation::rows() {
     }
 }
 
-void Problem::sum_slopes(const double* qa, const double* qb, const double* loads, double* v) const {
-    const double* of[2] = {qa, qb};
-    const int *begin = slope_begin.data(), *row = slope_row.data(), *end = slope_end.data();
+void Problem::sum_slopes(const double* qab, const double* loads, double* v) const {
+    const int *begin = slope_begin.data(), *at = slope_at.data();
     const double* sign = slope_sign.data();
     for (int i = 0, k = 0, m = pattern.size(); i < m; ++i) {
         double s = 0.0;
-        for (const int last = begin[i + 1]; k < last; ++k) s += sign[k] * of[end[k]][row[k]];
+        for (const int last = begin[i + 1]; k < last; ++k) s += sign[k] * qab[at[k]];
         v[i] = s;
     }
     for (int r = 0; r < load.size(); ++r)
         if (load_place[r] >= 0) v[load_place[r]] += loads[r];
 }
 
-void Evaluation::slopes(double* v) const { p->sum_slopes(qa.data(), qb.data(), slope.data(), v); }
+void Evaluation::slopes(double* v) const { p->sum_slopes(qab.data(), slope.data(), v); }
 
 void Evaluation::jacobian(double* j) const {
     const int n = p->n;

@@ -9,10 +9,51 @@ namespace thermid {
 SecondOrder::SecondOrder(const Problem& p) {
     dt_.assign(p.nodes(), 0.0);
     dc_.assign(p.nc + 2, 0.0);
-    for (auto* v : {&da_, &db_, &d0_, &d1_}) v->assign(p.con.size(), 0.0);
+    for (auto* v : {&d0_, &d1_}) v->assign(p.con.size(), 0.0);
+    dab_.assign(2 * static_cast<size_t>(p.con.size()), 0.0);
+    da_ = dab_.data();
+    db_ = da_ + p.con.size();
     dl_.assign(p.load.size(), 0.0);
     dlc_.assign(4 * static_cast<size_t>(p.load.size()), 0.0);
 }
+
+namespace {
+
+// Where conductors stand, the direction, and what is found for each.
+struct Seconds {
+    const int *a, *b, *c0;
+    const double *t, *dt, *c, *dc, *phi;
+    double *da, *db, *d0;
+};
+
+// q_a = g s (1 + m d^2 / e) with e = d^2 + smoothing, s = e^(m/2), phi = d s, and m = 1/4
+THERMID_CLONES void quarter_seconds(const Seconds x, int first, int last, double rest) {
+    const int *THERMID_RESTRICT a = x.a, *THERMID_RESTRICT b = x.b, *THERMID_RESTRICT c0 = x.c0;
+    const double *THERMID_RESTRICT t = x.t, *THERMID_RESTRICT dt = x.dt, *THERMID_RESTRICT c = x.c, *THERMID_RESTRICT dc = x.dc;
+    const double* THERMID_RESTRICT phi = x.phi;
+    double *THERMID_RESTRICT da = x.da, *THERMID_RESTRICT db = x.db, *THERMID_RESTRICT d0 = x.d0;
+    for (int r = first; r < last; ++r) {
+        const double d = t[a[r]] - t[b[r]], v = dt[a[r]] - dt[b[r]], e = 1.0 / (d * d + SMOOTH2), part = d * d * e;
+        const double s = d != 0.0 ? phi[r] / d : rest, rise = s * (1.0 + 0.25 * part);
+        da[r] = c[c0[r]] * 0.25 * phi[r] * e * (3.0 - 1.75 * part) * v + dc[c0[r]] * rise;
+        db[r] = -da[r];
+        d0[r] = rise * v;
+    }
+}
+
+THERMID_CLONES void radiation_seconds(const Seconds x, int first, int last) {
+    const int *THERMID_RESTRICT a = x.a, *THERMID_RESTRICT b = x.b, *THERMID_RESTRICT c0 = x.c0;
+    const double *THERMID_RESTRICT t = x.t, *THERMID_RESTRICT dt = x.dt, *THERMID_RESTRICT c = x.c, *THERMID_RESTRICT dc = x.dc;
+    double *THERMID_RESTRICT da = x.da, *THERMID_RESTRICT db = x.db, *THERMID_RESTRICT d0 = x.d0;
+    for (int r = first; r < last; ++r) {
+        const double ta = t[a[r]], tb = t[b[r]], va = dt[a[r]], vb = dt[b[r]], a2 = ta * ta, b2 = tb * tb, g = c[c0[r]], e0 = dc[c0[r]];
+        da[r] = 4.0 * a2 * (3.0 * g * va + e0 * ta);
+        db[r] = -4.0 * b2 * (3.0 * g * vb + e0 * tb);
+        d0[r] = 4.0 * (a2 * ta * va - b2 * tb * vb);
+    }
+}
+
+}  // namespace
 
 // Of q_a, q_b and of the heat per coefficient.
 void SecondOrder::conductors(const Evaluation& at, bool exponents) {
@@ -33,24 +74,21 @@ void SecondOrder::conductors(const Evaluation& at, bool exponents) {
         db_[r] = -da_[r];
         d0_[r] = dt[a[r]] - dt[b[r]];
     }
-    for (int r = first[POWER]; r < first[RADIATION]; ++r) {
+    const Seconds x{a, b, c.c0.data(), t, dt, at.ceff.data(), dc_.data(), at.phi.data(), da_, db_, d0_.data()};
+    const bool quarter = at.quarter && !exponents;
+    if (quarter) quarter_seconds(x, first[POWER], first[RADIATION], power(SMOOTH2, 0.125));
+    for (int r = first[POWER]; r < first[RADIATION] && !quarter; ++r) {
         if (exponents || dc_[c.c1[r]] != 0.0) {
             generic(r);
             continue;
         }
-        // q_a = g s (1 + m d^2 / e) with e = d^2 + smoothing, s = e^(m/2), phi = d s
         const double d = t[a[r]] - t[b[r]], v = dt[a[r]] - dt[b[r]], e = 1.0 / (d * d + SMOOTH2), m = at.ceff[c.c1[r]];
         const double phi = at.phi[r], part = d * d * e, s = d != 0.0 ? phi / d : power(SMOOTH2, 0.5 * m), rise = s * (1.0 + m * part);
         da_[r] = at.ceff[c.c0[r]] * m * phi * e * (3.0 + (m - 2.0) * part) * v + dc_[c.c0[r]] * rise;
         db_[r] = -da_[r];
         d0_[r] = rise * v;
     }
-    for (int r = first[RADIATION]; r < first[FLOW]; ++r) {
-        const double ta = t[a[r]], tb = t[b[r]], va = dt[a[r]], vb = dt[b[r]], a2 = ta * ta, b2 = tb * tb, g = at.ceff[c.c0[r]], e0 = dc_[c.c0[r]];
-        da_[r] = 4.0 * a2 * (3.0 * g * va + e0 * ta);
-        db_[r] = -4.0 * b2 * (3.0 * g * vb + e0 * tb);
-        d0_[r] = 4.0 * (a2 * ta * va - b2 * tb * vb);
-    }
+    radiation_seconds(x, first[RADIATION], first[FLOW]);
     for (int r = first[FLOW]; r < c.size(); ++r) generic(r);
 }
 
@@ -82,7 +120,7 @@ bool SecondOrder::add(const Evaluation& at, const double* dir_t, const double* d
         if (in < 0) return second;
         return second * at.u[in] + (dir_u ? slope(e) * dir_u[in] : 0.0);
     };
-    const double* of[2] = {da_.data(), db_.data()};
+    const double* of[2] = {da_, db_};
     for (const Entry& e : s.con) {
         const double second = e.what == 0 ? d0_[e.row] : e.what == 1 ? d1_[e.row] : of[e.what - 4][e.row];
         *value++ = by_input(e, second, [&](const Entry& x) { return at.con_slope(x); });
@@ -93,9 +131,8 @@ bool SecondOrder::add(const Evaluation& at, const double* dir_t, const double* d
     }
     s.add(g);
     const auto moves = [](double v) { return v != 0.0; };
-    if (std::none_of(da_.begin(), da_.end(), moves) && std::none_of(db_.begin(), db_.end(), moves) && std::none_of(dl_.begin(), dl_.end(), moves))
-        return false;
-    p.sum_slopes(of[0], of[1], dl_.data(), jacobian);
+    if (std::none_of(dab_.begin(), dab_.end(), moves) && std::none_of(dl_.begin(), dl_.end(), moves)) return false;
+    p.sum_slopes(dab_.data(), dl_.data(), jacobian);
     return true;
 }
 

@@ -111,11 +111,10 @@ void Integrator::slaved_rows(const Slaved& s, Evaluation& e) const {
 // Rows of the Jacobian that belong to slaved nodes, as values of the pattern.
 void Integrator::slaved_jacobian(const Slaved& s, const Evaluation& e, double* j) const {
     const Pattern& at = p_.pattern;
-    const double* of[2] = {e.qa.data(), e.qb.data()};
     for (int i : s.nodes)
         for (int k = at.begin[i]; k < at.begin[i + 1]; ++k) {
             j[k] = 0.0;
-            for (int x = p_.slope_begin[k]; x < p_.slope_begin[k + 1]; ++x) j[k] += p_.slope_sign[x] * of[p_.slope_end[x]][p_.slope_row[x]];
+            for (int x = p_.slope_begin[k]; x < p_.slope_begin[k + 1]; ++x) j[k] += p_.slope_sign[x] * e.qab[p_.slope_at[x]];
         }
     for (int r : s.load_rows)
         if (p_.load_place[r] >= 0) j[p_.load_place[r]] += e.slope[r];

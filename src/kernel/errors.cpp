@@ -1,0 +1,138 @@
+// What a step errs by: estimates of it for temperatures and sensitivities, the part that is taken out, and how much is allowed.
+#include <algorithm>
+#include <cmath>
+
+#include "integrator.hpp"
+#include "knees.hpp"
+
+namespace thermid {
+
+// Largest scaled error estimate, filtered through the iteration matrix as usual for stiff systems.
+double Integrator::error() {
+    const size_t n = n_;
+    for (int i = 0; i < n_; ++i) {
+        double e = 0.0;
+        for (int s = 0; s < STAGES; ++s) e += (WEIGHT[s] - EMBEDDED[s]) * F_[s * n + i];
+        err_[i] = cap_[i] > 0.0 ? h_ * e : 0.0;
+    }
+    lu_.solve(err_.data());
+    double worst = 0.0;
+    for (int i = 0; i < n_; ++i) {
+        // A node that follows a projected input at once sees its small jumps between steps; they are gone at the step's end.
+        if (cap_[i] == 0.0 || (leftover_ && fast_.is[i])) continue;
+        worst = std::max(worst, std::fabs(err_[i]));
+    }
+    return std::max(worst / tolerance(), np_ > 0 ? sensitivity_error() : 0.0);
+}
+
+// Whether the step passes no knee of a proportional heater, or is short enough for it; else `next` is the length to try.
+bool Integrator::clear_of_knees(double& next) const {
+    const double* last = F_.data() + static_cast<size_t>(STAGES - 1) * n_;
+    Knee knee;
+    double steepest = 0.0;
+    for (int l = 0; l < p_.load.size(); ++l) {
+        const int i = p_.load.node[l], s = p_.load.sensor[l];
+        if (p_.load.kind[l] != PROPORTIONAL || s >= n_ || cap_[i] == 0.0) continue;
+        const double move = T1_[s] - T_[s], c = inv_cap_[s] * h_, gain = e_.ceff[p_.load.c[0][l]], before = knee.error;
+        const Sweep sweep{T_[s], T1_[s], c > 0.0 ? c * F_[s] : move, c > 0.0 ? c * last[s] : move};
+        const double inertia = cap_[i] + h_ * std::fabs(J0_[p_.pattern.diag[i]]);
+        knee.heater(sweep, gain, e_.ceff[p_.load.c[1][l]], e_.ceff[p_.load.c[2][l]], h_, inertia);
+        if (knee.error > before) steepest = std::max(steepest, gain * h_ / inertia);
+    }
+    double allowed = slack_ * tolerance();
+    // A knee does not move with the end of a step, so sensitivities err in proportion to its length.
+    if (np_ > 0 && steepest > 0.0) {
+        const double ratio = 0.1 * slack_ * slope_tolerance() / (0.25 * steepest);
+        if (ratio < 1.0) allowed = std::min(allowed, knee.least * ratio * ratio);
+        if (ratio < 1.0) knee.error = std::max(knee.error, 2.0 * allowed);
+    }
+    if (knee.error <= allowed) return true;
+    next = knee.retry(h_, allowed);
+    return t_ + next == t_ || next < 1e-9 * std::fabs(t_);
+}
+
+// Largest error of a step's sensitivities, relative to the effect that a parameter has had.
+double Integrator::slope_tolerance() const { return std::min(1e-2, std::max(leftover_ ? 1e-4 : 1e-7, 100.0 * tolerance())); }
+
+// The same for the sensitivities, relative to the largest effect that each parameter has had: where temperatures rest they may still move.
+double Integrator::sensitivity_error() {
+    const size_t np = np_, m = static_cast<size_t>(n_) * np;
+    const double* from[STAGES];
+    double w[STAGES];
+    for (int s = 0; s < STAGES; ++s) {
+        from[s] = FS_.data() + s * m;
+        w[s] = h_ * (WEIGHT[s] - EMBEDDED[s]);
+    }
+    combine(G_.data(), from, w, STAGES, static_cast<int>(m));
+    reach_.resize(np, 0.0);
+    counts_.assign(n_, 1);
+    largest(reach_.data(), S1_.data(), counts_.data(), n_, np_);
+    for (int i = 0; i < n_; ++i) {
+        if (cap_[i] == 0.0) std::fill(G_.begin() + i * np, G_.begin() + (i + 1) * np, 0.0);
+        counts_[i] = cap_[i] > 0.0 && !(leftover_ && fast_.is[i]);
+    }
+    if (leftover_) filter_sensitivity(err_.data(), G_.data());
+    else lu_.solve_many(G_.data(), np_);
+    double worst = 0.0;
+    peak_.assign(np, 0.0);
+    largest(peak_.data(), G_.data(), counts_.data(), n_, np_);
+    for (size_t q = 0; q < np; ++q)
+        if (reach_[q] > 0.0) worst = std::max(worst, peak_[q] / reach_[q]);
+    return worst / slope_tolerance();
+}
+
+// Solves (C - h gamma J) E = G + h gamma J_p e - C_p e: the derivatives of e, where (C - h gamma J) e = g and G are those of g.
+void Integrator::filter_sensitivity(const double* e, double* G) {
+    const double hg = h_ * GAMMA;
+    std::fill(comb_.begin(), comb_.end(), 0.0);
+    const double* dj = second_.add(e_, e, nullptr, parameters_, dJ_.data(), comb_.data()) ? dJ_.data() : nullptr;
+    if (dj) {
+        for (int i = 0; i < n_; ++i) xa_[i] = 1.0;
+        p_.pattern.sum(xa_.data(), comb_.data(), dj, S1_.data(), nullptr, nullptr, CS_.data(), np_);
+    }
+    for (int i = 0; i < n_; ++i) {
+        xa_[i] = 1.0;
+        guess_[i] = cap_[i] > 0.0 ? -hg : -1.0;
+    }
+    difference(G, xa_.data(), G, guess_.data(), dj ? CS_.data() : comb_.data(), n_, np_);
+    capacity_term(G, e, -1.0);
+    lu_.solve_many(G, np_);
+}
+
+// Takes out of the end of the step what it errs by in fast nodes after a jump of a projected input (see SHED); heats follow, so that the
+// balance holds.
+void Integrator::improve() {
+    const size_t np = np_;
+    const double* last = err_.data();
+    for (int k = 0; k < 2; ++k) {
+        double* e = shed_[k].data();
+        for (int i = 0; i < n_; ++i) e[i] = cap_[i] * last[i];
+        lu_.solve(e);
+        last = e;
+    }
+    const double *e1 = err_.data(), *e2 = shed_[0].data(), *e3 = shed_[1].data();
+    for (int i = 0; i < n_; ++i) {
+        T1_[i] -= SHED[0] * (e1[i] - e2[i]) + SHED[1] * (e2[i] - e3[i]);
+        delta_[i] = SHED[0] * e2[i] + SHED[1] * e3[i];
+    }
+    if (o_.energy) e_.lean(GAMMA, delta_.data(), acc_con_.data(), acc_load_.data());
+    if (np_ == 0) return;
+    const double *from[2] = {e1, e2}, *to[2] = {e2, e3};
+    for (int k = 0; k < 2; ++k) {  // G_ holds the derivatives of e1, then of e2
+        const double w = SHED[k] - (k > 0 ? SHED[k - 1] : 0.0);
+        axpy(S1_.data(), -w, G_.data(), static_cast<int>(n_ * np));
+        scale_rows(G_.data(), cap_.data(), n_, np_);
+        capacity_term(G_.data(), from[k], 1.0);
+        filter_sensitivity(to[k], G_.data());
+    }
+    axpy(S1_.data(), SHED[1], G_.data(), static_cast<int>(n_ * np));
+}
+
+// The jumps of projected inputs show in the estimate, although improve() takes most of what they do away: no finer than those inputs are
+// followed, and finer where sensitivities are wanted, whose errors are up to twice as large. Least squares only take directions from them.
+double Integrator::tolerance() const {
+    const double tol = o_.atol + o_.rtol * (high_ - low_);
+    return leftover_ ? std::max(tol, (np_ > 0 && !squares_ ? 0.25 : 0.32) * o_.input_atol) : tol;
+}
+
+}  // namespace thermid
