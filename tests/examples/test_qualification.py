@@ -45,7 +45,9 @@ def test_the_unit_qualified_on_one_page(tmp_path: Path) -> None:
     assert any("assumed values that no spread names" in why for m in found.margins for why in m.not_counted)
     assert found.passed is False
     assert any("before the plan was locked" in why for why in found.open)
-    assert any("the clause asks for 20 cycles in all" in r for r in found["thermal cycling"].remarks)
+    (cycles,) = (r for r in found["thermal cycling"].remarks if "the clause asks for 20 cycles in all" in r)
+    assert cycles.endswith("the profile runs 16 and other tests of the plan 4")  # none is missing
+    assert [max(p.cycle for p in found[t].course.phases) for t in ("thermal cycling", "thermal vacuum")] == [16, 4]
     assert found.demonstration.startswith("demonstration: 56 assumed parameters, synthetic data")
     text = td.qualification_report(found, to=tmp_path / "page.html").read_text(encoding="utf-8")
     assert "DEMONSTRATION: 56 ASSUMED PARAMETERS, SYNTHETIC DATA" in text

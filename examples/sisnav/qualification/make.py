@@ -23,7 +23,8 @@ import tomlkit  # noqa: E402
 
 import thermid as td  # noqa: E402
 
-EVERY = 120.0
+EVERY = {"thermal cycling": 180.0, "thermal vacuum": 180.0, "humidity": 120.0}
+"""Interval of the readings of each test: days of cycling are read less often. [s]"""
 CHAMBER = {"offset": 0.4, "noise": 0.05}
 """What the chamber's thermometers are off by, and scatter by. [K]"""
 RECORDS = {"thermal cycling": "cycling", "thermal vacuum": "vacuum", "humidity": "humidity"}
@@ -64,7 +65,7 @@ def logs() -> None:
         (planned,) = (t for t in plan.tests if t.name == test)
         trial = tried(plan, planned.model_copy(update={"log": None}))
         scenario = trial.foresight.scenario
-        times = np.arange(0.0, scenario.seconds + 1.0, EVERY)
+        times = np.arange(0.0, scenario.seconds + 1.0, EVERY[test])
         rng = np.random.default_rng([laboratory.SEED, k])
         run = td.simulate(hidden, scenario, times=times)
         columns = {

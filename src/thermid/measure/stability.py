@@ -224,13 +224,14 @@ def since_when(record: Record, name: str, rule: StabilityRule, since: float = -n
     Parameters
     ----------
     record, name, rule, since   As in `channel_stability`.
-    looks : int                 Times at which the question is asked.
+    looks : int                 Times at which the question is asked, at most.
     """
     begin = max(since, float(record.times[0]))
     first = begin + max(rule.window, SHORTEST, FEWEST * record.step)
     if first > record.times[-1]:
         return None
     earliest: float | None = None
+    looks = min(looks, int((record.times[-1] - first) / record.step) + 2)  # more often than there are readings says nothing more
     for at in np.linspace(first, float(record.times[-1]), looks)[::-1]:
         try:
             verdict = channel_stability(record, name, rule, float(at), begin).verdict

@@ -153,11 +153,16 @@ class ThermalProfile:
         which = ", ".join(self.from_memory) or "the rule of stability"
         return f"from memory, not checked against the standard: {which}. No verdict may rest on this profile before they are read there"
 
-    def check(self) -> tuple[str, ...]:
-        """Return what a careful reader would remark: order against condensation, cycles against the range, levels in the wrong order."""
+    def check(self, beside: float = 0.0) -> tuple[str, ...]:
+        """Return what a careful reader would remark: order against condensation, cycles against the range, levels in the wrong order.
+
+        Parameters
+        ----------
+        beside : float  Cycles over the same range that other tests of the unit run.
+        """
         from thermid.qualify.remarks import remarks
 
-        return remarks(self)
+        return remarks(self, beside)
 
     def with_(
         self, *, predicted: Any = None, steps: Sequence[Mapping[str, Any]] | None = None, title: str = "", **numbers: Any

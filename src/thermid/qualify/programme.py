@@ -182,7 +182,8 @@ def run_plan(
             raise error.within(f"{given.path.name}, test '{test.name}'") from None
         if trial.log_sha256:
             other = note_look(given, test.name, trial.log_sha256)
-            said = f"its log is not the one that was looked at on {other}: say in its deviations what was changed in it, and why"
+            why = "see its deviations" if test.deviations else "say in its deviations what was changed in it, and why"
+            said = f"its log is not the one that was first looked at, on {other}: {why}"
             trial = replace(trial, remarks=(*trial.remarks, said)) if other else trial
         trials.append(trial)
     trials = _alike(_informed(trials))

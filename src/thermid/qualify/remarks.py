@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 __all__ = ["remarks"]
 
 
-def remarks(profile: ThermalProfile) -> tuple[str, ...]:
-    """Return the remarks about a profile.
+def remarks(profile: ThermalProfile, beside: float = 0.0) -> tuple[str, ...]:
+    """Return the remarks about a profile; `beside` is how many cycles over its range other tests of the same unit run.
 
     Raises
     ------
@@ -23,7 +23,7 @@ def remarks(profile: ThermalProfile) -> tuple[str, ...]:
     """
     if "hot" in profile.used or "cold" in profile.used:
         ordered(profile)
-    return (*_condensation(profile), *_count(profile), *_trust(profile))
+    return (*_condensation(profile), *_count(profile, beside), *_trust(profile))
 
 
 def ordered(profile: ThermalProfile) -> None:
@@ -54,8 +54,8 @@ def _condensation(profile: ThermalProfile) -> Iterator[str]:
             )
 
 
-def _count(profile: ThermalProfile) -> Iterator[str]:
-    """Compare the count of cycles with the one that the range asks for."""
+def _count(profile: ThermalProfile, beside: float) -> Iterator[str]:
+    """Compare the count of cycles with the one that the range asks for, in this and in other tests together."""
     if not profile.has("base_cycles"):
         return
     law = Equivalence(
@@ -63,11 +63,15 @@ def _count(profile: ThermalProfile) -> Iterator[str]:
     )
     low, high = profile.value("cold"), profile.value("hot")
     need = equivalent_cycles(low, high, law)
-    if need != law.cycles or profile.value("cycles") < need:
+    own = profile.value("cycles")
+    if need != law.cycles or own < need:
+        missing = need - own - beside
         yield (
             f"over {high - low:.4g} K the clause asks for {need} cycles in all ({law.cycles:g} ("
             + f"{law.range:g}/{high - low:.4g})^{law.exponent:g} = "
-            f"{law.exact(high - low):.2f}), in vacuum and in air together; the profile runs {profile.value('cycles'):g}"
+            f"{law.exact(high - low):.2f}), in vacuum and in air together; the profile runs {own:g}"
+            + (f" and other tests of the plan {beside:g}" if beside else "")
+            + (f": {missing:g} are missing" if missing > 0 else "")
         )
 
 

@@ -27,7 +27,7 @@ from thermid.qualify.limit_checks import LimitCheck, check_limits, check_reading
 from thermid.qualify.limits import Limits
 from thermid.qualify.plan import Plan
 from thermid.qualify.profile_run import ProfileRun
-from thermid.qualify.profiles import profile_from
+from thermid.qualify.profiles import ThermalProfile, profile_from
 from thermid.qualify.stabilisation import Stability, stability
 from thermid.qualify.trial import Trial
 from thermid.simulation.scenario import Scenario, load_scenario
@@ -40,8 +40,8 @@ __all__ = ["sensors_of", "tried"]
 
 LONG = 3600.0
 """Stays of at least so long end settled. [s]"""
-STORED = 1500
-"""At most so many stored times of a run: two minutes over two days."""
+STORED = 6000
+"""At most so many stored times of a run: two minutes over eight days."""
 ENVIRONMENTAL = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")
 """Kinds of test whose levels somebody applies."""
 
@@ -63,7 +63,7 @@ def tried(plan: Plan, test: TestTable) -> Trial:
     )
     ahead = f"{known.at}." if known.at else ""
     outside = extrapolations(test, told, plan.content.validity, [x.node for x in limits], ahead)
-    remarks = course.profile.check() if course is not None else ()
+    remarks = course.profile.check(_cycles_beside(plan, test, course.profile)) if course is not None else ()
     trial = Trial(test, known, told, limits, checks, course, heaters, outside, remarks=remarks)
     return trial if test.log is None else _judged(plan, trial, scenario, sensors)
 
@@ -98,6 +98,16 @@ def _course(plan: Plan, test: TestTable, known: Known) -> tuple[Scenario, Profil
     if isinstance(test.scenario, str):
         return load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}")), None
     return Scenario(**({"title": test.name} | dict(test.scenario or {}))), None
+
+
+def _cycles_beside(plan: Plan, test: TestTable, profile: ThermalProfile) -> float:
+    """Return how many cycles over at least the range of a profile the other tests of the plan run."""
+    if not profile.has("base_cycles"):
+        return 0.0
+    others = [profile_from(t.profile, plan.path.name, t.name) for t in plan.tests if t.profile is not None and t.name != test.name]
+    cycling = [p for p in others if p.kind in ("thermal cycling", "thermal vacuum") and not p.plan]
+    least = profile.value("hot") - profile.value("cold") - 0.1
+    return sum(p.value("cycles") for p in cycling if p.value("hot") - p.value("cold") >= least)
 
 
 def sensors_of(plan: Plan, test: TestTable) -> dict[str, tuple[str, Any]]:
@@ -198,17 +208,21 @@ def _settled(
     test: TestTable, record: Record, windows: Sequence[tuple[float, float]], sensors: Sequence[str]
 ) -> tuple[tuple[Stability, ...], tuple[str, ...]]:
     """Return what the readings say about every settled stretch by the test's rule, and where they say nothing."""
-    out, unsure = [], []
+    out: list[Stability] = []
+    unsure: dict[str, list[str]] = {}
     for begin, end in windows if sensors else ():
         try:
             found = stability(record, test.stable, sensors, since=begin, at=end)
         except RecordError as error:
-            unsure.append(f"{_span(begin, end)}: that it is settled cannot be told: {error}")
+            unsure.setdefault(f"that it is settled cannot be told: {error}", []).append(_span(begin, end))
             continue
         out.append(found)
         if found.verdict == "cannot tell":
-            unsure.append(f"{_span(begin, end)}: the readings cannot tell whether '{found.rule.name}' holds at {found.slowest}")
-    return tuple(out), tuple(unsure)
+            unsure.setdefault(f"the readings cannot tell whether '{found.rule.name}' holds at {found.slowest}", []).append(
+                _span(begin, end)
+            )
+    more = {why: f" and {len(spans) - 1} more" if len(spans) > 1 else "" for why, spans in unsure.items()}
+    return tuple(out), tuple(f"{spans[0]}{more[why]}: {why}" for why, spans in unsure.items())
 
 
 def _unsettled(settled: Sequence[Stability]) -> Iterator[str]:

@@ -215,4 +215,6 @@ def test_a_log_that_is_exchanged_after_it_was_looked_at_is_remarked(tmp_path: Pa
     lock_plan(load_plan(file))
     assert not [r for r in run_plan(file)["hot"].remarks if "looked at" in r]
     measured(tmp_path, offset=0.2)
-    assert [r for r in run_plan(file)["hot"].remarks if "is not the one that was looked at on" in r]
+    assert [r for r in run_plan(file)["hot"].remarks if "is not the one that was first looked at" in r and "say in its deviations" in r]
+    project(tmp_path, with_log(PLAN, deviations='["calibration of the logger applied"]'))
+    assert [r for r in run_plan(file)["hot"].remarks if r.endswith("see its deviations")]

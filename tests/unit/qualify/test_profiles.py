@@ -168,3 +168,14 @@ def test_a_smaller_range_is_remarked_with_the_count_it_asks_for():
     (remark,) = [r for r in unit_cycle(hot="50 [degC]", cold="-30 [degC]").check() if "cycles" in r]
     assert "asks for 40 cycles" in remark
     assert "39.51" in remark
+
+
+def test_cycles_in_other_tests_of_the_plan_count_and_those_that_are_missing_are_named():
+    own = unit_cycle(cycles=2)
+    (alone,) = [r for r in own.check() if "cycles" in r]
+    (both,) = [r for r in own.check(beside=4) if "cycles" in r]
+    (whole,) = [r for r in unit_cycle().check(beside=4) if "cycles" in r]
+    need = int(alone.split("asks for ")[1].split()[0])
+    assert alone.endswith(f"the profile runs 2: {need - 2} are missing")
+    assert both.endswith(f"the profile runs 2 and other tests of the plan 4: {need - 6} are missing")
+    assert whole.endswith(f"the profile runs {need - 4} and other tests of the plan 4")
