@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -112,8 +113,27 @@ class Page:
         return str(self.run("return document.querySelector(arguments[0]).textContent", selector))
 
     def click(self, selector: str) -> None:
-        """Click an element."""
-        self.run("document.querySelector(arguments[0]).click()", selector)
+        """Click an element that a person can see."""
+        seen = self.run("const e = document.querySelector(arguments[0]), ok = e.checkVisibility(); if (ok) e.click(); return ok", selector)
+        assert seen, f"{selector} is not shown"
+
+    def widths(self) -> Iterator[int]:
+        """Yield the widths of a desk, a tablet and a telephone, each taken on. [px]"""
+        for width in (1600, 1024, 390):
+            size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
+            self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+            yield width
+        self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+    def serious(self, dark: bool) -> list[Any]:
+        """Return what axe-core calls serious or critical in the page as it stands, in the light or the dark."""
+        pytest.importorskip("selenium_axe_python", reason="selenium-axe-python is not installed (extra test)")
+        scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+        if not self.run("return Boolean(window.axe)"):
+            self.run(files("selenium_axe_python").joinpath("axe-core/axe.min.js").read_text(encoding="utf-8"))
+        found = self.wait("return (await axe.run()).violations.map((v) => [v.impact, v.id, v.nodes.map((n) => n.html.slice(0, 120))])")
+        return [v for v in found if v[0] in ("serious", "critical")]
 
     def listen(self) -> None:
         """Take over what the console said and what the page asked for since last time."""

@@ -84,10 +84,7 @@ def test_a_campaign_of_fifty_parts_stays_readable(tmp_path: Path) -> None:
         shown.until("document.querySelector('#picture [data-path=\"u17.case\"]')")
         heights = "[...document.querySelectorAll('#picture text')].map((t) => t.getBoundingClientRect().height)"
         small = f"return {heights}.filter((h) => h > 0 && h < 8).length"
-        for width in (1600, 1024, 390):
-            shown.driver.execute_cdp_cmd(
-                "Emulation.setDeviceMetricsOverride", {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
-            )
+        for width in shown.widths():
             shown.wait("await pause(200)")
             assert shown.run("return document.documentElement.scrollWidth") <= width
             assert shown.run(small) == 0  # no text of the picture is smaller than can be read

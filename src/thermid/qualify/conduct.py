@@ -67,7 +67,8 @@ def run_profile(
     chamber_ramp : str or float     What the chamber can, where that is less than the profile asks for. [K/s]
     every : str or float            Interval of the stored samples. [s]
     options : Options               Of the integrator.
-    told : callable                 Told after each step its number, how many there are, and the time reached in seconds.
+    told : callable                 Told after each step its number, how many there are, and the time reached in seconds; at the end of them
+                                    again with each pass of the humidity's balance. What it raises ends the run.
 
     Raises
     ------
@@ -85,7 +86,7 @@ def run_profile(
         course.do(step)
         if told is not None:
             told(k, len(profile.steps), course.plan.times[-1])
-    return _finished(course, every)
+    return _finished(course, every, told)
 
 
 def _rate(given: str | float) -> float:
@@ -305,7 +306,7 @@ def leg_end(leg: Leg, bench: Bench, span: float) -> Conditions:
     return Conditions(float(at[0]), True)
 
 
-def _finished(course: _Course, every: str | float) -> ProfileRun:
+def _finished(course: _Course, every: str | float, told: Callable[[int, int, float], None] | None) -> ProfileRun:
     """Return the run: the whole course as one solution, its moisture, its remarks."""
     bench, profile, plan = course.bench, course.profile, course.plan
     scenario = plan.scenario(bench.base, bench, profile.title)
@@ -319,7 +320,9 @@ def _finished(course: _Course, every: str | float) -> ProfileRun:
     wet: Moisture | None = None
     damp = plan.humidity()
     if damp is not None:
-        wet, remark = humid(bench.model, scenario, damp, bench.chamber, solution, max(step, scenario.seconds / MOIST_SAMPLES))
+        steps, interval = len(profile.steps), max(step, scenario.seconds / MOIST_SAMPLES)
+        still = None if told is None else lambda count, moved: told(steps, steps, scenario.seconds)
+        wet, remark = humid(bench.model, scenario, damp, bench.chamber, solution, interval, still)
         solution = wet.solution
         course.remarks |= {remark: None} if remark else {}
     return ProfileRun(profile, tuple(course.phases), scenario, solution, wet, tuple(course.remarks), course.base, bench.chamber)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from thermid.errors import ScenarioError, SolverError
 from thermid.model.model import Model
 from thermid.model.signal import Signal
@@ -20,7 +22,13 @@ LEFT_OUT = (
 
 
 def humid(
-    model: Model, scenario: Scenario, humidity: Signal, gases: tuple[str, ...], solution: Solution, every: float
+    model: Model,
+    scenario: Scenario,
+    humidity: Signal,
+    gases: tuple[str, ...],
+    solution: Solution,
+    every: float,
+    told: Callable[[int, float], None] | None = None,
 ) -> tuple[Moisture, str]:
     """Return what humidity does along a run, and a remark where its latent heat was left out.
 
@@ -31,6 +39,7 @@ def humid(
     gases : tuple of str                Boundaries that are the chamber.
     solution : Solution                 The same run without moisture.
     every : float                       Time between outputs. [s]
+    told : callable                     Told after each pass of the balance, as in `moisture`.
 
     Raises
     ------
@@ -46,7 +55,7 @@ def humid(
         )
     air = {c.gas: humidity for c in parts}
     try:
-        return moisture(model, scenario, air, every=every), ""
+        return moisture(model, scenario, air, every=every, told=told), ""
     except (ScenarioError, SolverError):
         found = follow(solution, parts, air, {})
     each = zip(parts, found.margin, found.film, found.latent, strict=True)

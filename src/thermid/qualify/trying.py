@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -46,25 +46,25 @@ ENVIRONMENTAL = ("thermal cycling", "thermal vacuum", "thermal balance", "humidi
 """Kinds of test whose levels somebody applies."""
 
 
-def tried(plan: Plan, test: TestTable) -> Trial:
-    """Return a test of a plan: predicted, held against limits, and judged where its log is there."""
+def tried(plan: Plan, test: TestTable, told: Callable[[int, int, float], None] | None = None) -> Trial:
+    """Return a test of a plan: predicted, held against limits, and judged where its log is there; `told` as in `run_profile`."""
     known, limits = plan.hosted(test.host), plan.limits_on(test.host)
-    scenario, course = _course(plan, test, known)
+    scenario, course = _course(plan, test, known, told)
     sensors = sensors_of(plan, test)
     _known_nodes(plan, known, limits, sensors)
     points = list(dict.fromkeys([x.node for x in limits] + [n for n, _ in sensors.values()]))
     step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / STORED)
     times = np.linspace(0.0, scenario.seconds, int(np.ceil(scenario.seconds / step)) + 1)
-    told = foresee(known, scenario, nodes=points, spread=test.spread, times=times)
-    checks = check_limits(told.solution, limits, state=_state(test))
+    seen = foresee(known, scenario, nodes=points, spread=test.spread, times=times)
+    checks = check_limits(seen.solution, limits, state=_state(test))
     heaters = tuple(
-        heater_duty(told, load, literal(power, "W", f"{test.name}, heaters.{load}"), name=test.name, policy=plan.content.margins.policy)
+        heater_duty(seen, load, literal(power, "W", f"{test.name}, heaters.{load}"), name=test.name, policy=plan.content.margins.policy)
         for load, power in test.heaters.items()
     )
     ahead = f"{known.at}." if known.at else ""
-    outside = extrapolations(test, told, plan.content.validity, [x.node for x in limits], ahead)
+    outside = extrapolations(test, seen, plan.content.validity, [x.node for x in limits], ahead)
     remarks = course.profile.check(_cycles_beside(plan, test, course.profile)) if course is not None else ()
-    trial = Trial(test, known, told, limits, checks, course, heaters, outside, remarks=remarks)
+    trial = Trial(test, known, seen, limits, checks, course, heaters, outside, remarks=remarks)
     return trial if test.log is None else _judged(plan, trial, scenario, sensors)
 
 
@@ -82,7 +82,9 @@ def _known_nodes(plan: Plan, known: Known, limits: Sequence[Limits], sensors: Ma
             raise NameNotFoundError(f"no node '{node}'.{nearest(node, nodes)}", f"{plan.path.name}, {key}")
 
 
-def _course(plan: Plan, test: TestTable, known: Known) -> tuple[Scenario, ProfileRun | None]:
+def _course(
+    plan: Plan, test: TestTable, known: Known, told: Callable[[int, int, float], None] | None
+) -> tuple[Scenario, ProfileRun | None]:
     """Return what is done to the model, and the phases where a profile says so."""
     if test.profile is not None:
         run = run_profile(
@@ -93,6 +95,7 @@ def _course(plan: Plan, test: TestTable, known: Known) -> tuple[Scenario, Profil
             watch=test.watch,
             equipment=test.equipment,
             every=literal(test.every, "s", f"{test.name}, every"),
+            told=told,
         )
         return replace(run.scenario, title=test.name), run
     if isinstance(test.scenario, str):

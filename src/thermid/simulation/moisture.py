@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -114,7 +114,13 @@ class Moisture:
 
 
 def moisture(
-    model: Model, scenario: Scenario, humidity: Mapping[str, Any], volumes: Mapping[str, Volume] | None = None, *, every: str | float = 60.0
+    model: Model,
+    scenario: Scenario,
+    humidity: Mapping[str, Any],
+    volumes: Mapping[str, Volume] | None = None,
+    *,
+    every: str | float = 60.0,
+    told: Callable[[int, float], None] | None = None,
 ) -> Moisture:
     """Return a run with dew points, condensation margins, films and their latent heat.
 
@@ -128,6 +134,7 @@ def moisture(
     humidity : dict                     Boundary that is a gas -> its relative humidity over liquid water, a number or a signal. [-]
     volumes : dict                      Gas node with vapour of its own -> `Volume`.
     every : str or float                Time between outputs, on which latent heat is a polygon. [s]
+    told : callable                     Told after each pass its number and how far temperatures still moved [K]; what it raises ends it.
 
     Raises
     ------
@@ -152,12 +159,14 @@ def moisture(
     before: Array | None = None
     given: list[Array] | None = None
     step, moved = 1.0, np.inf
-    for _ in range(PASSES):
+    for count in range(1, PASSES + 1):
         solution = simulate(wet, scenario.with_(loads=heats), every=every)
         found = follow(solution, parts, open_air, own)
         # where vapour gives a surface more heat than air does, whole steps overshoot, the longer the run the more
         last, moved = moved, np.inf if before is None else float(np.abs(solution.temperatures - before).max())
         step = max(0.5 * step, SMALLEST) if moved > 0.8 * last else step
+        if told is not None:
+            told(count, moved)
         if moved < SETTLED * step:
             each = zip(parts, found.margin, found.film, found.latent, strict=True)
             surfaces = {c.path: SurfaceMoisture(c.path, c.gas, solution.times, *traces) for c, *traces in each}

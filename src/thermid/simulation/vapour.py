@@ -137,7 +137,10 @@ def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping
     rate = np.maximum(surfaces.speed * (held[at] - surfaces.settled), 0.0)  # of the start; the later columns are laid over
     volumes = [(order.index(g), v, order.index(v.to) if v.to else -1) for g, v in own.items()]
     for i in range(1, times.size):
-        film[:, i], rate[:, i] = _interval(i, times, held, surfaces, film[:, i - 1], at, volumes)
+        if volumes:
+            film[:, i], rate[:, i] = _interval(i, times, held, surfaces, film[:, i - 1], at, volumes)
+        else:
+            film[:, i], rate[:, i] = _open_interval(i, times, held[at], surfaces, film[:, i - 1])
     dews = {g: dew_point(held[k] * VAPOUR_CONSTANT * gas[g]) for k, g in enumerate(order)}
     margin = surfaces.skin - np.array([dews[c.gas] for c in parts]).reshape(film.shape)
     return Followed(dews, margin, film, rate * surfaces.area[:, None] * latent_heat(surfaces.skin))
@@ -165,6 +168,22 @@ def _interval(
     for k, value in inside.items():
         held[k, i] = value
     return film, gain
+
+
+def _open_interval(i: int, times: Array, held: Array, s: _Surfaces, film: Array) -> tuple[Array, Array]:
+    """Return the same where all vapour (surfaces, times) is given: all steps at once. [kg/m^2], [kg/(m^2 s)]
+
+    A film that never falls below nothing is the sum of what came, less the lowest that this sum would have reached below nothing.
+    """
+    count = max(1, int(np.ceil((times[i] - times[i - 1]) / STEP)))
+    step = (times[i] - times[i - 1]) / count
+    share = np.arange(1, count + 1) / count
+    wall, speed, now = (np.multiply.outer(x[:, i - 1], 1 - share) + np.multiply.outer(x[:, i], share) for x in (s.settled, s.speed, held))
+    flow = speed * (now - wall)
+    unbound = film[:, None] + np.cumsum(step * flow, axis=1)
+    films = unbound - np.minimum(np.minimum.accumulate(unbound, axis=1), 0.0)
+    before = films[:, -2] if count > 1 else film
+    return films[:, -1], np.maximum(flow[:, -1], -before / step)
 
 
 def _density(size: float, fresh: tuple[float, float], before: float, walls: tuple[Array, Array, Array, Array], step: float) -> float:

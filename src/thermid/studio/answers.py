@@ -40,6 +40,7 @@ GASES = ("air", "vacuum", "printed")
 
 def project_object(project: Project, work: Work) -> dict[str, Any]:
     """Return what is open and where its stages stand."""
+    table = project.table()
     job = work.state()  # before the stages: a job that has ended has set all of them
     return {
         "title": project.title,
@@ -48,7 +49,7 @@ def project_object(project: Project, work: Work) -> dict[str, Any]:
         "note": "" if project.source is None else project.source.content.note,
         "stages": [asdict(project.states[name]) for name in project.stages],
         "decks": project.decks() if project.source is not None else (),
-        "table": project.table(),
+        "table": {"heads": [c.title for c in table.columns], "rows": [[[c.text, c.look] for c in row] for row in table.rows]},
         "job": job,
     }
 
@@ -62,7 +63,7 @@ def desk_object(desk: Desk) -> dict[str, Any]:
         "fitted": desk.calibration is not None,
         "measured": desk.problem is not None,
         "warnings": list(desk.calibration.warnings) if desk.calibration is not None else [],
-        "synthetic": desk.calibration.synthetic if desk.calibration is not None else False,
+        "synthetic": desk.problem is not None and any(e.record.origin.synthetic for e in desk.problem.experiments),
         **curves_object(desk, {}, "air"),
     }
 

@@ -97,7 +97,7 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
     ThermidError   When it cannot be run; the message says why.
     """
     if course.kind == "test":
-        return _tested(course)
+        return _tested(course, told)
     state = str(asked.get("state") or "operating")
     run: ProfileRun | None = None
     if course.kind == "profile":
@@ -129,12 +129,12 @@ def _scenario(scenario: Scenario, gas: str) -> Scenario:
     return scenario if gas == "air" else scenario.vacuum(gas == "printed")
 
 
-def _tested(course: Course) -> Outcome:
+def _tested(course: Course, told: Told) -> Outcome:
     """Return a plan's test as it is predicted; no log is read."""
     file, name = course.of
     plan = load_plan(file)
     test = next(t for t in plan.tests if t.name == name)
-    trial = tried(plan, test.model_copy(update={"log": None}))
+    trial = tried(plan, test.model_copy(update={"log": None}), told)
     state, policy = "operating" if test.operating else "non-operating", plan.content.margins
     found = margins({name: trial.foresight}, trial.limits, policy.policy, tested=policy.balance_tested, states={name: state})
     bands = trial.foresight.prediction.bands

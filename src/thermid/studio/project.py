@@ -24,6 +24,8 @@ from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
 from thermid.network.network import compile_network
+from thermid.reporting.cells import Table
+from thermid.reporting.tables import levels
 from thermid.simulation.scenario import Scenario, load_scenario
 from thermid.studio.desk import Desk
 from thermid.units import unit
@@ -74,6 +76,7 @@ class Project:
         self._requests: dict[str, Request] = {}
         self._keys: dict[str, str] = {}
         self._desks: dict[str, Desk] = {}
+        self._levels: tuple[dict[str, Calibration], Table] | None = None
 
     @property
     def stages(self) -> tuple[str, ...]:
@@ -256,9 +259,11 @@ class Project:
                 out.append(file.name)
         return tuple(out)
 
-    def table(self, field_name: str = "effective_htc") -> dict[str, dict[str, float]]:
-        """Return part -> stage -> value of a parameter, of the stages that are done. [SI]"""
-        return Campaign(self.title, dict(self.done), (), {}).table(field_name)
+    def table(self) -> Table:
+        """Return heat transfer coefficients, parts down, stages that are done across, as reports have them."""
+        if self._levels is None or self._levels[0] != self.done:
+            self._levels = dict(self.done), levels(Campaign(self.title, dict(self.done), (), {}))[0]
+        return self._levels[1]
 
     def _request(self, name: str) -> Request:
         assert self.source is not None

@@ -69,9 +69,9 @@ def test_the_state_goes_from_phase_to_phase_as_it_is():
     kept = []
     own = conduct._finished
 
-    def caught(course, every):
+    def caught(course, *rest):
         kept.append(course.state)
-        return own(course, every)
+        return own(course, *rest)
 
     conduct._finished = caught
     try:
@@ -163,6 +163,19 @@ def test_humidity_is_followed_and_condensation_named():
     assert run.moisture is not None
     assert run.moisture["skin"].condensing > 0.0
     assert any("water settles on 'skin'" in r for r in run.remarks)
+
+    class EnoughError(Exception):
+        pass
+
+    said = []
+
+    def told(step, count, reached):
+        said.append(step)
+        if said.count(count) > 2:  # the last step, then each pass of the balance of vapour and heat
+            raise EnoughError
+
+    with pytest.raises(EnoughError):
+        td.run_profile(box(), td.profile_of("SMC-S-016", "unit humidity").with_(steps=steps), told=told)
 
 
 @pytest.mark.parametrize(

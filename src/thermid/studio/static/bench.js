@@ -1,6 +1,6 @@
 // Bench: a log that grows is followed, held against a rule of stability, and its end forecast or declined.
 import { Chart } from "/static/chart.js";
-import { ask, at, colour, dash, hours, legend, make, shown, studio, tried, wrong } from "/static/page.js";
+import { ask, at, colour, dash, hour, hours, legend, make, nice, shown, studio, tried, wrong } from "/static/page.js";
 import { s } from "/static/state.js";
 
 const chart = new Chart(at("bench-chart"), { x: "time [h]", y: "temperature [°C]" }, () => {}, () => look(true));
@@ -13,7 +13,7 @@ export async function openBench() {
   if (!told) return false;
   at("logs").replaceChildren(...told.logs.map((name) => make("option", { value: name })));
   at("rule").replaceChildren(...told.rules.map((r) => make("option", { value: r.name, text: `${r.name}: ${r.source}${r.mark === "memory" ? ", from memory" : ""}` })), make("option", { value: "own", text: "one of your own …" }));
-  at("log").placeholder = told.given ? `${told.given} (from the command line)` : told.logs.length ? "choose a log of the project" : "no log lies in the project";
+  at("log").placeholder = told.given ? told.given : told.logs.length ? "choose a log of the project" : "no log lies in the project";
   open = Boolean(told.given);
   return open;
 }
@@ -37,32 +37,31 @@ async function look(fresh) {
 function wait(told) { found = null; at("bench-verdict").replaceChildren(make("p", { class: "verdict", "data-word": "too early" }, make("strong", { text: "… waiting" }), make("span", { text: ` ${told.waiting}` }))); at("bench-result").hidden = true; }
 function beat() {
   const quiet = found.age > Math.max(10, 3 * found.step);
-  at("bench-title").textContent = `${found.file}: ${found.rows} rows over ${shown((found.end - found.begin) / 3600, 3)} h; ${quiet ? `has not grown for ${found.age < 120 ? `${Math.round(found.age)} s` : `${shown(found.age / 60, 3)} min`}` : "growing"}`;
+  at("bench-title").textContent = `${found.file}: ${found.rows} rows over ${hour(found.end - found.begin)}; ${quiet ? `has not grown for ${found.age < 120 ? `${Math.round(found.age)} s` : `${shown(found.age / 60, 3)} min`}` : "growing"}`;
   at("bench-title").dataset.quiet = quiet;
 }
-const hour = (t) => `${shown(t / 3600, 3)} h`;
 function forecastWords(c) {
   const f = c.forecast;
   if (!f) return "";
   const holds = f.holds === null || f.holds === undefined ? "" : f.holds <= found.end ? "; the rule holds by now" : `; the rule holds about ${hour(f.holds)}${f.late ? `, with 95 % by ${hour(f.late)}` : ""}`;
-  return f.final === null ? `declined: ${f.declined}${holds}` : `${f.final.toFixed(2)} °C, 95 % from ${f.low.toFixed(2)} to ${f.high.toFixed(2)}${holds}`;
+  return f.final === null ? `declined: ${nice(f.declined)}${holds}` : `${f.final.toFixed(2)} °C, 95 % from ${f.low.toFixed(2)} to ${f.high.toFixed(2)}${holds}`;
 }
 function endWords(c) {
   const f = c.forecast, when = found.forecast_at < found.end ? ` (from the readings to ${hour(found.forecast_at)})` : "";
   if (!f) return "";
-  return f.final === null ? `Where ${c.name} will end is not said yet${when}: ${f.declined}` : `${c.name} will end at ${forecastWords(c)}${when}.`;
+  return f.final === null ? `Where ${c.name} will end is not said yet${when}: ${nice(f.declined)}` : `${c.name} will end at ${forecastWords(c)}${when}.`;
 }
 function show() {
   at("bench-result").hidden = false;
   beat();
   const { verdict, channels } = found, own = channels.find((c) => c.name === focus) || channels.find((c) => c.name === found.slowest) || channels[0];
-  at("bench-verdict").replaceChildren(make("p", { class: "verdict", "data-word": verdict.word }, make("strong", { text: `${MARKS[verdict.word]} ${verdict.word}` }), make("span", { text: ` ${verdict.text}` }), make("br"), make("span", { text: endWords(own) })));
+  at("bench-verdict").replaceChildren(make("p", { class: "verdict", "data-word": verdict.word }, make("strong", { text: `${MARKS[verdict.word]} ${verdict.word}` }), make("span", { text: ` ${nice(verdict.text)}` }), make("br"), make("span", { text: endWords(own) })));
   fillOnce(at("reference"), [["", "none"], ...channels.map((c) => [c.name, c.name])]);
   fillOnce(at("bench-focus"), [["", "the slowest"], ...channels.map((c) => [c.name, c.name])]);
   at("channels").tBodies[0].replaceChildren(...channels.map((c) => make("tr", { "data-channel": c.name }, make("th", { scope: "row", text: c.name }), make("td", { class: "num", text: c.latest === null ? "–" : c.latest.toFixed(2) }),
     make("td", { class: "num", text: c.rate === null ? "–" : `${c.rate >= 0 ? "+" : ""}${c.rate.toFixed(2)} ± ${c.error.toFixed(2)}` }), make("td", { text: `${MARKS[c.verdict]} ${c.verdict}${c.since === null ? "" : ` since ${hour(c.since)}`}${c.why ? `: ${c.why}` : ""}` }),
     make("td", { class: "num", text: c.forecast && c.forecast.final !== null ? `${c.forecast.final.toFixed(2)} (${c.forecast.low.toFixed(2)} to ${c.forecast.high.toFixed(2)})` : c.forecast ? "declined" : "–", title: forecastWords(c) }), make("td", { text: gapWords(c) }))));
-  at("declined").replaceChildren(...channels.filter((c) => c.forecast && c.forecast.final === null && !c.forecast.open).map((c) => make("li", { text: `${c.name}: ${c.forecast.declined}` })));
+  at("declined").replaceChildren(...channels.filter((c) => c.forecast && c.forecast.final === null && !c.forecast.open).map((c) => make("li", { text: `${c.name}: ${nice(c.forecast.declined)}` })));
   at("declined").parentElement.hidden = !at("declined").children.length;
   at("bench-notes").replaceChildren(...[found.synthetic ? "Synthetic data: no reading here was measured." : "", ...found.notes].filter(Boolean).map((n) => make("li", { text: n })));
   const names = channels.map((c) => c.name);

@@ -8,7 +8,20 @@ const dark = matchMedia("(prefers-color-scheme: dark)");
 
 export const colour = (k) => (dark.matches ? LIGHT : COLOURS)[k % COLOURS.length];
 export const dash = (k) => DASHES[Math.floor(k / COLOURS.length) % DASHES.length]; // the thirteenth line has the first colour and another stroke
-export const shown = (v, digits = 4) => (v === null || v === undefined ? "–" : Number(v).toPrecision(digits).replace(/(\.\d*?)0+($|e)/, "$1$2").replace(/\.($|e)/, "$1"));
+// a number with some digits that count and no power of ten from 1e-5 to 1e6
+export function shown(v, digits = 4) {
+  if (v === null || v === undefined || !Number.isFinite(Number(v))) return "–";
+  const x = Number(v), size = Math.abs(x);
+  if (size === 0) return "0";
+  if (size < 1e-5 || size >= 1e6) { const [m, e] = x.toExponential(digits - 1).split("e"); return `${bare(m)}·10${[...String(Number(e))].map((c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] || "⁻").join("")}`; }
+  return bare(x.toFixed(Math.max(0, digits - 1 - Math.floor(Math.log10(size)))));
+}
+const bare = (text) => (text.includes(".") ? text.replace(/\.?0+$/, "") : text);
+export const typed = (v) => String(Number(Number(v).toPrecision(5))); // for a field that is read back
+export const hour = (t) => (t < 3600 ? `${shown(t / 60, 3)} min` : `${shown(t / 3600, 3)} h`);
+// units and signs that terminals write in plain letters
+export const nice = (text) => text.replaceAll("^2", "²").replaceAll("^3", "³").replaceAll("^-1", "⁻¹").replace(/\bdegC\b/g, "°C").replaceAll("+- ", "± ").replaceAll("+/-", "±").replaceAll(" .. ", " to ");
+export const unitOf = (x) => (x.unit === "1" ? "" : nice(x.unit));
 // plain loops: these run over every point at every movement of a slider
 export function hours(list) { const out = new Float64Array(list.length); for (let k = 0; k < list.length; k++) out[k] = list[k] / 3600; return out; }
 
@@ -23,12 +36,13 @@ export const row = (head, ...cells) => make("tr", {}, make("th", { scope: "row",
 // arrays come as bytes, little endian as every browser has them
 function unpacked(text, kind) { const plain = atob(text), out = new Uint8Array(plain.length); for (let k = 0; k < plain.length; k++) out[k] = plain.charCodeAt(k); return new kind(out.buffer); }
 export async function ask(path, body) {
-  const answer = await fetch(path, body === undefined ? {} : { method: "POST", headers: { "content-type": "application/json", "x-thermid-studio": "1" }, body: JSON.stringify(body) });
+  const how = body === undefined ? {} : { method: "POST", headers: { "content-type": "application/json", "x-thermid-studio": "1" }, body: JSON.stringify(body) };
+  const answer = await fetch(path, how).catch(() => { throw new Error("The studio does not answer: it was ended. Start it again, under the same port, and reload this page; moved sliders come back."); });
   const found = JSON.parse(await answer.text(), (_, v) => (v && v.f4 !== undefined ? unpacked(v.f4, Float32Array) : v && v.f8 !== undefined ? unpacked(v.f8, Float64Array) : v));
   if (found.error) throw new Error(found.where && !found.error.includes(found.where) ? `${found.where}: ${found.error}` : found.error);
   return found;
 }
-export function wrong(error) { const box = at("error"); box.hidden = !error; box.textContent = error ? String(error.message || error) : ""; }
+export function wrong(error) { const box = at("error"); box.hidden = !error; box.textContent = error ? nice(String(error.message || error)) : ""; }
 export async function tried(make) { try { wrong(null); return await make(); } catch (error) { wrong(error); return null; } }
 
 // the legend of a chart: a button for each curve that shows or hides it

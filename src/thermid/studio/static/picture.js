@@ -1,5 +1,5 @@
 // The model as a picture: folding, what is known of a part that was clicked.
-import { ask, at, make, shown, tried } from "/static/page.js";
+import { ask, at, make, nice, shown, tried, unitOf } from "/static/page.js";
 import { filter } from "/static/sliders.js";
 import { s } from "/static/state.js";
 
@@ -40,7 +40,7 @@ function mark() { for (const n of at("picture").querySelectorAll(".chosen")) n.c
 function detail(path) {
   s.chosen = path; mark();
   const own = s.desk.sliders.filter((x) => x.path.startsWith(`${path}.`) || x.path === path);
-  const list = own.map((x) => make("li", { text: `${x.path} = ${shown(s.values[x.path] ?? x.value)} ${x.unit}${x.error === null ? "" : ` ± ${shown(x.error, 2)}`}; ${x.source || "no source given"}${x.note ? `; ${x.note}` : ""}` }));
+  const list = own.map((x) => make("li", { text: `${x.path} = ${shown(s.values[x.path] ?? x.value)}${x.error === null || (s.values[x.path] ?? x.value) !== (x.found ?? x.value) ? "" : ` ± ${shown(x.error, 2)}`} ${unitOf(x)}; ${x.source || "no source given"}${x.note ? `; ${nice(x.note)}` : ""}` }));
   at("detail").replaceChildren(make("strong", { text: path }), own.length ? make("ul", {}, ...list) : make("p", { text: "Its values are derived from others, or zero." }));
   if (own.length) { at("find").value = path; filter(); }
 }

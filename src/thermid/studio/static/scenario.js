@@ -1,7 +1,7 @@
 // Scenarios: choose what is run, run it with progress, see limits and margins on the curves, the worst part and time in words.
 import { Chart } from "/static/chart.js";
 import { PHASES, swatch } from "/static/marks.js";
-import { ask, at, colour, dash, hours, legend, make, row, shown, studio, tried, wrong } from "/static/page.js";
+import { ask, at, colour, dash, hour, hours, legend, make, nice, row, shown, studio, tried, wrong } from "/static/page.js";
 import { begin } from "/static/stages.js";
 import { s } from "/static/state.js";
 
@@ -30,6 +30,7 @@ function asked() {
 
 const LEVELS = ["hot", "cold", "cycles", "dwell", "ramp", "stable"];
 const plain = (text) => (text || "not given").replace(/ \[.*\]$/, "");
+const written = (text) => nice(text.replace(/ \[1\]/, "").replace(/\[([^\]]*)\]/g, "$1")); // as decks write them: 3 [K/min]
 const UNITS = { hot: "°C", cold: "°C", dwell: "h", ramp: "K/min" };
 async function describe(fresh = true) {
   const course = chosen(), profile = course?.kind === "profile";
@@ -41,9 +42,9 @@ async function describe(fresh = true) {
   if (!told || chosen() !== course) return;
   if (fresh) at("numbers").replaceChildren(...LEVELS.filter((n) => n in told.numbers || n === "hot" || n === "cold").filter((n) => told.kind !== "humidity" || n in told.numbers).map((n) => make("label", {}, `${n}${UNITS[n] ? ` [${UNITS[n]}]` : ""} `, make("input", { type: "text", "data-number": n, autocomplete: "off", onchange: () => describe(false) }))));
   for (const i of at("numbers").querySelectorAll("input")) i.placeholder = plain(told.numbers[i.dataset.number]?.text);
-  const lines = Object.entries(told.numbers).map(([n, v]) => make("tr", {}, make("th", { scope: "row", text: n }), make("td", { text: v.text }), make("td", { text: v.mark }), make("td", { text: [v.clause, v.note].filter(Boolean).join("; ") })));
+  const lines = Object.entries(told.numbers).map(([n, v]) => make("tr", {}, make("th", { scope: "row", text: n }), make("td", { text: written(v.text) }), make("td", { text: v.mark }), make("td", { text: [v.clause, v.note].filter(Boolean).join("; ") })));
   at("profile-numbers").replaceChildren(
-    make("p", { text: [told.lacking && `Not complete: ${told.lacking}`, told.trust, told.note].filter(Boolean).join(" — ") }), ...told.remarks.map((r) => make("p", { class: "warning", text: r })),
+    make("p", { text: [told.lacking && `Not complete: ${told.lacking}`, told.trust, told.note].filter(Boolean).join(" — ") }), ...told.remarks.map((r) => make("p", { class: "warning", text: nice(r) })),
     make("details", {}, make("summary", { text: `Its numbers, with clauses${told.steps ? `; ${told.steps} steps` : ""}` }), make("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "Numbers of the profile" }, make("table", {}, make("thead", {}, make("tr", {}, ...["Number", "Value", "Known how", "Where"].map((t) => make("th", { scope: "col", text: t })))), make("tbody", {}, ...lines)))));
 }
 at("course").addEventListener("change", () => describe());
@@ -54,7 +55,7 @@ at("scenario-form").addEventListener("submit", (e) => { e.preventDefault(); trie
   try { await begin("/api/scenario", asked(), outcome); } catch (error) { at("verdict").replaceChildren(); throw error; }
 }); });
 
-async function outcome() {
+export async function outcome() {
   found = await ask("/api/outcome", { window: null });
   chart.zoom = null; chart.hidden.clear();
   const points = found.points.map((p) => p.point), worst = found.worst?.point;
@@ -72,11 +73,11 @@ async function look(w) {
 
 const MARKS = { kept: "✓", "passed a limit": "✗", "not decided": "?", open: "–" };
 function words() {
-  at("verdict").replaceChildren(make("p", { class: "verdict", "data-word": found.verdict.word }, make("strong", { text: `${MARKS[found.verdict.word]} ${found.verdict.word}` }), make("span", { text: ` ${found.verdict.text}` })));
-  const long = `${shown(found.duration / 3600, 3)} h${found.waited === null ? "" : `, of it ${shown(found.waited / 3600, 3)} h waiting for the unit`}`;
+  at("verdict").replaceChildren(make("p", { class: "verdict", "data-word": found.verdict.word }, make("strong", { text: `${MARKS[found.verdict.word]} ${found.verdict.word}` }), make("span", { text: ` ${nice(found.verdict.text)}` })));
+  const long = `${hour(found.duration)}${found.waited === null ? "" : `, of it ${hour(found.waited)} waiting for the unit`}`;
   at("scenario-title").textContent = `${found.title}: ${long}`;
   at("checks").tBodies[0].replaceChildren(...[...found.checks].sort((a, b) => (a.room ?? 1e9) - (b.room ?? 1e9)).map((c) => make("tr", { "data-check": c.point, "data-bad": c.crossings.length > 0 }, make("th", { scope: "row", text: c.point }), make("td", { text: c.state + (c.why ? ` (not decided: ${c.why})` : "") }),
-    ...[c.lowest, c.highest].map((v) => make("td", { class: "num", text: v.toFixed(1) })), make("td", { class: "num", text: c.limits.map((v) => (v === null ? "–" : v.toFixed(0))).join(" .. ") }),
+    ...[c.lowest, c.highest].map((v) => make("td", { class: "num", text: v.toFixed(1) })), make("td", { class: "num", text: c.limits.map((v) => (v === null ? "–" : v.toFixed(0))).join(" to ") }),
     make("td", { class: "num", text: c.room === null ? "–" : `${c.crossings.length ? "✗ " : ""}${c.room.toFixed(1)}` }), make("td", { class: "num", text: shown(c.time / 3600, 3) }))));
   at("checks").parentElement.hidden = !found.checks.length;
   at("margins").tBodies[0].replaceChildren(...found.margins.map((m) => row(m.point, `${m.side}, ${m.state}`, m.predicted, m.uncertainty, m.added, m.limit, m.margin)));
@@ -85,10 +86,10 @@ function words() {
   const wet = found.moisture?.surfaces || [];
   at("moisture").tBodies[0].replaceChildren(...wet.map((w) => row(w.surface, w.margin, w.time / 3600, w.condensing / 3600, w.film)));
   at("moisture").parentElement.hidden = !wet.length;
-  at("scenario-remarks").replaceChildren(...[found.trust, ...found.remarks].filter(Boolean).map((r) => make("li", { text: r })));
+  at("scenario-remarks").replaceChildren(...[found.trust, ...found.remarks].filter(Boolean).map((r) => make("li", { text: nice(r) })));
   const soft = getComputedStyle(document.body).getPropertyValue("--soft"), kinds = Object.keys(PHASES).filter((k) => found.phases.some((p) => p.kind === k));
   at("phases").replaceChildren(...kinds.map((k) => make("span", {}, swatch(k, soft), ` ${PHASES[k]}`)), ...(found.points.length ? [make("span", { text: "limits: —— operating, - - non-operating, ··· start-up" })] : []));
-  at("phase-list").replaceChildren(...found.phases.map((p) => make("li", { text: `${shown(p.from / 3600, 3)} h: ${p.name}${p.cycle ? `, cycle ${p.cycle}` : ""}, ${PHASES[p.kind]}, ${shown((p.to - p.from) / 60, 3)} min${p.slowest ? `; slowest ${p.slowest} by '${p.rule}'` : ""}` })));
+  at("phase-list").replaceChildren(...found.phases.map((p) => make("li", { text: `${hour(p.from)}: ${p.name}${p.cycle ? `, cycle ${p.cycle}` : ""}, ${PHASES[p.kind]}, ${hour(p.to - p.from)}${p.slowest ? `; slowest ${p.slowest} by '${p.rule}'` : ""}` })));
   at("phase-list").parentElement.hidden = !found.phases.length;
   legend(at("scenario-legend"), [...found.curves.map((c) => c.name), ...(found.moisture?.dew || []).map((d) => d.name)], [chart]);
   at("scenario-shown").textContent = found.curves.length < found.nodes ? `${found.curves.length} of ${found.nodes} nodes: those with limits, then the widest swings` : "";

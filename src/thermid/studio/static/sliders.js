@@ -1,5 +1,5 @@
 // One track for each number of the decks; those that the stage fits first, the others grouped by part and found by a search.
-import { at, make, shown, studio, wrong } from "/static/page.js";
+import { at, make, shown, studio, typed, unitOf, wrong } from "/static/page.js";
 import { s } from "/static/state.js";
 
 let moved = () => {}, held = () => {}, settled = () => {};
@@ -29,19 +29,21 @@ function fill(box) { if (box.querySelector(".slider")) return; box.append(...box
 
 function slider(x) {
   const id = `s-${x.path}`, value = s.values[x.path] ?? x.value;
-  const range = make("input", { type: "range", id, min: 0, max: 1, step: 0.001, value: track(x, value), "aria-valuetext": `${shown(value)} ${x.unit}` });
-  const number = make("input", { type: "number", step: "any", min: x.low, max: x.high, value: shown(value), "aria-label": `${x.path} in ${x.unit}` });
+  const range = make("input", { type: "range", id, min: 0, max: 1, step: 0.001, value: track(x, value), "aria-valuetext": `${shown(value)} ${unitOf(x)}` });
+  const number = make("input", { type: "number", step: "any", min: x.low, max: x.high, value: typed(value), "aria-label": unitOf(x) ? `${x.path} in ${unitOf(x)}` : x.path });
   const box = make("div", { class: "slider", "data-slider": x.path });
   const tick = make("input", { type: "checkbox", "aria-label": `let the fit move ${x.path}`, onchange: () => (tick.checked ? s.ticked.add(x.path) : s.ticked.delete(x.path)) });
   tick.checked = s.ticked.has(x.path);
-  const error = x.error === null ? "" : ` ± ${shown(x.error, 2)}`;
-  const set = (v) => { s.values = { ...s.values, [x.path]: v }; range.value = track(x, v); number.value = shown(v); range.setAttribute("aria-valuetext", `${shown(v)} ${x.unit}`); box.classList.toggle("moved", v !== x.value); moved(); };
+  // an error belongs to the value that a fit found, and to no other
+  const words = make("span"), say = (v) => { words.textContent = `${unitOf(x)}${x.error === null || v !== (x.found ?? x.value) ? "" : ` ± ${shown(x.error, 2)}`}  (${shown(x.low, 3)} to ${shown(x.high, 3)})`; };
+  say(value);
+  const set = (v) => { s.values = { ...s.values, [x.path]: v }; range.value = track(x, v); number.value = typed(v); say(v); range.setAttribute("aria-valuetext", `${shown(v)} ${unitOf(x)}`); box.classList.toggle("moved", v !== x.value); moved(); };
   range.addEventListener("input", () => { studio.begun = performance.now(); if (!range.held) { range.held = true; held(); } set(fromTrack(x, Number(range.value))); });
   range.addEventListener("change", () => { range.held = false; settled(); });
-  number.addEventListener("change", () => { const v = Number(number.value); if (!(v >= x.low && v <= x.high)) { wrong(`${x.path}: ${number.value} lies outside ${shown(x.low)} .. ${shown(x.high)} ${x.unit}.`); number.value = shown(s.values[x.path] ?? x.value); return; } wrong(null); held(); studio.begun = performance.now(); set(v); settled(); });
+  number.addEventListener("change", () => { const v = number.value === "" ? NaN : Number(number.value); if (!(v >= x.low && v <= x.high)) { wrong(`${x.path}: ${number.value || "that"} is no number from ${shown(x.low)} to ${shown(x.high)} ${unitOf(x)}.`); number.value = typed(s.values[x.path] ?? x.value); return; } wrong(null); held(); studio.begun = performance.now(); set(v); settled(); });
   box.classList.toggle("moved", value !== x.value);
   box.append(make("div", { class: "name" }, tick, make("label", { for: id, text: x.path, title: [x.source, x.note, x.also.length ? `moves ${x.also.join(", ")} too` : ""].filter(Boolean).join("; ") })), range,
-    make("div", { class: "value" }, number, make("span", { text: `${x.unit}${error}  (${shown(x.low, 3)} .. ${shown(x.high, 3)})` })));
+    make("div", { class: "value" }, number, words));
   return box;
 }
 

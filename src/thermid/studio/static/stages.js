@@ -1,7 +1,8 @@
 // The strip of stages, what a stage takes and hands on, jobs that run and their progress, swaps.
-import { ask, at, make, row, shown, tried, wrong } from "/static/page.js";
-import { s } from "/static/state.js";
+import { ask, at, hour, make, nice, shown, tried, wrong } from "/static/page.js";
+import { forget, s } from "/static/state.js";
 
+const SAYS = { new: "not run yet", stale: "stale: run again", waiting: "waits for one below" };
 const MANY = 14; // stages beyond which the strip is one line with a search
 let drawn = "";
 let open = async () => {};
@@ -18,7 +19,7 @@ export function drawStages() {
   at("stage-count").textContent = `${s.project.stages.length} stages: ${counts}${word ? `; ${seen.length} shown` : ""}`;
   list.replaceChildren(...seen.map((x) => {
     const running = job && !job.ended && job.what === "run" && job.stage === x.name, state = running ? "running" : x.state;
-    const says = state === "done" ? `RMSE to ${shown(Math.max(...Object.values(x.sensors), 0), 2)} K` : state;
+    const says = state === "done" ? `RMSE to ${shown(Math.max(...Object.values(x.sensors), 0), 2)} K` : SAYS[state] || state;
     return make("li", {}, make("button", { type: "button", "data-stage": x.name, "data-state": state, "aria-current": x.name === s.stage ? "true" : "false", title: x.why || state, onclick: () => open(x.name) }, make("span", { text: x.name }), make("small", { text: says })));
   }));
   const current = list.querySelector("[aria-current=true]");
@@ -30,13 +31,17 @@ at("find-stage").addEventListener("input", drawStages);
 export function drawLevels() {
   const state = s.project.stages.find((x) => x.name === s.stage), box = at("stage-detail");
   box.replaceChildren();
-  if (!state || s.project.kind === "deck") { at("levels").hidden = true; return; }
+  box.hidden = at("levels").hidden = !state || s.project.kind === "deck";
+  if (box.hidden) return;
   const above = s.project.stages.filter((x) => x.below.includes(s.stage)).map((x) => x.name);
-  box.append(make("p", { text: `${s.stage}: ${state.state}${state.why ? `, ${state.why}` : ""}. ` + (state.below.length ? `Takes values of ${state.below.join(", ")}. ` : "Takes values of no other stage. ") + (above.length ? `Hands its own to ${above.join(", ")}.` : "Hands its own to none.") }));
-  box.append(make("button", { type: "button", id: "run-stage", text: "Run this stage", onclick: () => tried(() => begin("/api/run", { stage: s.stage, below: true })) }));
-  const parts = Object.keys(s.project.table), levels = s.project.stages.map((x) => x.name).filter((n) => parts.some((p) => n in s.project.table[p]));
-  at("table").tHead.replaceChildren(make("tr", {}, make("th", { scope: "col", text: "Part" }), ...levels.map((n) => make("th", { scope: "col", class: "num", text: n }))));
-  at("table").tBodies[0].replaceChildren(...parts.map((p) => row(p, ...levels.map((n) => (n in s.project.table[p] ? shown(s.project.table[p][n], 3) : "")))));
+  const undone = state.below.filter((n) => s.project.stages.find((x) => x.name === n)?.state !== "done");
+  box.append(make("button", { type: "button", id: "run-stage", text: `Run ${s.stage}${undone.length ? ` and ${undone.join(", ")} below it` : state.state === "done" ? " again" : ""}`, onclick: () => tried(() => { forget(s.stage); return begin("/api/run", { stage: s.stage, below: true }); }) }));
+  box.append(make("span", { class: "soft grow", text: nice(`${state.state === "done" ? "Done" : state.state === "new" ? "Not run yet" : state.state === "waiting" ? "Not run yet" : `${state.state[0].toUpperCase()}${state.state.slice(1)}: ${state.why}`}. ` + (state.below.length ? `Takes values of ${state.below.join(", ")}; ` : "Takes values of no other stage; ") + (above.length ? `hands its own to ${above.join(", ")}.` : "hands its own to none.")) }));
+  const { heads, rows } = s.project.table, kind = (k) => (k > 2 ? "num" : "text");
+  at("table").tHead.replaceChildren(make("tr", {}, ...heads.map((n, k) => make("th", { scope: "col", class: kind(k), text: n }))));
+  at("table").tBodies[0].replaceChildren(...rows.map((cells) => make("tr", {}, ...cells.map(([text, look], k) => make(k ? "td" : "th", { scope: k ? false : "row", class: `${kind(k)} ${look}`, text })))));
+  at("table").parentElement.hidden = !rows.length;
+  at("levels").hidden = !rows.length && at("swap").hidden;
 }
 
 const DOING = { look: "looking at", fit: "fitting", run: "running", scenario: "running a scenario on" };
@@ -48,11 +53,12 @@ export async function refresh() {
   at("note").textContent = [found.file, found.note].filter(Boolean).join(" — ");
   document.title = `${found.title} · thermid studio`;
   const job = found.job, running = job && job.ended === false;
-  const far = job.what === "scenario" ? `, ${shown(job.reached / 3600, 3)} h simulated, ${Math.round(100 * job.share)} % of its steps` : job.evaluations ? `, evaluation ${job.evaluations}, weighted RMS ${shown(job.rms, 3)}` : "";
+  const far = job.what === "scenario" ? (job.share < 1 ? `, ${hour(job.reached)} simulated, ${Math.round(100 * job.share)} % of its steps` : ", all its steps; humidity, limits and margins") : job.evaluations ? `, evaluation ${job.evaluations}, weighted RMS ${shown(job.rms, 3)}` : "";
   at("status").textContent = running ? `${DOING[job.what]} ${job.stage}${far}` : "";
   at("stop").hidden = !running || job.what === "look";
   at("progress").hidden = !(running && job.what === "scenario");
-  at("progress").value = job.share || 0;
+  if (job.share < 1) at("progress").value = job.share; else at("progress").removeAttribute("value");
+  for (const b of [at("swap").querySelector("button"), at("run-stage")]) if (b) b.disabled = running;
   at("fit").disabled = running || !s.desk || !s.desk.measured;
   at("scenario-run").disabled = running || !s.desk;
   drawStages();
@@ -62,19 +68,28 @@ export async function refresh() {
 export async function watch(after) {
   const running = await refresh();
   if (running) { setTimeout(() => tried(() => watch(after)), 150); return; }
-  if (s.project.job && s.project.job.error) { wrong(s.project.job.error); if (s.project.job.what === "scenario") at("verdict").replaceChildren(); }
+  if (s.project.job?.error && s.project.job.what !== "look") { wrong(s.project.job.error); if (s.project.job.what === "scenario") at("verdict").replaceChildren(); }
   else if (after) await after(s.project.job);
 }
 export async function begin(path, body, after) {
   await ask(path, body);
   await watch(after || (async () => { if (body.stage === s.stage) await open(s.stage); }));
 }
+// what another tab has begun or ended shows when this one is looked at
+let looking = false;
+window.addEventListener("focus", async () => {
+  if (!s.stage || looking) return;
+  looking = true;
+  try { while (await refresh()) await new Promise((r) => setTimeout(r, 500)); } catch (error) { wrong(error); }
+  looking = false;
+});
 at("stop").addEventListener("click", () => tried(async () => { await ask("/api/stop", {}); }));
 
 at("swap").addEventListener("submit", (e) => { e.preventDefault(); tried(async () => {
-  const plan = await ask("/api/swap", { part: at("swap-part").value, deck: at("swap-deck").value });
+  at("swap-result").replaceChildren(make("p", { class: "soft", text: "Working it out …" }));
+  const plan = await ask("/api/swap", { part: at("swap-part").value, deck: at("swap-deck").value }).catch((error) => { at("swap-result").replaceChildren(); throw error; });
   const due = new Set(plan.stages.filter((x) => x.action !== "kept").map((x) => x.name));
   s.project.stages = s.project.stages.map((x) => (due.has(x.name) ? { ...x, state: "stale", why: `after ${plan.part}: ${plan.old} → ${plan.new}` } : x));
   drawStages();
-  at("swap-result").replaceChildren(make("p", { text: `${plan.part}: ${plan.old} → ${plan.new}. ${plan.freed.length} interface values retuned, ${due.size} of ${plan.stages.length} stages due again, ${plan.tests.length} tests to repeat.` }), make("ul", {}, ...plan.stages.map((x) => make("li", { "data-action": x.action, text: `${x.name}: ${x.action}, ${x.why}` }))), make("details", {}, make("summary", { text: "In full" }), make("pre", { text: plan.text, tabindex: "0" })));
+  at("swap-result").replaceChildren(make("p", { text: `${plan.part}: ${plan.old} → ${plan.new}. ${plan.freed.length} interface values retuned, ${due.size} of ${plan.stages.length} stages due again, ${plan.tests.length} tests to repeat.` }), make("ul", {}, ...plan.stages.map((x) => make("li", { "data-action": x.action, text: nice(`${x.name}: ${x.action}, ${x.why}`) }))), make("details", {}, make("summary", { text: "In full" }), make("pre", { text: nice(plan.text), tabindex: "0" })));
 }); });

@@ -1,13 +1,13 @@
 // The studio's page: opens a stage, changes between its views. Every other module has one purpose of its own.
 import { followed, openBench } from "/static/bench.js";
-import { drawCharts } from "/static/curves.js";
+import { drawCharts, move } from "/static/curves.js";
 import { ask, at, make, studio, tried } from "/static/page.js";
 import { drawPicture, foldAtFirst } from "/static/picture.js";
-import { openScenarios } from "/static/scenario.js";
+import { openScenarios, outcome } from "/static/scenario.js";
 import { drawSliders } from "/static/sliders.js";
-import { drawLevels, drawStages, opensWith, watch } from "/static/stages.js";
+import { drawLevels, drawStages, opensWith, refresh, watch } from "/static/stages.js";
 import { s } from "/static/state.js";
-import { buttons } from "/static/tuning.js";
+import { buttons, fitted, restore, warnings } from "/static/tuning.js";
 
 async function open(name) {
   s.stage = name;
@@ -16,21 +16,24 @@ async function open(name) {
   Object.assign(s, { values: {}, done: [], undone: [], run: 0, time: null, window: null, chosen: null, gas: "air" });
   at("gas").value = "air";
   at("fit-result").replaceChildren(); at("detail").replaceChildren(); at("swap-result").replaceChildren();
-  drawLevels(); buttons();
+  at("swap").hidden = s.project.kind === "deck" || !s.desk?.parts.length;
+  if (s.desk) { restore(); buttons(); }
+  drawLevels();
   for (const id of ["model", "curves", "tuning"]) at(id).hidden = !s.desk;
   at("scenario-run").disabled = !s.desk;
   if (!s.desk) return;
   const { desk, project } = s;
-  at("banner").hidden = !(desk.synthetic || project.note);
-  at("banner").textContent = [desk.synthetic ? "Synthetic data: no reading here was measured." : "", project.note].filter(Boolean).join(" ");
+  at("banner").hidden = !desk.synthetic;
+  at("banner").textContent = "Synthetic data: no reading here was measured.";
+  if (desk.fitted) at("fit-result").replaceChildren(make("h3", { text: "What the stage's fit says" }), ...(desk.warnings.length ? warnings(desk.warnings) : [make("p", { text: "No warning." })]));
   s.ticked = new Set(desk.sliders.filter((x) => x.free).map((x) => x.path));
   at("fit").disabled = !desk.measured;
   at("curves-title").textContent = desk.measured ? "Measured and simulated" : "Simulated";
   at("run").replaceChildren(...desk.runs.map((r, k) => make("option", { value: k, text: r.name })));
   at("swap-part").replaceChildren(...desk.parts.map((p) => make("option", { value: p, text: p })));
   at("swap-deck").replaceChildren(...project.decks.map((d) => make("option", { value: d, text: d })));
-  at("swap").hidden = project.kind === "deck" || desk.parts.length === 0;
   foldAtFirst(); drawSliders(); drawCharts(); drawPicture();
+  if (Object.keys(s.values).length) move();
   await openScenarios();
 }
 opensWith(open);
@@ -43,11 +46,12 @@ function view(name) {
 }
 for (const b of at("views").querySelectorAll("button")) b.addEventListener("click", () => view(b.dataset.view));
 
+// stages must have been looked at before one is opened; anything else that runs goes on beside, and is taken up where it stands
 await tried(async () => {
-  await watch(async () => {
-    const { stages } = s.project, ready = [...stages].reverse().find((x) => x.state === "done" || x.state === "deck") || stages.find((x) => x.state !== "waiting") || stages[0];
-    await open(ready.name);
-    if (await openBench()) view("bench");
-    studio.ready = true;
-  });
+  while ((await refresh()) && s.project.job.what === "look") await new Promise((r) => setTimeout(r, 150));
+  const { stages, job } = s.project, ready = [...stages].reverse().find((x) => x.state === "done" || x.state === "deck") || stages.find((x) => x.state !== "waiting") || stages[0];
+  await open((job.stage && stages.some((x) => x.name === job.stage) && job.what !== "look" && !job.ended && job.stage) || ready.name);
+  if (await openBench()) view("bench");
+  studio.ready = true;
+  if (job.what !== "look" && !job.ended) { if (job.what === "scenario") view("scenarios"); await watch({ fit: fitted, scenario: outcome, run: () => open(s.stage) }[job.what]); }
 });

@@ -1,12 +1,16 @@
 // What the buttons of tuning do: fit, undo, redo, reset, save.
 import { move } from "/static/curves.js";
-import { ask, at, make, shown, studio, tried } from "/static/page.js";
+import { ask, at, make, nice, shown, studio, tried, unitOf } from "/static/page.js";
 import { drawPicture } from "/static/picture.js";
 import { drawSliders, slidersTell } from "/static/sliders.js";
 import { begin } from "/static/stages.js";
-import { s } from "/static/state.js";
+import { keep, kept, s } from "/static/state.js";
 
-export function buttons() { at("undo").disabled = !s.done.length; at("redo").disabled = !s.undone.length; at("reset").disabled = !Object.keys(s.values).length; }
+export function buttons() { if (s.desk?.title === s.stage) keep(s.stage, s); at("undo").disabled = !s.done.length; at("redo").disabled = !s.undone.length; at("reset").disabled = !Object.keys(s.values).length; }
+export function restore() {
+  const found = kept(s.stage), known = new Set(s.desk.sliders.map((x) => x.path));
+  if ([found.values, ...found.done, ...found.undone].every((values) => Object.keys(values).every((path) => known.has(path)))) Object.assign(s, found);
+}
 function remember() { s.done.push(s.values); s.undone = []; buttons(); }
 function step(from, to) { if (!from.length) return; to.push(s.values); s.values = from.pop(); after(); }
 function after() { buttons(); drawSliders(); studio.begun = performance.now(); move(); drawPicture(); }
@@ -18,11 +22,19 @@ at("reset").addEventListener("click", () => { remember(); s.values = {}; after()
 document.addEventListener("keydown", (e) => { if (!(e.ctrlKey || e.metaKey) || e.target.matches("input[type=text],input[type=search],input[type=number]")) return; if (e.key === "z" && !e.shiftKey) { e.preventDefault(); step(s.done, s.undone); } else if (e.key === "y" || (e.key.toLowerCase() === "z" && e.shiftKey)) { e.preventDefault(); step(s.undone, s.done); } });
 
 at("fit").addEventListener("click", () => tried(async () => { await begin("/api/fit", { stage: s.stage, values: s.values, free: [...s.ticked] }, fitted); }));
-async function fitted(job) {
+export async function fitted(job) {
+  const values = Object.fromEntries(Object.entries(job.result.values).map(([path, v]) => [path, v.value]));
+  if (job.stage !== s.stage) { // another was opened meanwhile: it lies there when its stage is opened again
+    const there = kept(job.stage);
+    keep(job.stage, { values: { ...there.values, ...values }, done: [...there.done, there.values], undone: [] });
+    at("status").textContent = `the fit of ${job.stage} has ended; open it to see`;
+    return;
+  }
   remember();
-  for (const [path, v] of Object.entries(job.result.values)) { s.values = { ...s.values, [path]: v.value }; const x = s.desk.sliders.find((y) => y.path === path); if (x) x.error = v.error; }
+  for (const [path, v] of Object.entries(job.result.values)) { s.values = { ...s.values, [path]: v.value }; const x = s.desk.sliders.find((y) => y.path === path); if (x) Object.assign(x, { error: v.error, found: v.value }); }
   after();
-  const rows = Object.entries(job.result.values).map(([p, v]) => make("li", { text: `${p}: ${shown(v.value)} ± ${shown(v.error, 2)} ${v.unit}` }));
-  at("fit-result").replaceChildren(make("h3", { text: `Fitted, ${job.result.evaluations} evaluations, ${shown(job.seconds, 2)} s` }), make("ul", {}, ...rows), ...job.result.warnings.map((w) => make("p", { class: "warning", text: `warning: ${w}` })), make("details", {}, make("summary", { text: "The whole report" }), make("pre", { text: job.result.text, tabindex: "0" })));
+  const rows = Object.entries(job.result.values).map(([p, v]) => make("li", { text: `${p}: ${shown(v.value)} ± ${shown(v.error, 2)} ${unitOf(v)}` }));
+  at("fit-result").replaceChildren(make("h3", { text: `Fitted, ${job.result.evaluations} evaluations, ${shown(job.seconds, 2)} s` }), make("ul", {}, ...rows), ...warnings(job.result.warnings), make("details", {}, make("summary", { text: "The whole report" }), make("pre", { text: nice(job.result.text), tabindex: "0" })));
 }
+export const warnings = (list) => list.map((w) => make("p", { class: "warning", text: `warning: ${nice(w)}` }));
 at("save").addEventListener("submit", (e) => { e.preventDefault(); tried(async () => { const found = await ask("/api/save", { stage: s.stage, values: s.values, name: at("save-name").value }); at("status").textContent = `saved as results/${found.file}`; }); });
