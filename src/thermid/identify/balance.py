@@ -13,6 +13,7 @@ from thermid.errors import RecordError
 from thermid.identify.calibration import Calibration
 from thermid.identify.experiment import _bound, meet
 from thermid.measure import Record
+from thermid.measure.amounts import short
 from thermid.measure.steady import SteadyPoint
 from thermid.model.model import Model
 from thermid.model.signal import Constant
@@ -66,8 +67,8 @@ class EnergyBalance:
         lines += [f"  out     {name:<28} {-watts:+9.4f} W" for name, watts in self.boundaries.items()]
         lines += [f"  stored  {name:<28} {-watts:+9.4f} W" for name, watts in self.stored.items()]
         put_in = sum(self.loads.values())
-        share = f", {100 * abs(self.total / put_in):.2g} % of the power" if put_in else ""
-        lines.append(f"  unexplained {self.total:+.4f} +- {self.error:.2g} W{share}")
+        share = f", {short(100 * abs(self.total / put_in))} % of the power" if put_in else ""
+        lines.append(f"  unexplained {self.total:+.4f} +- {short(self.error)} W{share}")
         if not self.closes:
             where = max(self.unexplained, key=lambda n: abs(self.unexplained[n][0]) / max(self.unexplained[n][1], 1e-12))
             way = (

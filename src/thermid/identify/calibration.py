@@ -15,6 +15,7 @@ from thermid.identify.residuals import Block, Predictions, Problem
 from thermid.identify.sensors import instrument_shares, sensor_shares
 from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
+from thermid.measure.amounts import short
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
@@ -173,9 +174,10 @@ class Calibration:
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
         for name, s in self.sensors.items():
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
-            worth = f", worth {s.effective_samples:.2g} independent samples" if s.effective_samples < 0.9 * s.samples else ""
+            worth = f", worth {short(s.effective_samples)} independent samples" if s.effective_samples < 0.9 * s.samples else ""
             lines.append(
-                f"  {name}: RMSE {s.rmse:.3g} K   largest {abs(s.largest):.3g} K   residuals white: {white}{worth}" + _bias_text(name, self)
+                f"  {name}: RMSE {short(s.rmse, 3)} K   largest {short(abs(s.largest), 3)} K   residuals white: {white}{worth}"
+                + _bias_text(name, self)
             )
         lines += [f"  {share}" for share in (*sensor_shares(self), *instrument_shares(self))]
         if self.local:
@@ -185,7 +187,7 @@ class Calibration:
             pairs = sorted(self.correlations.items(), key=lambda item: -abs(item[1]))[:10]
             lines.append("  correlations: " + "; ".join(f"{a} ~ {b} {c:+.2f}" for (a, b), c in pairs))
         lines += self.moved.lines()
-        lines.append(f"  reduced chi-square {self.reduced_chi_square:.3g}; {self.evaluations} evaluations")
+        lines.append(f"  reduced chi-square {short(self.reduced_chi_square, 3)}; {self.evaluations} evaluations")
         lines += [f"  search: {self.search}"] if self.search else []
         lines += [f"  warning: {w}" for w in self.warnings]
         return "\n".join(lines)
@@ -204,7 +206,7 @@ def _value_line(v: FittedValue, width: int) -> str:
     low, high = (v.converted(b) if np.isfinite(b) else b for b in v.bounds)
     bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
     what = " (constant errors, priors)" if total > 1.05 * random else ""
-    text = f"{v.path:<{width}}  {_digits(v.in_unit, random):>12} {v.unit:<10}  random +- {random:.2g}   total +- {total:.2g}{what}"
+    text = f"{v.path:<{width}}  {_digits(v.in_unit, random):>12} {v.unit:<10}  random +- {short(random)}   total +- {short(total)}{what}"
     return f"{text}   start {v.converted(v.start):.5g}{bounds}"
 
 
@@ -213,10 +215,10 @@ def _bias_text(sensor: str, fit: Calibration) -> str:
     if found is None:
         held = fit.bias.get(sensor, 0.0)
         return f"   bias {held:+.2f} K (held)" if held else ""
-    return f"   bias {found.value:+.2f} +- {found.error:.2g} K"
+    return f"   bias {found.value:+.2f} +- {short(found.error)} K"
 
 
 def _local_text(i: Local) -> str:
     if i.unit == "degC":
-        return f"{i.value - 273.15:.2f} +- {i.error:.2g} degC"
-    return f"{_digits(i.value, i.error)} +- {i.error:.2g} {i.unit if i.unit != '1' else ''}".rstrip()
+        return f"{i.value - 273.15:.2f} +- {short(i.error)} degC"
+    return f"{_digits(i.value, i.error)} +- {short(i.error)} {i.unit if i.unit != '1' else ''}".rstrip()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.errors import NameNotFoundError, nearest
 from thermid.identify.calibration import Calibration
+from thermid.measure.amounts import short
 from thermid.model.resolve import ParameterSet
 from thermid.units import NAMES, unit
 
@@ -125,7 +126,7 @@ class CredibilityRecord(Mapping[str, ValueRecord]):
         lines = [f"{self.title}: {len(self)} values, {counts}{' (synthetic data)' if self.synthetic else ''}"]
         width = max(map(len, self), default=0)
         for p, v in self.values_.items():
-            error = f" +- {v.error:.2g}" if v.error else ""
+            error = f" +- {short(v.error)}" if v.error else ""
             at = f" at {v.level} ({', '.join(v.tests)}; {v.date})" if v.level else ""
             lines.append(f"  {p:<{width}}  {v.value:.6g}{error} {v.unit}  {v.state}{at}")
         return "\n".join(lines)

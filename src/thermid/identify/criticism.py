@@ -13,6 +13,7 @@ from thermid.identify.calibrate import fit as refit
 from thermid.identify.calibration import Calibration
 from thermid.identify.missing import Missing, missing_elements
 from thermid.identify.whiteness import ljung_box, modes_of, periodogram, stretches, trace_likelihood
+from thermid.measure.amounts import short
 
 __all__ = ["Candidate", "Criticism", "TraceCriticism", "criticise"]
 
@@ -74,16 +75,16 @@ class TraceCriticism:
 
     def __str__(self) -> str:
         """What they say, in words."""
-        head = f"{self.sensor} in {self.record}: RMSE {self.rmse:.3g} K"
+        head = f"{self.sensor} in {self.record}: RMSE {short(self.rmse, 3)} K"
         if self.loud:
             head += f" for a noise of {self.noise:.3g} K"
         if self.white:
             return f"{head}, independent from reading to reading"
-        chance = "below 1e-6" if self.ljung_box < 1e-6 else f"{self.ljung_box:.2g}"
+        chance = "below 1e-6" if self.ljung_box < 1e-6 else short(self.ljung_box)
         text = (
             f"{head}, not independent: neighbours correlate by {self.lag_one:.2f} (by chance: {chance}), the cumulated periodogram leaves "
             f"white noise by {self.periodogram:.2f} where {self.band:.2f} is allowed; for a mean, {self.residuals.size} readings are worth "
-            f"{self.effective:.3g}"
+            f"{short(self.effective, 3)}"
         )
         units = {"temperature": ("K per K of temperature", 1.0), "power": ("K per W", 1.0), "time": ("K per hour", 3600.0)}
         for name, (slope, error) in self.slopes.items():
@@ -122,8 +123,8 @@ class Candidate:
         how = "very strong" if self.evidence > STRONG else "some" if self.evidence > POSSIBLE else "no"
         word = "" if self.possible else ", which is not physically possible"
         return (
-            f"{self.name}: {how} evidence (log-likelihood ratio {0.5 * self.gain:.3g}, BIC {self.evidence:+.3g}); "
-            f"found {self.found}{word}; RMSE {self.rmse[0]:.3g} -> {self.rmse[1]:.3g} K"
+            f"{self.name}: {how} evidence (log-likelihood ratio {short(0.5 * self.gain, 3)}, BIC {self.evidence:+.3g}); "
+            f"found {self.found}{word}; RMSE {short(self.rmse[0], 3)} -> {short(self.rmse[1], 3)} K"
         )
 
 

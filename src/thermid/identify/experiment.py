@@ -19,9 +19,11 @@ from thermid.model.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.simulation.scenario import Scenario
 
-__all__ = ["Experiment", "Observation", "meet"]
+__all__ = ["SCALE", "Experiment", "Observation", "meet"]
 
 Array = NDArray[np.float64]
+SCALE = "scale."
+"""Before the path of a load: the factor on its power."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +87,7 @@ class Experiment:
     loose : tuple of str        Observed nodes whose start nothing gives but their own readings.
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
     ticks : Ticks or None       What was logged on a second clock that is known within a range only.
-    noisy : dict                Logged boundary -> standard deviation of one sample of it. [K]
+    noisy : dict                Logged boundary, or scale of a logged power -> standard deviation of one sample of it. [K, W]
     """
 
     record: Record
@@ -180,8 +182,8 @@ def meet(
         else:
             _bare(channel, role, record)
             driven[channel.name] = path
-            if role == "boundary" and (noise := _noise(channel)):
-                noisy[path] = noise
+            if role != "command" and not channel.gain and (noise := _noise(channel)):
+                noisy[path if role == "boundary" else SCALE + path] = noise
             inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
         raise RecordError(f"no channel observes a node of {network.title}; there is nothing to compare.", record.name)
@@ -258,7 +260,7 @@ def _observation(channel: Channel, seat: Seat, grid: NDArray[np.int64], times: A
 
 
 def _noise(channel: Channel) -> float | None:
-    """Return the standard deviation of one sample: the noise, and the rounding to steps of the sensor, a step over the root of 12. [K]"""
+    """Return the standard deviation of one sample: noise, and rounding to steps of the sensor, a step over the root of 12. [K, W]"""
     if channel.noise is None or channel.resolution is None:
         return channel.noise
     return float(np.hypot(channel.noise, channel.resolution / np.sqrt(12.0)))

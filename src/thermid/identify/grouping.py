@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.measure.amounts import short
+
 __all__ = ["Combination", "Group", "listed", "percent"]
 
 Array = NDArray[np.float64]
@@ -112,7 +114,7 @@ def percent(relative: float) -> str:
     """
     if not np.isfinite(relative) or relative > 1e4:
         return "unlimited"
-    return f"a factor of {relative:.2g}" if relative > 3.0 else f"{100.0 * relative:.2g} %"
+    return f"a factor of {short(relative)}" if relative > 3.0 else f"{short(100.0 * relative)} %"
 
 
 def _together(move: dict[str, float], of: int) -> str:

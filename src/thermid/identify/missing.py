@@ -10,6 +10,7 @@ from thermid.dual import value_of
 from thermid.identify.calibration import Calibration
 from thermid.identify.experiment import Experiment
 from thermid.identify.request import LocalSpec, Request
+from thermid.measure.amounts import short
 from thermid.model.elements import Conductor, HeatLoad, Node
 from thermid.model.model import Model
 from thermid.model.parameter import parameter
@@ -143,7 +144,7 @@ def _lag(request: Request, place: _Place) -> Missing:
     def judge(found: Calibration) -> tuple[str, bool]:
         tau = held / found[free].value
         low, high = SENSOR_LAG
-        return f"a time constant of {tau:.3g} s +- {100 * found[free].error / found[free].value:.2g} %", low <= tau <= high
+        return f"a time constant of {short(tau, 3)} s +- {short(100 * found[free].error / found[free].value)} %", low <= tau <= high
 
     return Missing(f"a lag of the sensor at '{place.node}'", made, judge)
 
@@ -179,7 +180,7 @@ def _second(request: Request, place: _Place, name: str) -> tuple[Request, tuple[
 def _judge_mass(free: tuple[str, str], place: _Place) -> Judge:
     def judge(found: Calibration) -> tuple[str, bool]:
         held, link = found[free[0]].value, found[free[1]].value
-        text = f"{held:.3g} J/K behind {1 / link:.3g} K/W ({held / link:.3g} s), beside {place.capacity:.3g} J/K"
+        text = f"{short(held, 3)} J/K behind {short(1 / link, 3)} K/W ({short(held / link, 3)} s), beside {short(place.capacity, 3)} J/K"
         return text, 0.02 <= held / place.capacity <= 20.0
 
     return judge
@@ -201,8 +202,8 @@ def _steeper(request: Request, place: _Place) -> Missing:
 
     def judge(found: Calibration) -> tuple[str, bool]:
         c = found[f"{name}.htc.coefficient"].value
-        share = f"{c * area * place.rise**0.25:.3g} W/K of it at a rise of {place.rise:.3g} K"
-        return f"{c:.3g} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or NATURAL[0] <= c <= NATURAL[1]
+        share = f"{short(c * area * place.rise**0.25, 3)} W/K of it at a rise of {short(place.rise, 3)} K"
+        return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or NATURAL[0] <= c <= NATURAL[1]
 
     return Missing(f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", made, judge)
 
@@ -215,7 +216,7 @@ def _radiation(request: Request, place: _Place) -> Missing:
 
     def judge(found: Calibration) -> tuple[str, bool]:
         e = found[free].value
-        return f"an emissivity of {e:.2g} over {1e4 * area:.3g} cm^2", 0.01 <= e <= 1.0 if place.area else e > 0.0
+        return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", 0.01 <= e <= 1.0 if place.area else e > 0.0
 
     return Missing(f"radiation of '{place.node}' to '{place.boundary}'", made, judge)
 
@@ -234,6 +235,6 @@ def _growing(request: Request, place: _Place) -> Missing:
     def judge(found: Calibration) -> tuple[str, bool]:
         growth = found[f"{name}.power"].value
         share = growth / abs(place.power) if place.power else float("inf")
-        return f"{1e3 * growth:.3g} mW/K, {100 * share:.2g} % of the power per kelvin", GROWTH[0] <= share <= GROWTH[1]
+        return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", GROWTH[0] <= share <= GROWTH[1]
 
     return Missing(f"a power of '{place.load}' that grows with temperature", made, judge)

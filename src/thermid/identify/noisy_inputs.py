@@ -1,16 +1,19 @@
-"""What the random noise of logged boundaries does to a fit: the model is driven by it, so it ends in the fitted values too."""
+"""What the random noise of logged boundaries and powers does to a fit: the model is driven by it, so it ends in the fitted values too."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.identify.experiment import SCALE, Experiment
 from thermid.identify.residuals import Problem
 from thermid.identify.wired import Bench
-from thermid.model.signal import Table
+from thermid.model.flat import FlatLoad
+from thermid.model.signal import Constant, Signal, Table
 
 if TYPE_CHECKING:
     from thermid.identify.wander import Binned
@@ -20,16 +23,17 @@ __all__ = ["excess_of_inputs"]
 Array = NDArray[np.float64]
 
 STRETCHES = 80
-"""A logged boundary is looked at in so many stretches of time, in which its noise averages out as in independent samples."""
+"""A logged signal is looked at in so many stretches of time, in which its noise averages out as in independent samples."""
 
 
 def excess_of_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> Array:
-    """Return what the noise of logged boundaries adds to the covariance of J'r (unknowns, unknowns).
+    """Return what the noise of logged boundaries and powers adds to the covariance of J'r (unknowns, unknowns).
 
-    Noise n_k of sample k of a boundary moves the predicted readings by h_k n_k, all of one cause, so that J'r moves by the sum of
+    Noise n_k of sample k of a signal moves the predicted readings by h_k n_k, all of one cause, so that J'r moves by the sum of
     g_k n_k with g_k = J'h_k / sigma: covariance ``sum sd^2 g_k g_k'``. The h of a stretch of samples is the difference of two answers of
-    the readings to a step of the boundary, one begun where the stretch begins and one where it ends; the answer to a step is taken from the
-    sensitivity to a constant shift of the boundary, with the start held: one run for all stretches, exact where coefficients do not change.
+    the readings to a step of the signal, one begun where the stretch begins and one where it ends; the answer to a step is taken from the
+    sensitivity to a constant shift of the signal, with the start held: one run for all stretches, exact where coefficients do not change.
+    The shift of a power is a further load of zero size.
 
     Parameters
     ----------
@@ -44,7 +48,7 @@ def excess_of_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str,
     size = len(problem.unknowns)
     out = np.zeros((size, size))
     for i, experiment in enumerate(problem.experiments):
-        noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(experiment.scenario.boundaries.get(p), Table)}
+        noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), Table)}
         if not noisy or not size:
             continue
         seen = [pieces[experiment.record.name, o.sensor] for o in experiment.observations]
@@ -65,8 +69,14 @@ def excess_of_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str,
     return out
 
 
+def _signal(experiment: Experiment, path: str) -> Signal | None:
+    """Return the signal of a boundary, or of a power by the name of its scale."""
+    load = path.removeprefix(SCALE)
+    return experiment.scenario.loads.get(load) if load != path else experiment.scenario.boundaries.get(path)
+
+
 class _Step:
-    """The answer of a reading to a step of a boundary by 1 K, at times since the step; zero before it. [K/K]"""
+    """The answer of a reading to a step of a boundary by 1 K or of a power by 1 W, at times since the step; zero before it. [K/K, K/W]"""
 
     def __init__(self, times: Array, answer: Array) -> None:
         self.times, self.answer = np.concatenate([[0.0], times]), np.concatenate([[0.0], answer])
@@ -78,18 +88,33 @@ class _Step:
 def _answers(
     problem: Problem, i: int, fitted: Array, paths: Sequence[str], centres: Sequence[Array]
 ) -> Iterator[tuple[str, Array, list[_Step]]]:
-    """Yield every boundary with the times of its samples [s] and the answer of each sensor to a step of it."""
+    """Yield every signal with the times of its samples [s] and the answer of each sensor to a step of it."""
     given = problem.bench(i, fitted)
     values, _ = problem.inputs(i, fitted)
-    more = [p for p in paths if p not in given.free]
-    bench = Bench.of(given.experiment, (*given.free, *more)) if more else given
+    experiment, named = _shifted(given.experiment, paths)
+    more = [p for p in named if p not in given.free]
+    bench = Bench.of(experiment, (*given.free, *more)) if more else given
     x = np.concatenate([values, np.zeros(len(more))])
     times = np.unique(np.concatenate(centres))
     _, slopes = bench.temperatures(x, True, problem.options, times, from_rest=True)
     since = times - float(given.experiment.times[0])
     late = since > 0.0
-    for path in paths:
-        signal = given.experiment.scenario.boundaries[path]
+    for path, name in zip(paths, named, strict=True):
+        signal = _signal(given.experiment, path)
         assert isinstance(signal, Table)
-        place = bench.free.index(path)
+        place = bench.free.index(name)
         yield path, np.asarray(signal.times), [_Step(since[late], slopes[late, k, place]) for k in range(slopes.shape[1])]
+
+
+def _shifted(experiment: Experiment, paths: Sequence[str]) -> tuple[Experiment, list[str]]:
+    """Return an experiment with a load of 1 W beside every logged power among some signals, and what is free to shift each signal."""
+    network, scenario = experiment.network, experiment.scenario
+    nodes = {load.path: load.node for load in network.flat.loads}
+    beside = {p: f"noise {p.removeprefix(SCALE)}" for p in paths if p.startswith(SCALE)}
+    if not beside:
+        return experiment, list(paths)
+    loads = [FlatLoad(name, node := nodes[p.removeprefix(SCALE)], node, {}) for p, name in beside.items()]
+    flat = replace(network.flat, loads=(*network.flat.loads, *loads))
+    scenario = scenario.with_(loads=dict.fromkeys(beside.values(), Constant(1.0)))
+    made = replace(experiment, network=replace(network, flat=flat, _static={}, _depends={}), scenario=scenario)
+    return made, [SCALE + beside[p] if p in beside else p for p in paths]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, nearest
+from thermid.measure.amounts import short
 from thermid.physics.constants import ICE_POINT
 
 __all__ = ["Band", "Estimate", "Prediction"]
@@ -39,7 +40,7 @@ class Estimate:
 
     def __str__(self) -> str:
         """Return it with its error."""
-        return f"{self.celsius:.2f} +- {self.error:.2g} degC ({self.low:.2f} .. {self.high:.2f})"
+        return f"{self.celsius:.2f} +- {short(self.error)} degC ({self.low:.2f} .. {self.high:.2f})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,9 +185,9 @@ class Prediction:
         for name, band in self.bands.items():
             e = band.final
             steady = self.settled.get(name)
-            rest = f"   settles at {steady.celsius:8.2f} +- {steady.error:.2g}" if steady else ""
+            rest = f"   settles at {steady.celsius:8.2f} +- {short(steady.error)}" if steady else ""
             lines.append(
-                f"  {name:<{width}}  end {e.celsius:8.2f} +- {e.error:.2g} degC   95 %: {e.low:.2f} .. {e.high:.2f}{rest}{_why(e)}"
+                f"  {name:<{width}}  end {e.celsius:8.2f} +- {short(e.error)} degC   95 %: {e.low:.2f} .. {e.high:.2f}{rest}{_why(e)}"
             )
         lines += [f"  {cause}: {text}" for cause, text in self.causes.items()]
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])

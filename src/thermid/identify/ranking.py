@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.grouping import percent
-from thermid.measure.amounts import duration_text
+from thermid.measure.amounts import duration_text, short
 
 __all__ = ["Advice", "Option"]
 
@@ -68,7 +68,7 @@ class Advice:
         return self.options[0]
 
     def _shown(self, error: float) -> str:
-        return f"{error:.2g} K" if self.unit == "K" else percent(error / abs(self.value) if self.value else np.inf)
+        return f"{short(error)} K" if self.unit == "K" else percent(error / abs(self.value) if self.value else np.inf)
 
     def __str__(self) -> str:
         """Return a table: what to do, what error it leaves, how long it takes."""
@@ -79,7 +79,7 @@ class Advice:
             if o.refused:
                 lines.append(f"  {o.name:<{width}}  cannot be made: {o.refused}")
                 continue
-            gain = f"{self.now / o.error:.2g} times better" if self.now > 1.02 * o.error else "no better"
+            gain = f"{short(self.now / o.error)} times better" if self.now > 1.02 * o.error else "no better"
             took = duration_text(3600 * o.hours) if np.isfinite(o.hours) else ""
             what = "goal after" if np.isfinite(self.goal) else "most of it after"
             long = duration_text(3600 * o.longest)
@@ -87,6 +87,6 @@ class Advice:
             lines.append(f"  {o.name:<{width}}  +- {self._shown(o.error):<10} {gain:<20} {when}")
         felt = {cause: error for cause, error in self.beside.items() if error >= FELT * self.now}
         if felt:
-            named = ", ".join(f"{cause} +- {error:.2g} K" for cause, error in felt.items())
+            named = ", ".join(f"{cause} +- {short(error)} K" for cause, error in felt.items())
             lines.append(f"  Not in these figures: {named}.")
         return "\n".join(lines)

@@ -15,6 +15,7 @@ from thermid.identify.groups import SHARE, structural_groups
 from thermid.identify.information import Information, elsewhere, null_space
 from thermid.identify.residuals import Problem
 from thermid.identify.solve import Fit
+from thermid.measure.amounts import short
 from thermid.units import unit
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def _known(group: Group, request: Request, problem: Problem, fit: Callable[[Requ
 
     dimension = tuple(a + b if group.pair == "product" else a - b for a, b in zip(of, unit(other.unit).dimension, strict=True))
     text = next((t for t in NAMES if unit(t).dimension == dimension), "SI")
-    return f" (known: {combination} = {value.value * factor:.3g} +- {value.error * factor:.2g} {text})"
+    return f" (known: {combination} = {short(value.value * factor, 3)} +- {short(value.error * factor)} {text})"
 
 
 def refuse_after(request: Request, problem: Problem, found: Fit, total: Array) -> None:
@@ -119,8 +120,8 @@ def refuse_after(request: Request, problem: Problem, found: Fit, total: Array) -
             scale = 1.0 / float(unit(u.unit).factor)
             value, spread = u.to_value(float(found.fitted[k])) * scale, error * u.slope(float(found.fitted[k])) * scale
             raise IdentificationError(
-                f"'{u.name}' = {value:.3g} +- {spread:.2g} {u.unit}: its standard error is wider than its bounds {u.low * scale:.4g} .. "
-                f"{u.high * scale:.4g}, so the log says nothing new{_by_instruments(problem, total, k)}. Fix it, "
+                f"'{u.name}' = {short(value, 3)} +- {short(spread)} {u.unit}: its standard error is wider than its bounds "
+                f"{u.low * scale:.4g} .. {u.high * scale:.4g}, so the log says nothing new{_by_instruments(problem, total, k)}. Fix it, "
                 "give it a prior, or add a record that moves it.",
                 request.name or request.model.title,
             )

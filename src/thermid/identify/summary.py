@@ -16,6 +16,7 @@ from thermid.identify.residuals import Predictions, Problem
 from thermid.identify.solve import Fit
 from thermid.identify.unknowns import Unknown
 from thermid.identify.values import FittedValue, FittedValues
+from thermid.measure.amounts import short
 
 if TYPE_CHECKING:
     from thermid.identify.request import Request
@@ -138,7 +139,7 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Wander | None)
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:
         widened = "; the errors were widened by that factor" if spread is None or spread.level > 1.5 else ""
-        out.append(f"the residuals are {np.sqrt(reduced):.2g} times the stated noise{widened}.")
+        out.append(f"the residuals are {short(np.sqrt(reduced))} times the stated noise{widened}.")
     return out
 
 
@@ -152,7 +153,7 @@ def _wandering(spread: Wander) -> list[str]:
     count, worth = sum(t.samples for t in slow), sum(t.effective for t in slow)
     return [
         f"residuals of {share} are not white: the model misses something, or the readings were filtered. Their {count} samples are worth "
-        f"{worth:.2g} independent ones, and the errors were widened accordingly."
+        f"{short(worth)} independent ones, and the errors were widened accordingly."
     ]
 
 

@@ -61,7 +61,7 @@ class Wander:
     ----------
     traces : tuple of Trace                 One per record and sensor.
     level : float                           Variance of the traces that do not wander, in squares of the noise, never below 1. [-]
-    excess : array (unknowns, unknowns)     What wandering, and the noise of logged boundaries, adds to the covariance of J'r, over
+    excess : array (unknowns, unknowns)     What wandering, and the noise of logged signals, adds to the covariance of J'r, over
                                             `level` times J'J; zeros where there is none.
     """
 

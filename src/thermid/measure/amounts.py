@@ -8,7 +8,7 @@ from thermid.errors import RecordError, ThermidError
 from thermid.expression import parse
 from thermid.units import format_value, require
 
-__all__ = ["amount", "duration_text", "positive_seconds", "seconds"]
+__all__ = ["amount", "duration_text", "positive_seconds", "seconds", "short"]
 
 
 def amount(given: object, slot: str, what: str) -> float:
@@ -71,3 +71,13 @@ def duration_text(value: float) -> str:
         if value >= limit:
             return f"{value / size:.4g} {name}"
     return f"{value:.4g} s"
+
+
+def short(number: float, digits: int = 2) -> str:
+    """Return a number with some significant digits, without a power of ten below ten million.
+
+    >>> short(557.3), short(0.05574), short(1027.26, 3), short(3e9)
+    ('560', '0.056', '1030', '3e+09')
+    """
+    text = f"{number:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(number) < 1e7 else text

@@ -147,7 +147,7 @@ class TestAsked:
             td.identifiability(box(), free=[HTC], scenario=scenario, sensors={"air": {"noise": "1 [K]"}})
 
     def test_words_of_errors(self) -> None:
-        assert [percent(x) for x in (0.00073, 0.05, 2.0, 5.0, np.inf)] == ["0.073 %", "5 %", "2e+02 %", "a factor of 5", "unlimited"]
+        assert [percent(x) for x in (0.00073, 0.05, 2.0, 5.0, np.inf)] == ["0.073 %", "5 %", "200 %", "a factor of 5", "unlimited"]
 
 
 def test_every_stage_of_a_campaign(tmp_path) -> None:  # type: ignore[no-untyped-def]
