@@ -153,7 +153,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     )
     diagnosis = diagnose(told) if told is not None and found.failed and len({o.sensor for o in seen}) > 1 else None
     counted = [o for o in seen if o.sensor not in left_out.reasons]
-    settled, unsure = _settled(test, record, windows, [o.sensor for o in counted])
+    settled, unsure = _settled(trial, record, windows, [o.sensor for o in counted])
     steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
     made = record.origin
     return replace(
@@ -208,14 +208,14 @@ def _doubts(trial: Trial, record: Record, counted: Sequence[Overlay], windows: S
 
 
 def _settled(
-    test: TestTable, record: Record, windows: Sequence[tuple[float, float]], sensors: Sequence[str]
+    trial: Trial, record: Record, windows: Sequence[tuple[float, float]], sensors: Sequence[str]
 ) -> tuple[tuple[Stability, ...], tuple[str, ...]]:
     """Return what the readings say about every settled stretch by the test's rule, and where they say nothing."""
     out: list[Stability] = []
     unsure: dict[str, list[str]] = {}
     for begin, end in windows if sensors else ():
         try:
-            found = stability(record, test.stable, sensors, since=begin, at=end)
+            found = stability(record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.known.at)
         except RecordError as error:
             unsure.setdefault(f"that it is settled cannot be told: {error}", []).append(_span(begin, end))
             continue
@@ -232,7 +232,9 @@ def _unsettled(settled: Sequence[Stability]) -> Iterator[str]:
     """Yield the stretches that count as settled and are not."""
     for s in settled:
         worst = s.channels[s.slowest]
-        if s.verdict == "not stable" and s.decides:
+        if s.verdict == "not stable" and s.decides and s.stored is not None:
+            yield f"{_span(worst.start, worst.end)} counts as settled and is not: {s.stored} by '{s.rule.name}' [{s.rule.mark}]"
+        elif s.verdict == "not stable" and s.decides:
             yield (
                 f"{_span(worst.start, worst.end)} counts as settled and is not: {s.slowest} drifts by {3600.0 * worst.rate:+.2f} K/h, "
                 f"the rule is '{s.rule.name}' [{s.rule.mark}]"
