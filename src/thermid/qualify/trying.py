@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError, nearest
+from thermid.errors import NameNotFoundError, RecordError, ScenarioError, nearest
 from thermid.identify.compare import compare
 from thermid.measure import Record, read_record
 from thermid.measure.stability import rule_of
@@ -86,6 +86,11 @@ def _course(
     plan: Plan, test: TestTable, known: Known, told: Callable[[int, int, float], None] | None
 ) -> tuple[Scenario, ProfileRun | None]:
     """Return what is done to the model, and the phases where a profile says so."""
+    given: Scenario | None = None
+    if isinstance(test.scenario, str):
+        given = load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}"))
+    elif test.scenario is not None or test.profile is None:
+        given = Scenario(**({"title": test.name} | dict(test.scenario or {})))
     if test.profile is not None:
         run = run_profile(
             known.model,
@@ -94,13 +99,32 @@ def _course(
             base=test.base,
             watch=test.watch,
             equipment=test.equipment,
+            scenario=_beside(given, test, known),
             every=literal(test.every, "s", f"{test.name}, every"),
             told=told,
         )
         return replace(run.scenario, title=test.name), run
-    if isinstance(test.scenario, str):
-        return load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}")), None
-    return Scenario(**({"title": test.name} | dict(test.scenario or {}))), None
+    assert given is not None
+    return given, None
+
+
+def _beside(given: Scenario | None, test: TestTable, known: Known) -> Scenario | None:
+    """Return what is done beside a profile: loads, commands, other boundaries.
+
+    Raises
+    ------
+    ScenarioError   When it says what the profile says: a time, or the temperature of the chamber.
+    """
+    if given is None:
+        return None
+    chamber = {known.model.canonical(n) for n in ([test.chamber] if isinstance(test.chamber, str) else test.chamber)}
+    both = [n for n in given.boundaries if known.model.canonical(n) in chamber]
+    if both or given.seconds > 0.0:
+        what = f"boundary '{both[0]}' is the chamber" if both else "its duration follows from the unit"
+        raise ScenarioError(
+            f"{what}: the profile says it. A scenario beside a profile gives what else is done. Leave it out there.", "scenario"
+        )
+    return given
 
 
 def _cycles_beside(plan: Plan, test: TestTable, profile: ThermalProfile) -> float:
