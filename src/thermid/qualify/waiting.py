@@ -91,8 +91,8 @@ def wait(leg: Leg, state: Array, wanted: Wanted) -> Reached:
     reach = 2.0 * (wanted.window + wanted.average)
     while True:
         reach = min(reach, wanted.longest)
-        axis: Array = np.arange(1, math.ceil(reach / step) + 1) * step
-        axis = np.asarray(axis, dtype=np.float64) if wanted.average else _thinned(axis, step)
+        axis = np.asarray(np.arange(1, math.ceil(reach / step) + 1) * step, dtype=np.float64)
+        axis = axis if wanted.average else _thinned(axis, step)
         found, _ = leg.run(state, axis)
         times, traces = np.append(0.0, axis), np.vstack((state, found))
         excess, movers = _excess(leg, wanted, times, traces)
