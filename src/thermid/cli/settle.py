@@ -11,6 +11,7 @@ import typer
 if TYPE_CHECKING:
     from thermid.measure.record import Record
     from thermid.qualify.forecast import Forecast
+    from thermid.simulation.solution import Solution
 
 __all__ = ["register"]
 
@@ -24,7 +25,9 @@ def register(app: typer.Typer) -> None:
 
 def settle(
     log: Annotated[Path, typer.Argument(help="A text log, also one that still grows.")],
-    channel: Annotated[Texts, typer.Option("--channel", help="Temperature column; all whose name or unit says so by default.")] = [],  # noqa: B006
+    channel: Annotated[
+        Texts, typer.Option("--channel", help="Temperature column, or COLUMN=NODE; all whose name or unit says so by default.")
+    ] = [],  # noqa: B006
     reference: Annotated[str, typer.Option("--reference", help="Column that the temperatures follow, such as the air.")] = "",
     time: Annotated[str | None, typer.Option("--time", help="The time column, where its name does not say.")] = None,
     rule: Annotated[str, typer.Option("--rule", help="Rule of stability: '3 C/h', '0.2 C/h over 5 h', '0.5 K/h over 1 h'.")] = "3 C/h",
@@ -48,7 +51,7 @@ def settle(
     names = [n for n in record.channels if n != reference]
     begin, end = _with_unit(since, "s"), _with_unit(at, "s")
     known = None if tau is None else _with_unit(tau, "s")
-    found = stability(record, rule, names, since=begin, at=end, tau=known, reference=reference)
+    found = stability(record, rule, names, since=begin, at=end, tau=known, reference=reference, run=_run(rule, model, scenario))
     told: dict[str, Forecast | str] = {}
     for name in names:
         try:
@@ -81,6 +84,18 @@ def _object(stable: dict[str, Any], told: dict[str, Forecast | str], times: Text
             "readings": [{"at": t, "value_C": e.value - 273.15, "low_C": e.low - 273.15, "high_C": e.high - 273.15} for t, e in readings]
         }
     return {"schema": 1, "status": "ok", **stable, "forecasts": forecasts}
+
+
+def _run(rule: str, model: Path | None, scenario: Path | None) -> Solution | None:
+    """Return the run of a model for a rule on stored heat."""
+    from thermid.measure.stability import rule_of
+    from thermid.model.modelfile import load_model
+    from thermid.simulation.scenario import load_scenario
+    from thermid.simulation.transient import simulate
+
+    if model is None or scenario is None or not rule_of(rule).stored:
+        return None
+    return simulate(load_model(model), load_scenario(scenario))
 
 
 def _forecast(
@@ -119,10 +134,11 @@ def _read(log: Path, channel: Texts, reference: str, time: str | None) -> Record
     from thermid.errors import RecordError
     from thermid.measure.readers import read_record, temperature_columns
 
-    names = list(channel) or [n for n in temperature_columns(log) if n != reference]
+    sits = {n: node or n for n, _, node in (given.partition("=") for given in channel)}
+    names = list(sits) or [n for n in temperature_columns(log) if n != reference]
     if not names:
         raise RecordError("no column looks like a temperature. Name them with --channel.", log.name)
-    asked: dict[str, str | dict[str, object]] = {n: {"node": n} for n in names}
+    asked: dict[str, str | dict[str, object]] = {n: {"node": sits.get(n, n)} for n in names}
     if reference:
         asked[reference] = {"boundary": reference}
     return read_record(log, asked, time=time)

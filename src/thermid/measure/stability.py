@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -17,7 +17,7 @@ from thermid.measure.steady import FEWEST, correlation_factor
 if TYPE_CHECKING:
     from thermid.measure.record import Record
 
-__all__ = ["RULES", "ChannelStability", "StabilityRule", "channel_stability", "resolution_of", "rule_of", "since_when"]
+__all__ = ["RULES", "ChannelStability", "StabilityRule", "channel_drift", "channel_stability", "resolution_of", "rule_of", "since_when"]
 
 HOUR: Final = 3600.0
 SHORTEST: Final = 300.0
@@ -119,7 +119,7 @@ class ChannelStability:
     error : float           Its standard error: noise with its correlation, and the steps of the sensor. [K/s]
     start, end : float      The window. [s]
     samples : int           Readings in it.
-    verdict : str           ``stable``, ``not stable``, or ``cannot tell``.
+    verdict : str           ``stable``, ``not stable``, or ``cannot tell``; empty where a rule judges all channels together.
     """
 
     name: str
@@ -133,7 +133,9 @@ class ChannelStability:
     def __str__(self) -> str:
         """The drift in K/h, and what it means."""
         span = duration_text(self.end - self.start)
-        return f"{self.name}: {HOUR * self.rate:+.3g} +- {HOUR * self.error:.2g} K/h over the last {span}: {self.verdict}"
+        return f"{self.name}: {HOUR * self.rate:+.3g} +- {HOUR * self.error:.2g} K/h over the last {span}" + (
+            f": {self.verdict}" if self.verdict else ""
+        )
 
 
 def channel_stability(record: Record, name: str, rule: StabilityRule, at: float | None = None, since: float = -np.inf) -> ChannelStability:
@@ -158,7 +160,8 @@ def channel_stability(record: Record, name: str, rule: StabilityRule, at: float 
     where = f"{record.name}, {name}"
     if rule.stored:
         raise RecordError(
-            f"'{rule.name}' is about stored heat, which readings alone do not show. Give a rule on the rate, or a model.", where
+            f"'{rule.name}' is about stored heat, which readings alone do not show. Give a rule on the rate, or a model.",
+            where,
         )
     if channel.quantity != "temperature":
         raise RecordError(f"it is a {channel.quantity}; a rule of stability holds for temperatures.", where)
@@ -179,8 +182,14 @@ def channel_stability(record: Record, name: str, rule: StabilityRule, at: float 
         span = min(1.5 * span, end - first)
 
 
-def _over(record: Record, channel: Channel, rule: StabilityRule, start: float, end: float) -> ChannelStability:
-    """Return what the readings of one window say."""
+def channel_drift(record: Record, name: str, start: float, end: float) -> ChannelStability:
+    """Return how fast one channel drifts over a window, with its error, judged by no rule.
+
+    Raises
+    ------
+    RecordError   When the window holds fewer than 8 readings.
+    """
+    channel = record.channel(name)
     inside = (record.times >= start - 1e-9) & (record.times <= end + 1e-9) & channel.valid
     t, y = record.times[inside], channel.values[inside]
     if y.size < FEWEST or np.ptp(t) <= 0:
@@ -188,9 +197,15 @@ def _over(record: Record, channel: Channel, rule: StabilityRule, start: float, e
             f"{y.size} readings lie in the window; {FEWEST} are needed for a rate with its error.", f"{record.name}, {channel.name}"
         )
     rate, error = _slope(t, y, resolution_of(channel))
-    sure = abs(rate) + SURE * error <= rule.rate
-    verdict = "stable" if sure else "not stable" if abs(rate) - SURE * error > rule.rate else "cannot tell"
-    return ChannelStability(channel.name, rate, error, float(t[0]), float(t[-1]), int(y.size), verdict)
+    return ChannelStability(channel.name, rate, error, float(t[0]), float(t[-1]), int(y.size), "")
+
+
+def _over(record: Record, channel: Channel, rule: StabilityRule, start: float, end: float) -> ChannelStability:
+    """Return what the readings of one window say."""
+    found = channel_drift(record, channel.name, start, end)
+    sure = abs(found.rate) + SURE * found.error <= rule.rate
+    verdict = "stable" if sure else "not stable" if abs(found.rate) - SURE * found.error > rule.rate else "cannot tell"
+    return replace(found, verdict=verdict)
 
 
 def _slope(t: FloatArray, y: FloatArray, step: float) -> tuple[float, float]:

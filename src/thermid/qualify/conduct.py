@@ -264,7 +264,8 @@ class _Course:
         tolerance = self.profile.value("tolerance") if self.profile.has("tolerance") else float("inf")
         base = self.base if np.isfinite(tolerance) else ""
         where = f"{self.profile.title}, {step.name}"
-        wanted = Wanted(self.rule, self.watch, base, self.level, tolerance, self.profile.value("longest_wait"), where)
+        average = self.profile.value("average") if self.profile.has("average") else 0.0
+        wanted = Wanted(self.rule, self.watch, base, self.level, tolerance, self.profile.value("longest_wait"), where, average)
         leg = self.bench.leg(self.plan, self.now, 0.0)
         begun = self._state_for(leg)
         reached = wait(leg, begun, wanted)

@@ -43,6 +43,7 @@ SLOTS: Final[Mapping[str, str]] = {
     "pump_down": "s",
     "humidity": "1",
     "longest_wait": "s",
+    "average": "s",
 }
 """Numbers of a profile -> their unit."""
 

@@ -53,8 +53,8 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
     names = [t.name for t in content.tests]
     if not test.name.strip() or names.count(test.name) > 1:
         raise DeckError(f"a test needs a name of its own, not '{test.name}'.", where("name"))
-    if (test.profile is None) == (test.scenario is None):
-        raise DeckError(f"test '{test.name}' needs its course: a profile or a scenario, one of them.", where("name"))
+    if test.profile is None and test.scenario is None:
+        raise DeckError(f"test '{test.name}' needs its course: a profile or a scenario.", where("name"))
     if test.host and test.host not in content.hosts:
         raise NameNotFoundError(f"there is no host '{test.host}'.{nearest(test.host, content.hosts)}", where("host"))
     for key in ("sensors", "weights"):

@@ -17,6 +17,7 @@ from thermid.measure.stability import SURE, ChannelStability, StabilityRule, cha
 from thermid.qualify.approach import approach
 from thermid.qualify.forecast import FEWEST, GUARD, REACH
 from thermid.qualify.profile_run import ProfileRun
+from thermid.qualify.stored import Stored, stored_in_log, stored_in_run
 from thermid.simulation.solution import Solution
 
 __all__ = ["Remaining", "Stability", "stability"]
@@ -61,6 +62,7 @@ class Stability:
     remaining : dict            Name -> how far it still has to go.
     since : dict                Name -> time from which it is stable; None where it is not. [s]
     tau : float or None         Time constant that the remaining change stands on. [s]
+    stored : Stored or None     Of a rule on stored heat: what all of the unit takes up.
     """
 
     title: str
@@ -70,6 +72,7 @@ class Stability:
     remaining: Mapping[str, Remaining]
     since: Mapping[str, float | None]
     tau: float | None
+    stored: Stored | None = None
 
     @property
     def slowest(self) -> str:
@@ -78,7 +81,9 @@ class Stability:
 
     @property
     def verdict(self) -> str:
-        """``stable``, ``not stable``, or ``cannot tell``: that of the worst channel."""
+        """``stable``, ``not stable``, or ``cannot tell``: that of the worst channel, or of the heat that all take up together."""
+        if self.stored is not None:
+            return self.stored.verdict
         seen = {c.verdict for c in self.channels.values()}
         return next(v for v in ("not stable", "cannot tell", "stable") if v in seen)
 
@@ -101,6 +106,9 @@ class Stability:
             "verdict": self.verdict,
             "slowest": self.slowest,
             "at": self.at,
+            "stored": None
+            if (s := self.stored) is None
+            else {"heat_W": s.watts, "error_W": s.error, "power_W": s.power, "nodes_W": {**s.nodes}},
             "channels": {
                 n: {
                     "rate": c.rate,
@@ -119,6 +127,7 @@ class Stability:
     def __str__(self) -> str:
         """The verdict, every channel, what is left to go."""
         lines = [f"{self.title}: {self.verdict} by '{self.rule.name}' ({self.rule.source}; {self.rule.mark}); slowest: {self.slowest}"]
+        lines += [] if self.stored is None else [f"  {self.stored}"]
         for name, c in self.channels.items():
             text = f"  {c}"
             if self.since.get(name) is not None:
@@ -145,6 +154,8 @@ def stability(
     at: str | float = "end",
     tau: str | float | None = None,
     reference: str = "",
+    run: Solution | None = None,
+    unit: str = "",
 ) -> Stability:
     """Return whether temperatures are stable by a rule, which is the slowest, and what the rule leaves unfinished.
 
@@ -156,20 +167,31 @@ def stability(
     since, at : str, float  When conditions last changed, and the time of the question.
     tau : str or float      Slowest time constant, for what is left to go; of a run its own, of a log what its readings say. [s]
     reference : str         Channel of a log that the temperatures follow, such as the air.
+    run : Solution          For a rule on stored heat (``stored 3 %``) and a log: a run of the model under the same conditions, which gives
+                            capacitances and powers. Every node that stores heat must be measured.
+    unit : str              For such a rule: the submodel that is the unit; all of the model where none is named.
 
     Raises
     ------
-    RecordError   When a rule or a name does not fit, or readings are too few.
+    RecordError   When a rule or a name does not fit, readings are too few, or a rule on stored heat cannot be asked.
     """
     wanted = rule_of(rule)
     slow = None if tau is None else positive_seconds(tau, "tau")
     if isinstance(of, Record):
-        return _of_record(of, wanted, tuple(channels), since, at, slow, reference)
-    return _of_solution(of.solution if isinstance(of, ProfileRun) else of, wanted, tuple(channels), since, at, slow)
+        return _of_record(of, wanted, tuple(channels), since, at, slow, reference, run, unit)
+    return _of_solution(of.solution if isinstance(of, ProfileRun) else of, wanted, tuple(channels), since, at, slow, unit)
 
 
 def _of_record(
-    record: Record, rule: StabilityRule, names: tuple[str, ...], since: str | float, at: str | float, tau: float | None, reference: str
+    record: Record,
+    rule: StabilityRule,
+    names: tuple[str, ...],
+    since: str | float,
+    at: str | float,
+    tau: float | None,
+    reference: str,
+    run: Solution | None,
+    unit: str,
 ) -> Stability:
     inside, _ = stretch(record, since, at, f"{record.name}, stability")
     times = record.times[inside]
@@ -178,7 +200,11 @@ def _of_record(
         raise RecordError("it has no temperature to ask about.", record.name)
     begin, end = float(times[0]), float(times[-1])
     cut = record.trim(begin, end)
-    found = {n: channel_stability(cut, n, rule, end, begin) for n in asked}
+    stored = None
+    if rule.stored:
+        stored, found = stored_in_log(cut, asked, rule, end, run, unit)
+    else:
+        found = {n: channel_stability(cut, n, rule, end, begin) for n in asked}
     known = {n: since_when(cut, n, rule, begin) if c.verdict == "stable" else None for n, c in found.items()}
     air = cut.channel(reference) if reference else None
     room = None if air is None else (cut.times[air.valid], air.values[air.valid])
@@ -189,7 +215,7 @@ def _of_record(
             left[name] = _rate_times(c, tau)
         elif np.count_nonzero(valid) >= FEWEST:
             left[name] = _by_readings(cut.times[valid], cut.channel(name).values[valid], room)
-    return Stability(record.name, rule, end, found, left, known, tau)
+    return Stability(record.name, rule, end, found, left, known, tau, stored)
 
 
 def _rate_times(c: ChannelStability, tau: float) -> Remaining:
@@ -207,14 +233,15 @@ def _by_readings(times: Array, kelvin: Array, room: tuple[Array, Array] | None) 
 
 
 def _of_solution(
-    run: Solution, rule: StabilityRule, names: tuple[str, ...], since: str | float, at: str | float, tau: float | None
+    run: Solution, rule: StabilityRule, names: tuple[str, ...], since: str | float, at: str | float, tau: float | None, unit: str
 ) -> Stability:
-    if rule.stored:
-        raise RecordError(
-            f"'{rule.name}' is about stored heat; a profile's run asks it while it waits. Give a rule on the rate here.", run.title
-        )
     begin = 0.0 if since == "start" else positive_seconds(since, "since")
     end = float(run.times[-1]) if at == "end" else positive_seconds(at, "at")
+    slow = tau if tau is not None else next((float(t) for t in run.time_constants if np.isfinite(t)), None)
+    if rule.stored:
+        stored, found = stored_in_run(run, rule, begin, end, unit)
+        left = {n: _rate_times(c, slow) for n, c in found.items()} if slow is not None else {}
+        return Stability(f"{run.title}, {run.scenario}", rule, end, found, left, {}, slow, stored)
     window = rule.window or SHORT
     if end - window < begin - 1e-9 or end > run.times[-1] * (1 + 1e-12):
         raise RecordError(
@@ -222,7 +249,6 @@ def _of_solution(
         )
     boundaries = {n for n in run.nodes if n in run._run.network.boundaries}
     asked = names or tuple(n for n in run.nodes if n not in boundaries)
-    slow = tau if tau is not None else next((float(t) for t in run.time_constants if np.isfinite(t)), None)
     found = {}
     for name in asked:
         trace = run[name]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError, nearest
+from thermid.errors import NameNotFoundError, RecordError, ScenarioError, nearest
 from thermid.identify.compare import compare
 from thermid.measure import Record, read_record
 from thermid.measure.stability import rule_of
@@ -86,6 +86,11 @@ def _course(
     plan: Plan, test: TestTable, known: Known, told: Callable[[int, int, float], None] | None
 ) -> tuple[Scenario, ProfileRun | None]:
     """Return what is done to the model, and the phases where a profile says so."""
+    given: Scenario | None = None
+    if isinstance(test.scenario, str):
+        given = load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}"))
+    elif test.scenario is not None or test.profile is None:
+        given = Scenario(**({"title": test.name} | dict(test.scenario or {})))
     if test.profile is not None:
         run = run_profile(
             known.model,
@@ -94,13 +99,32 @@ def _course(
             base=test.base,
             watch=test.watch,
             equipment=test.equipment,
+            scenario=_beside(given, test, known),
             every=literal(test.every, "s", f"{test.name}, every"),
             told=told,
         )
         return replace(run.scenario, title=test.name), run
-    if isinstance(test.scenario, str):
-        return load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}")), None
-    return Scenario(**({"title": test.name} | dict(test.scenario or {}))), None
+    assert given is not None
+    return given, None
+
+
+def _beside(given: Scenario | None, test: TestTable, known: Known) -> Scenario | None:
+    """Return what is done beside a profile: loads, commands, other boundaries.
+
+    Raises
+    ------
+    ScenarioError   When it says what the profile says: a time, or the temperature of the chamber.
+    """
+    if given is None:
+        return None
+    chamber = {known.model.canonical(n) for n in ([test.chamber] if isinstance(test.chamber, str) else test.chamber)}
+    both = [n for n in given.boundaries if known.model.canonical(n) in chamber]
+    if both or given.seconds > 0.0:
+        what = f"boundary '{both[0]}' is the chamber" if both else "its duration follows from the unit"
+        raise ScenarioError(
+            f"{what}: the profile says it. A scenario beside a profile gives what else is done. Leave it out there.", "scenario"
+        )
+    return given
 
 
 def _cycles_beside(plan: Plan, test: TestTable, profile: ThermalProfile) -> float:
@@ -153,7 +177,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     )
     diagnosis = diagnose(told) if told is not None and found.failed and len({o.sensor for o in seen}) > 1 else None
     counted = [o for o in seen if o.sensor not in left_out.reasons]
-    settled, unsure = _settled(test, record, windows, [o.sensor for o in counted])
+    settled, unsure = _settled(trial, record, windows, [o.sensor for o in counted])
     steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
     made = record.origin
     return replace(
@@ -208,14 +232,14 @@ def _doubts(trial: Trial, record: Record, counted: Sequence[Overlay], windows: S
 
 
 def _settled(
-    test: TestTable, record: Record, windows: Sequence[tuple[float, float]], sensors: Sequence[str]
+    trial: Trial, record: Record, windows: Sequence[tuple[float, float]], sensors: Sequence[str]
 ) -> tuple[tuple[Stability, ...], tuple[str, ...]]:
     """Return what the readings say about every settled stretch by the test's rule, and where they say nothing."""
     out: list[Stability] = []
     unsure: dict[str, list[str]] = {}
     for begin, end in windows if sensors else ():
         try:
-            found = stability(record, test.stable, sensors, since=begin, at=end)
+            found = stability(record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.known.at)
         except RecordError as error:
             unsure.setdefault(f"that it is settled cannot be told: {error}", []).append(_span(begin, end))
             continue
@@ -232,7 +256,9 @@ def _unsettled(settled: Sequence[Stability]) -> Iterator[str]:
     """Yield the stretches that count as settled and are not."""
     for s in settled:
         worst = s.channels[s.slowest]
-        if s.verdict == "not stable" and s.decides:
+        if s.verdict == "not stable" and s.decides and s.stored is not None:
+            yield f"{_span(worst.start, worst.end)} counts as settled and is not: {s.stored} by '{s.rule.name}' [{s.rule.mark}]"
+        elif s.verdict == "not stable" and s.decides:
             yield (
                 f"{_span(worst.start, worst.end)} counts as settled and is not: {s.slowest} drifts by {3600.0 * worst.rate:+.2f} K/h, "
                 f"the rule is '{s.rule.name}' [{s.rule.mark}]"

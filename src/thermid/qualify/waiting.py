@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import SolverError
+from thermid.errors import ScenarioError, SolverError
 from thermid.measure.amounts import duration_text
 from thermid.measure.stability import StabilityRule
 from thermid.physics.constants import ICE_POINT
@@ -24,6 +24,8 @@ SAMPLES: Final = 60
 """Outputs within the window of a rule that names one."""
 MOST: Final = 3000
 """Outputs of one stretch of waiting."""
+WITHIN: Final = 30
+"""Outputs within the time that temperatures are averaged over, at least."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,7 @@ class Wanted:
     level, tolerance : float        [K]
     longest : float                 Time after which it is given up. [s]
     where : str                     For the message.
+    average : float                 Time over which temperatures are averaged first, for heaters that switch; zero for none. [s]
     """
 
     rule: StabilityRule
@@ -63,6 +66,7 @@ class Wanted:
     tolerance: float
     longest: float
     where: str
+    average: float = 0.0
 
     @property
     def window(self) -> float:
@@ -75,15 +79,20 @@ def wait(leg: Leg, state: Array, wanted: Wanted) -> Reached:
 
     Raises
     ------
-    SolverError   When it does not hold within the longest wait; with the node, its rate and the rule.
+    SolverError     When it does not hold within the longest wait; with the node, its rate and the rule.
+    ScenarioError   When a rule on stored heat is to be asked of averages.
     """
+    if wanted.average and wanted.rule.stored:
+        raise ScenarioError(f"'{wanted.rule.name}' is not asked of averages. Take a rule on the rate, or no average.", wanted.where)
     step = wanted.window / (SAMPLES if wanted.rule.window else 1)
+    if wanted.average:
+        step = wanted.average / max(WITHIN, math.ceil(wanted.average / step))
     times, traces = np.zeros(1), state[None, :]
-    reach = 2.0 * wanted.window
+    reach = 2.0 * (wanted.window + wanted.average)
     while True:
         reach = min(reach, wanted.longest)
-        axis = np.arange(1, math.ceil(reach / step) + 1) * step
-        axis = _thinned(axis, step)
+        axis = np.asarray(np.arange(1, math.ceil(reach / step) + 1) * step, dtype=np.float64)
+        axis = axis if wanted.average else _thinned(axis, step)
         found, _ = leg.run(state, axis)
         times, traces = np.append(0.0, axis), np.vstack((state, found))
         excess, movers = _excess(leg, wanted, times, traces)
@@ -110,9 +119,9 @@ def _thinned(axis: NDArray[np.floating[Any]], step: float) -> Array:
 
 def _excess(leg: Leg, wanted: Wanted, times: Array, traces: Array) -> tuple[Array, NDArray[np.int64]]:
     """Return by how much the rule is missed at each time (infinite before it can be asked), and which watched node is furthest from it."""
-    of = leg.named(traces, wanted.watch, times)
+    of = _averaged(leg.named(traces, wanted.watch, times), times, wanted.average)
     before = np.searchsorted(times, times - wanted.window - 1e-6 * wanted.window)
-    asked = times >= wanted.window * (1.0 - 1e-9)
+    asked = times >= (wanted.window + wanted.average) * (1.0 - 1e-9)
     spans = np.stack([_spread(of, before, k) if asked[k] else np.full(of.shape[1], np.inf) for k in range(times.size)])
     movers = np.argmax(np.where(np.isfinite(spans), spans, -1.0), axis=1)
     if wanted.rule.stored:
@@ -123,9 +132,22 @@ def _excess(leg: Leg, wanted: Wanted, times: Array, traces: Array) -> tuple[Arra
     else:
         excess = spans.max(axis=1) - wanted.rule.rate * wanted.window
     if wanted.base:
-        off = np.abs(leg.named(traces, (wanted.base,), times)[:, 0] - wanted.level) - wanted.tolerance
+        base = _averaged(leg.named(traces, (wanted.base,), times), times, wanted.average)[:, 0]
+        off = np.abs(base - wanted.level) - wanted.tolerance
         excess = np.maximum(excess, off)
     return excess, movers
+
+
+def _averaged(of: Array, times: Array, average: float) -> Array:
+    """Return temperatures averaged over the time before each output (times, nodes); outputs are evenly spaced. [K]"""
+    if not average:
+        return of
+    step = float(times[1] - times[0])
+    count = round(average / step)
+    inside = np.vstack((np.zeros((1, of.shape[1])), np.cumsum(0.5 * (of[1:] + of[:-1]), axis=0)))
+    out = of.copy()
+    out[count:] = (inside[count:] - inside[:-count]) / count
+    return out
 
 
 def _spread(of: Array, before: NDArray[np.int64], k: int) -> Array:
@@ -136,7 +158,7 @@ def _spread(of: Array, before: NDArray[np.int64], k: int) -> Array:
 
 def _rate(leg: Leg, wanted: Wanted, times: Array, traces: Array, node: str, at: float) -> float:
     """Return the rate of a node over the window that ends at a time. [K/s]"""
-    of = leg.named(traces, (node,), times)[:, 0]
+    of = _averaged(leg.named(traces, (node,), times), times, wanted.average)[:, 0]
     now, then = np.interp([at, at - wanted.window], times, of)
     return float((now - then) / wanted.window)
 
@@ -148,8 +170,14 @@ def _never(leg: Leg, wanted: Wanted, times: Array, traces: Array, mover: int) ->
     rule, waited = wanted.rule.name, duration_text(wanted.longest)
     text = f"it does not become stable by the rule '{rule}' within {waited}: '{node}' still changes by {3600.0 * rate:+.3g} K/h"
     steady = leg.steady((node, *([wanted.base] if wanted.base else [])))
-    if leg.bench.memory.startswith("load"):
-        return f"{text}. {leg.bench.memory}, so its temperature swings for ever; watch other nodes, or take a rule with a wider allowance."
+    if wanted.average:
+        mean = duration_text(wanted.average)
+        return f"{text} in its mean over {mean}. Allow a longer wait (longest_wait), another rule, or a longer average."
+    if leg.bench.memory and not leg.bench.memory.startswith("the gas"):
+        return (
+            f"{text}. {leg.bench.memory}, so its temperature swings for ever; ask the rule of means over a whole number of swings "
+            "(average = '30 [min]'), watch other nodes, or take a rule with a wider allowance."
+        )
     if steady is None:
         return (
             f"{text}, and there is no steady state that it could reach. Look for a part without a path to the chamber, or a power "

@@ -133,7 +133,7 @@ def settled(t: Trial) -> Table:
         for k, c in enumerate(ranked):
             head = Cell(f"{c.start / 3600:.4g} .. {c.end / 3600:.4g}", "", "main" if k == 0 else "same")
             left = signed(s.remaining[c.name].value, 2) if c.name in s.remaining else DASH
-            found = words.get(c.verdict) if s.decides else None
+            found = words.get(c.verdict or s.verdict) if s.decides else None
             rows.append(
                 [head, c.name, signed(3600 * c.rate, 2), f"{2 * 3600 * c.error:.2f}", s.rule.name, mark(s.rule.mark), left, verdict(found)]
             )

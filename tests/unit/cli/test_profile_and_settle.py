@@ -100,3 +100,19 @@ def test_settle_without_a_temperature_or_with_a_wrong_rule(tmp_path):
         CliRunner().invoke(app, ["settle", str(file)], catch_exceptions=False)
     with pytest.raises(td.ThermidError, match="no rule of stability"):
         CliRunner().invoke(app, ["settle", str(log(tmp_path, 1.0)), "--rule", "slow"], catch_exceptions=False)
+
+
+def test_stored_heat_is_judged_with_a_model_and_refused_without(tmp_path, deck):
+    scenario = tmp_path / "bench.toml"
+    scenario.write_text('duration = "4 [h]"\nstart = "20 [degC]"\n[boundaries]\nair = "20 [degC]"\n', encoding="utf-8")
+    run = td.simulate(td.load_model(deck), td.load_scenario(scenario), every=20.0)
+    log, noise = tmp_path / "log.csv", 0.02 * np.random.default_rng(1).standard_normal(run.times.size)
+    table = np.column_stack([run.times, run["case"].celsius + noise])
+    np.savetxt(log, table, delimiter=",", header="time_s,T_CASE [degC]", comments="", fmt="%.3f")
+    column = "T_CASE [degC]=case"
+    asked = ["settle", log, "--channel", column, "--rule", "stored 3 %"]
+    done = call(*asked, "--model", deck, "--scenario", scenario)
+    assert done.exit_code == 0, done.output
+    assert "of 5 W, over the last" in done.output
+    with pytest.raises(td.ThermidError, match="--model and --scenario"):
+        CliRunner().invoke(app, [str(a) for a in asked], catch_exceptions=False)

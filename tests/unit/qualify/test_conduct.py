@@ -148,6 +148,41 @@ def test_a_profile_that_never_stabilises_says_which_node_and_why():
         td.run_profile(box(surfaces=lonely), cycle(longest_wait="10 [h]"))
 
 
+CLOCKED = {"chips": {"into": "core", "power": "10 [W]", "periodic": {"period": "20 [min]", "duty": 0.5}}}
+THERMOSTAT = {
+    "chips": {"into": "core", "power": "5 [W]"},
+    "heater": {"into": "plate", "power": "60 [W]", "thermostat": {"on_below": "-20 [degC]", "off_above": "-15 [degC]"}},
+}
+
+
+@pytest.mark.parametrize(("loads", "average"), [(CLOCKED, "20 [min]"), (THERMOSTAT, "40 [min]")])
+def test_a_unit_whose_loads_switch_is_stable_by_its_means(loads, average):
+    """The mean over whole swings drifts by less than the rule when a dwell begins; momentary temperatures never are stable."""
+    model = box(loads=loads)
+    with pytest.raises(SolverError, match=r"swings for ever; ask the rule of means over a whole number of swings \(average"):
+        td.run_profile(model, cycle(longest_wait="5 [h]"))
+    run = td.run_profile(model, cycle(average=average, stable="3 C/h over 20 min"), every=20.0)
+    assert run.solution.heat_balance().relative < 1e-7
+    span = 60.0 * float(average.split()[0])
+    swings = []
+    for p in (p for p in run if p.kind == "wait"):
+        trace = run[p.slowest]
+
+        def mean(end, trace=trace):
+            return float(np.mean(trace.at(np.linspace(end - span, end, 241))))
+
+        assert abs(mean(p.end) - mean(p.end - 1200.0)) <= 1.0 * 1.1  # 3 C/h over 20 min; stored every 20 s
+        swings += [float(np.ptp(run[n].at(np.linspace(p.end - 1200.0, p.end, 241)))) for n in ("plate", "core")]
+    assert max(swings) > 1.5
+
+
+def test_a_mean_that_does_not_settle_and_a_rule_that_is_not_asked_of_means():
+    with pytest.raises(SolverError, match=r"in its mean over 20 min\. Allow a longer wait"):
+        td.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", longest_wait="45 [min]"))
+    with pytest.raises(ScenarioError, match="is not asked of averages"):
+        td.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", stable="stored 5 %"))
+
+
 def test_a_level_out_of_reach_is_refused():
     strong = {"heater": {"into": "plate", "power": "5000 [W]"}}
     with pytest.raises(ScenarioError, match="out of its reach"):

@@ -218,3 +218,36 @@ def test_a_log_that_is_exchanged_after_it_was_looked_at_is_remarked(tmp_path: Pa
     assert [r for r in run_plan(file)["hot"].remarks if "is not the one that was first looked at" in r and "say in its deviations" in r]
     project(tmp_path, with_log(PLAN, deviations='["calibration of the logger applied"]'))
     assert [r for r in run_plan(file)["hot"].remarks if r.endswith("see its deviations")]
+
+
+def beside(folder: Path, scenario: str) -> Path:
+    """Return a plan whose hot test has a profile, and a scenario beside it."""
+    old = 'scenario = { boundaries = { air = "40 [degC]" }, start = "20 [degC]", duration = "6 [h]" }\n'
+    one = PLAN[: PLAN.index('\n[[tests]]\nname = "experiment')]
+    profile = (
+        'profile = { like = "SMC-S-016 unit thermal cycle", cycles = 1, hot = "50 [degC]", cold = "0 [degC]", average = "30 [min]" }\n'
+    )
+    return project(
+        folder, one.replace(old, f'{profile}chamber = "air"\nscenario = {scenario}\n').replace('steady = [["5 [h]", "6 [h]"]]\n', "")
+    )
+
+
+def test_a_scenario_beside_a_profile_gives_what_else_is_done(tmp_path: Path) -> None:
+    swing = '{ loads = { cpu = { mean = "6 [W]", amplitude = "3 [W]", period = "30 [min]" } } }'
+    (trial,) = run_plan(beside(tmp_path, swing)).trials
+    power = trial.foresight.solution.load_powers["cpu"]
+    assert power.max() == pytest.approx(9.0, rel=0.02)
+    assert trial.course is not None
+    assert trial.course.waited > 0.0
+
+
+@pytest.mark.parametrize(
+    ("scenario", "words"),
+    [
+        ('{ boundaries = { air = "40 [degC]" } }', "boundary 'air' is the chamber: the profile says it"),
+        ('{ duration = "2 [h]" }', "its duration follows from the unit: the profile says it"),
+    ],
+)
+def test_a_scenario_beside_a_profile_does_not_say_what_the_profile_says(tmp_path: Path, scenario: str, words: str) -> None:
+    with pytest.raises(ScenarioError, match=words):
+        run_plan(beside(tmp_path, scenario))

@@ -83,7 +83,51 @@ def test_of_a_profile_run_at_the_beginning_of_a_dwell():
     run = td.run_profile(box(), profile)
     (wait,) = [p for p in run if p.kind == "wait" and p.name == "to cold"]
     assert td.stability(run, "3 C/h", at=wait.end).channels["core"].rate == pytest.approx(wait.rate, rel=0.03)
-    with pytest.raises(RecordError, match="stored heat"):
-        td.stability(run, "stored 5 %")
     with pytest.raises(RecordError, match="does not hold that"):
         td.stability(run, "0.2 C/h over 5 h", at=3600.0)
+
+
+COURSE = td.Scenario("s", boundaries={"air": "20 [degC]"}, duration="5 [h]")
+
+
+def warming(seed=2, noise=0.02, nodes=("plate", "core")):
+    """Return a run of the box and a log of it, synthetic."""
+    run = td.simulate(box(), COURSE, every=10.0)
+    rng = np.random.default_rng(seed)
+    readings = {n: run[n].kelvin + noise * rng.standard_normal(run.times.size) for n in nodes}
+    return run, td.Record.from_arrays("warm-up", run.times, readings)
+
+
+@pytest.mark.parametrize("at", [3600.0, 2.5 * HOUR, 4.0 * HOUR])
+def test_heat_taken_up_by_readings_is_that_of_the_heat_balance(at):
+    """What the box takes up is its power less what leaves through the skin; the readings say so within two of their errors."""
+    run, record = warming()
+    found = td.stability(record, "stored 3 %", at=at, run=run)
+    middle = 0.5 * (found.stored.start + found.stored.end)
+    leaves = 0.8 * (float(run["plate"].at(middle)) - 20.0)
+    assert found.stored.watts == pytest.approx(5.0 - leaves, abs=2.0 * found.stored.error)
+    assert found.stored.power == pytest.approx(5.0)
+    simulated = td.stability(run, "stored 3 %", at=at).stored
+    assert simulated.watts == pytest.approx(5.0 - 0.8 * (float(run["plate"].at(at - 30.0)) - 20.0), rel=1e-3)
+
+
+def test_a_rule_on_stored_heat_is_judged_for_all_nodes_together():
+    run, record = warming()
+    early, late = (td.stability(record, "stored 3 %", at=at, run=run) for at in (3600.0, 4.5 * HOUR))
+    assert (early.verdict, late.verdict) == ("not stable", "stable")
+    assert "most of it in 'core': not stable" in str(early)
+    assert early.as_object()["stored"]["power_W"] == pytest.approx(5.0)
+    assert td.stability(record, "stored 2 %", at=4.5 * HOUR, run=run).decides is False  # that number is from memory
+    loud = warming(noise=3.0)[1]
+    assert td.stability(loud, "stored 3 %", since=4.4 * HOUR, run=run).verdict == "cannot tell"
+
+
+def test_a_rule_on_stored_heat_is_refused_with_the_reason():
+    run, record = warming()
+    with pytest.raises(RecordError, match="or a run of a model under the same conditions"):
+        td.stability(record, "stored 3 %")
+    with pytest.raises(RecordError, match=r"'plate' is not measured \(25 % of the capacitance\)"):
+        td.stability(warming(nodes=("core",))[1], "stored 3 %", run=run)
+    off = td.simulate(box(), COURSE.with_(loads={"chips": "0 [W]"}), every=60.0)
+    with pytest.raises(RecordError, match="has no power to compare"):
+        td.stability(record, "stored 3 %", run=off)

@@ -19,7 +19,7 @@ from thermid.qualify.marks import MARKS
 from thermid.qualify.policies import POLICIES
 from thermid.qualify.trial import Trial
 from unit.qualify.project import LOG, PLAN, measured, project
-from unit.qualify.things import soak, unit
+from unit.qualify.things import UNIT, soak, unit
 
 ONE = PLAN[: PLAN.index('\n[[tests]]\nname = "experiment')]
 """The plan with its hot test alone."""
@@ -225,3 +225,24 @@ def test_a_margin_over_a_course_from_memory_is_not_decided(tmp_path: Path) -> No
     assert found["hot"].within is None
     assert {m.passed for m in found.margins} == {None}
     assert all("memory" in m.undecided for m in found.margins)
+
+
+def test_a_rule_on_stored_heat_needs_every_node_measured(tmp_path: Path) -> None:
+    """The plate has no sensor: that the stretch is settled cannot be told, with the reason; with one it is told."""
+    measured(tmp_path)
+    hot, _ = tried(tmp_path, ONE + LOG + 'stable = "stored 3 %"\n')
+    assert [r for r in hot.remarks if "settled cannot be told" in r and "'plate' is not measured (60 % of the capacitance)" in r]
+    deck = td.model_from_dict({**UNIT, "nodes": {k: v for k, v in UNIT["nodes"].items() if k != "plate"}, "conductors": BARE})
+    measured(tmp_path, deck)
+    file = project(tmp_path, ONE + LOG + 'stable = "stored 3 %"\n')
+    td.save_model(deck, tmp_path / "unit.toml")
+    (found,) = td.run_plan(file)["hot"].settled
+    assert found.stored is not None
+    assert found.stored.power == pytest.approx(9.0)
+    assert found.verdict == "stable"
+
+
+BARE = {
+    "p": {"kind": "conduction", "between": ["proc", "ele"], "conductance": "0.8 [W/K]"},
+    "out": {"kind": "conduction", "between": ["ele", "air"], "conductance": "0.9 [W/K]"},
+}
