@@ -36,7 +36,7 @@ def logs(data: Path, run: str) -> tuple[td.Record, td.Record]:
         "STATOR": channel("STATOR", "Stator_Body_C", role="node", target="stator"),
         "ROOM": channel("ROOM", "Ambient_C", role="boundary", target="room"),
     }
-    taken = {"P": td.Channel.of("P", command, quantity="command", role="command", target="copper")}
+    taken = {"P": td.Channel.of("P", command, quantity="command", role="command", target="copper", prompt=True)}
     step = ROW * MEAN
     return (
         td.Record.from_arrays(run, t["Time_s"], temperatures, synthetic=False),

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 from pathlib import Path
 
 import numpy as np
-import pytest
-
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
 
 
 def test_offset_and_rate_are_found_and_one_record_holds_both(tmp_path: Path) -> None:
@@ -21,9 +17,13 @@ def test_offset_and_rate_are_found_and_one_record_holds_both(tmp_path: Path) -> 
     text, binary = example.make_logs(tmp_path)
     found = example.one_record(text, binary)
     print(found)
-    assert abs(found.offset - example.OFFSET) < 3.0 * found.offset_error
-    assert abs(found.rate - example.RATE) < 3.0 * found.rate_error
-    assert found.offset_error < 1.5
+    assert abs(found.offset - example.OFFSET) < 2.0 * found.offset_error
+    assert abs(found.rate - example.RATE) < 2.0 * found.rate_error
+    # 4.8 W into 120 J/K warm the plate by 0.04 K/s, so that one reading of 0.2 K tells 5 s, and some 150 that follow three changes within
+    # their time constant 0.4 s; an open rate and sensors that may be off by 1.5 K all along cost a factor of two or three
+    assert 0.4 < found.offset_error < 2.0
+    assert 2e-4 < found.rate_error < 2e-3
+    assert found.record["heater1"].prompt  # the board says a change when it happens
     assert set(found.record.channels) == {"plate", "cover", "room", "heater1"}
     heater = found.record["heater1"]
     on = found.record.times[heater.valid][np.flatnonzero(heater.values[heater.valid] > 0.5)[0]]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from thermid.identify.residuals import Problem
 from thermid.identify.solve import Fit, covariances
 from thermid.identify.statistics import loss_of
 
-__all__ = ["Binned", "Trace", "Wander", "binned", "wander"]
+__all__ = ["BINS", "Binned", "Trace", "Wander", "binned", "wander", "wandering"]
 
 Array = NDArray[np.float64]
 
@@ -101,8 +101,14 @@ def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0
     along directions in which this trace alone decides, its residuals say nothing; where other records or priors decide they do.
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
-    size = len(problem.unknowns)
     pieces = binned(problem, found.fitted, loss, knee)
+    spread = wandering(pieces, found, problem.worth)
+    return replace(spread, excess=spread.excess + excess_of_inputs(problem, found.fitted, pieces))
+
+
+def wandering(pieces: Mapping[tuple[str, str], Binned], found: Fit, worth: float) -> Wander:
+    """Return the same of traces in stretches of time, which are worth so many independent samples by what is said of their noise."""
+    size = found.fitted.size
     root = _root(covariances(found)[2])
     parts = {key: _parts(b, root) for key, b in pieces.items()}
     calm = [key for key, (own, _, _) in parts.items() if own == 0.0]
@@ -111,7 +117,7 @@ def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0
         squares, samples = sum(pieces[k].squares for k in calm), sum(float(pieces[k].count.sum()) * pieces[k].share for k in calm)
         if len(calm) == len(parts):
             squares = found.chi_square
-        level = max(1.0, squares / max(samples * (1.0 - size / max(problem.worth, 1.0)), 1.0))
+        level = max(1.0, squares / max(samples * (1.0 - size / max(worth, 1.0)), 1.0))
     traces, excess = [], np.zeros((size, size))
     for (record, sensor), (own, slow, time) in parts.items():
         b = pieces[record, sensor]
@@ -129,7 +135,7 @@ def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0
             one = own if slow > 0.0 else b.within
             effective = total * min((one + slow) / (own + slow * float(b.count @ like @ b.count) / total), 1.0)
         traces.append(Trace(record, sensor, int(total), own, slow, time, effective))
-    return Wander(tuple(traces), level, excess + excess_of_inputs(problem, found.fitted, pieces))
+    return Wander(tuple(traces), level, excess)
 
 
 def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 1.0) -> dict[tuple[str, str], Binned]:

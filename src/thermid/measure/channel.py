@@ -93,6 +93,7 @@ class Channel:
     masks : mapping to arrays       Masked samples by reason, each (samples,).
     correction : float              What a certificate has taken off the readings. [SI]
     part : SensorPart or None       What else its sensor does: scale, lag, noise in time, mass, leads.
+    prompt : bool                   Whether a power or command has a sample at every change, so that the log has its moment.
 
     Raises
     ------
@@ -114,6 +115,7 @@ class Channel:
     masks: Mapping[str, BoolArray] = field(default_factory=dict)
     correction: float = 0.0
     part: SensorPart | None = None
+    prompt: bool = False
 
     def __post_init__(self) -> None:
         """Check the parts against each other and lock the arrays."""

@@ -42,6 +42,7 @@ class Cells:
     reasons : mapping                Rows that are masked, by column and reason; of a log that names its faults.
     resolution : mapping             Step of a sensor, as text, where the log itself says it, by column.
     certificates : mapping           The same for its certificate.
+    prompt : frozenset of str        Columns with a row at every change.
     commas : bool                    Whether a cell may hold a comma.
     """
 
@@ -54,6 +55,7 @@ class Cells:
     reasons: Mapping[str, Mapping[str, list[int]]] = field(default_factory=dict)
     resolution: Mapping[str, str] = field(default_factory=dict)
     certificates: Mapping[str, SensorCertificate] = field(default_factory=dict)
+    prompt: frozenset[str] = frozenset()
     commas: bool = True
 
     def where(self, row: int | None = None, column: str = "") -> str:

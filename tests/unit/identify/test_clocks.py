@@ -60,22 +60,139 @@ def logs(offset: float, rate: float) -> tuple[td.Record, td.Record]:
 
 
 def test_offset_and_rate_come_back() -> None:
+    # powers of which nobody says when they changed: in the middle of an interval of 2 s, where these ramps have their mean
     found = td.align(BOX, *logs(130.0, 1.08), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
-    assert found.offset == pytest.approx(130.0, abs=3.0)
-    assert found.rate == pytest.approx(1.08, abs=0.005)
-    assert found.rmse["T"] < 0.15
+    assert found.offset == pytest.approx(130.0, abs=0.5)
+    assert found.rate == pytest.approx(1.08, abs=0.0007)
+    # one change is known to 2 s over the root of 12; four of them tell offset and rate
+    assert 0.3 < found.offset_error < 1.2
+    assert 5e-4 < found.rate_error < 2e-3
+    assert found.rmse["T"] == pytest.approx(0.05, rel=0.1)
     assert "offset 1" in str(found)
 
 
 def test_a_rate_can_be_held() -> None:
     found = td.align(BOX, *logs(130.0, 1.0), offset=(0.0, 300.0), scenario=AIR)
     assert (found.rate, found.rate_error) == (1.0, 0.0)
-    assert found.offset == pytest.approx(130.0, abs=3.0)
+    assert found.offset == pytest.approx(130.0, abs=0.5)
+    both = td.align(BOX, *logs(130.0, 1.0), offset=(130.0, 130.0), scenario=AIR)
+    assert (both.offset, both.offset_error) == (130.0, 0.0)
+    assert both.rmse["T"] == pytest.approx(0.05, rel=0.1)
 
 
 def test_no_offset_is_refused() -> None:
     with pytest.raises(IdentificationError, match="no offset lets the model run over both logs"):
         td.align(BOX, *logs(130.0, 1.0), offset=(5000.0, 6000.0), scenario=AIR)
+
+
+def test_an_offset_at_the_end_of_its_range_says_so() -> None:
+    found = td.align(BOX, *logs(130.0, 1.0), offset=(60.0, 100.0), scenario=AIR)
+    assert found.at_end == ("offset",)
+    assert "offset 100.00 +- " in str(found)
+    assert " s, the end of its range, rate 1.0000 +- 0;" in str(found)
+
+
+def test_logs_that_do_not_tell_an_offset_are_refused() -> None:
+    first, second = logs(130.0, 1.0)
+    flat = second.with_channels(replace(second["P"], values=np.full(FAST.size, 5.0)))
+    with pytest.raises(IdentificationError, match="do not tell the offset"):
+        td.align(BOX, first, flat, offset=(0.0, 300.0), scenario=AIR)
+
+
+def test_a_constant_error_of_the_sensor_is_not_taken_for_a_clock() -> None:
+    first, second = logs(130.0, 1.08)
+    off = first.with_channels(replace(first["T"], values=first["T"].values + 0.5, accuracy=0.5))
+    plain = td.align(BOX, first, second, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+    found = td.align(BOX, off, second, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+    assert found.offset == pytest.approx(plain.offset, abs=0.4)
+    assert found.rmse["T"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_both_logs_may_hold_compared_temperatures() -> None:
+    pair = td.model_from_dict(
+        {
+            "title": "Box with a lid",
+            "needs": ["air"],
+            "nodes": {"case": {"capacitance": "300 [J/K]"}, "lid": {"capacitance": "100 [J/K]"}},
+            "conductors": {
+                "out": {"kind": "conduction", "between": ["case", "air"], "conductance": "0.5 [W/K]"},
+                "up": {"kind": "conduction", "between": ["case", "lid"], "conductance": "1 [W/K]"},
+            },
+            "loads": {"heat": {"into": "case", "power": "10 [W]"}},
+        }
+    )
+    rng, (_, second) = np.random.default_rng(5), stepped(130.0, 1.08, np.zeros(4), seed=1)
+    done, there = switched(130.0, 1.08, np.zeros(4)), 130.0 + 1.08 * second.times
+    noisy = {
+        node: td.simulate(pair, done, times=times)[node].kelvin + 0.05 * rng.standard_normal(times.size)
+        for node, times in (("case", SLOW), ("lid", there))
+    }
+    first = td.Record.from_arrays("bench", SLOW, {"T": td.Channel.of("T", noisy["case"], role="node", target="case", noise=0.05)})
+    beside = td.Channel.of("S", noisy["lid"], role="node", target="lid", noise=0.05)
+    found = td.align(pair, first, second.with_channels(beside), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+    assert abs(found.offset - 130.0) < 2.0 * found.offset_error
+    assert abs(found.rate - 1.08) < 2.0 * found.rate_error
+    assert found.rmse == pytest.approx({"T": 0.05, "S": 0.05}, rel=0.2)
+    assert found.offset_error < 0.4
+
+
+SWITCHES = ((110.0, 20.0), (500.0, 0.0), (700.0, 12.0), (1100.0, 0.0))
+GRID = 10.0
+
+
+def switched(offset: float, rate: float, phases: np.ndarray) -> td.Scenario:
+    """Return what was done: powers that changed so long after the samples of a meter. [s]"""
+    times = [0.0, *(offset + rate * (t + p) for (t, _), p in zip(SWITCHES, phases, strict=True)), 2 * SLOW[-1]]
+    power = Table(np.array(times), np.array([0.0, *(w for _, w in SWITCHES), 0.0]), hold=True)
+    return td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
+
+
+def stepped(
+    offset: float, rate: float, phases: np.ndarray, seed: int, wander: float = 0.0, stated: bool = True
+) -> tuple[td.Record, td.Record]:
+    """Return temperatures, and the log of a meter every 10 s, with a row at each change or none."""
+    rng = np.random.default_rng(seed)
+    noise, slow, keep = 0.05 * rng.standard_normal(SLOW.size), 0.0, np.exp(-5.0 / 60.0)
+    for k in range(SLOW.size if wander else 0):
+        slow = keep * slow + wander * np.sqrt(1.0 - keep**2 if k else 1.0) * rng.standard_normal()
+        noise[k] += slow
+    readings = td.simulate(BOX, switched(offset, rate, phases), times=SLOW)["case"].kelvin + noise
+    when = np.array([t + p for (t, _), p in zip(SWITCHES, phases, strict=True)])
+    meter = np.arange(0.0, 1201.0, GRID)
+    meter = np.union1d(meter, when) if stated else meter
+    power = np.array([0.0, *(w for _, w in SWITCHES)])[np.searchsorted(when, meter, side="right")]
+    first = td.Record.from_arrays("bench", SLOW, {"T": td.Channel.of("T", readings, role="node", target="case", noise=0.05)})
+    of = td.Channel.of("P", power, quantity="power", role="load", target="heat", prompt=stated)
+    return first, td.Record.from_arrays("meter", meter, {"P": of})
+
+
+def test_the_moment_of_a_change_is_worth_what_the_log_says_of_it() -> None:
+    phases = np.array([3.0, 8.0, 1.0, 6.0])
+    errors = []
+    for stated in (True, False):
+        found = td.align(BOX, *stepped(130.0, 1.08, phases, 2, stated=stated), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+        assert abs(found.offset - 130.0) < 2.0 * found.offset_error
+        assert abs(found.rate - 1.08) < 2.0 * found.rate_error
+        errors.append(found.offset_error)
+    assert errors[0] < 0.3  # 20 W into 300 J/K warm it by 0.07 K/s, and a reading is good to 0.05 K
+    assert 1.0 < errors[1] < 6.0  # 10 s over the root of 12 is 3 s for one change
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("stated", "wander"), [(True, 0.0), (False, 0.0), (True, 0.05)])
+def test_errors_of_an_alignment_hold_the_truth(stated: bool, wander: float) -> None:
+    pulls = []
+    for seed in range(60):
+        rng = np.random.default_rng(1000 + seed)
+        offset, rate, phases = rng.uniform(80.0, 200.0), rng.uniform(0.95, 1.1), rng.uniform(0.0, GRID, 4)
+        given = stepped(offset, rate, phases, seed, wander, stated)
+        found = td.align(BOX, *given, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+        pulls.append([(found.offset - offset) / found.offset_error, (found.rate - rate) / found.rate_error])
+    mean, inside, square = np.mean(pulls, axis=0), np.mean(np.abs(pulls) < 2.0, axis=0), np.mean(np.square(pulls), axis=0)
+    print(f"stated {stated}, wandering {wander:g} K: mean pull {mean}, mean square {square}, within two errors {inside}")
+    assert (np.abs(mean) < 3.0 / np.sqrt(60.0)).all()
+    assert (inside > 0.86).all()  # three standard deviations of chance below 95 % of 60
+    assert (square > 0.5).all()
 
 
 def test_joined_records_keep_every_sample() -> None:
