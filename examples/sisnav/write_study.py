@@ -5,6 +5,7 @@ Every number of that page comes from here; a test writes it again and compares.
 
 from __future__ import annotations
 
+import html
 import math
 import re
 import sys
@@ -26,6 +27,7 @@ from thermid.reporting.study_page import parts
 
 TARGET = work.HERE.parents[1] / "docs" / "studies"
 FOLDER = "figures"
+PAPER = '<rect width="100%" height="100%" fill="#ffffff"/>'
 
 
 def rows(table: Table, columns: tuple[int, ...] | None = None) -> str:
@@ -41,14 +43,23 @@ def rows(table: Table, columns: tuple[int, ...] | None = None) -> str:
 
 
 def standalone(drawn: Drawn, title: str) -> str:
-    """Return a figure as a file of its own: colours in place of the page's variables, its legend in its title."""
+    """Return a figure as a file of its own: colours in place of the page's variables, its legend below it."""
     text = re.sub(r"var\(--[\w-]+,(#[0-9a-fA-F]+)\)", r"\1", drawn.markup).replace("var(--font)", "sans-serif")
-    legend = "; ".join(e.label for e in drawn.legend)
-    paper = '<rect width="100%" height="100%" fill="#ffffff"/>'
-    return (
-        re.sub(r"<svg ([^>]*)>", rf'<svg xmlns="http://www.w3.org/2000/svg" \1><title>{title}: {legend}</title>{paper}', text, count=1)
-        + "\n"
+    width, height = (float(v) for v in re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', text).groups())  # type: ignore[union-attr]
+    looks = dict(reversed(re.findall(r'<path class="(?:line|area)" data-n="([^"]*)"[^>]*? style="([^"]*)"', text)))
+    marks, x, y = [], 12.0, height + 14.0
+    for label, style in reversed(looks.items()):
+        long = 34.0 + 5.8 * len(html.unescape(label))
+        if x > 12.0 and x + long > width:
+            x, y = 12.0, y + 16.0
+        shape = "h22v-7h-22z" if style.startswith("fill:") else "h22"
+        marks.append(f'<path d="M{x:.0f} {y:.0f}{shape}" style="{style}"/><text x="{x + 27:.0f}" y="{y + 4:.0f}">{label}</text>')
+        x += long
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" viewBox="0 0 {width:g} {y + 12:g}" '
+    text = re.sub(
+        r"<svg ([^>]*)>", lambda m: head + re.sub(r'viewBox="[^"]*" ?', "", m[1]) + f"><title>{title}</title>{PAPER}", text, count=1
     )
+    return text.replace("</svg>", "".join(marks) + "</svg>\n")
 
 
 def figures(done: work.Work) -> dict[str, str]:

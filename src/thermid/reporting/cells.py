@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from thermid.identify.values import FittedValue
+from thermid.qualify.marks import MARKS
 from thermid.units import unit
 
 __all__ = [
@@ -23,9 +25,14 @@ __all__ = [
     "pretty",
     "signed",
     "significant",
+    "typeset",
 ]
 
 DASH = "\u2013"
+_POWER = re.compile(r"(?<![\w.])(-?)(\d+(?:\.\d+)?)e([+-]\d+)(?![\w])(?!\.\w)")
+_UNIT = re.compile(r"(?<![\w.])([-+]?\d[\d.]*(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?) \[([^\[\]]{1,24})\]")
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_PLAIN = ((r"\bdegC\b", "°C"), (r"\+- ?(?=\d)", "± "), (r"(?<![\w.])-(0(?:\.0+)?)(?![\d.])", r"\1"))
 
 
 @dataclass(frozen=True)
@@ -86,6 +93,27 @@ def pretty(text: str) -> str:
     for old, new in (("^2", "²"), ("^3", "³"), ("^-1", "⁻¹"), ("degC", "°C"), ("*", "·")):
         text = text.replace(old, new)
     return DASH if text in ("", "1") else text
+
+
+def typeset(text: str) -> str:
+    """Return words that were written for a terminal or a deck as a page prints them: units, signs and powers of ten.
+
+    >>> typeset("worth 5.6e+02 of 9.81 [m/s^2] +- 3e-12, 4 [read]")
+    'worth 560 of 9.81 m/s² ± 3·10⁻¹², 4 (read)'
+    """
+    text = _POWER.sub(lambda m: m[1] + _power(m[2], int(m[3])), text)
+    text = _UNIT.sub(lambda m: f"{m[1]} ({m[2]})" if m[2] in MARKS else m[1] if m[2] == "1" else f"{m[1]} {m[2]}", text)
+    for old, new in _PLAIN:
+        text = re.sub(old, new, text)
+    return re.sub(r"(?<=[A-Za-z)])\^(-?\d)(?![\d.])", lambda m: m[1].translate(_SUPERSCRIPTS), text)
+
+
+def _power(digits: str, exponent: int) -> str:
+    """Return digits times a power of ten, in full where that is short."""
+    if -6 < exponent < 6:
+        return f"{float(f'{digits}e{exponent}'):.{max(0, len(digits.partition('.')[2]) - exponent)}f}"
+    power = str(exponent).translate(_SUPERSCRIPTS)
+    return f"{digits}·10{power}"
 
 
 def number(value: float, digits: int = 4) -> str:

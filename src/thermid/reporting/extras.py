@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thermid.errors import ThermidError
+from thermid.reporting.cells import typeset
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -55,10 +57,18 @@ def page_template(name: str) -> Template:
     """
     with extra():
         from jinja2 import Environment, FunctionLoader, StrictUndefined
-        from markupsafe import Markup
+        from markupsafe import Markup, escape
+
+    def finished(value: object) -> object:
+        return typeset(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
     loader = FunctionLoader(_asset)
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=finished
+    )
+    environment.filters["parted"] = lambda text: Markup(
+        re.sub(r"([._/])(?=\w)", r"\1<wbr>", str(escape(typeset(text))))
+    )  # where a name may break
     environment.filters["css_text"] = lambda text: Markup(css_text(str(text)))
     environment.globals["style"] = Markup(environment.get_template("page.css.jinja").render())
     text = _asset("page.js")

@@ -14,9 +14,9 @@ from thermid.identify.values import FittedValue
 from thermid.model.resolve import ParameterSet
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.cells import Cell, Column, Line, Table, absolute, number, pretty, significant
-from thermid.reporting.tables import STRONG, at_bound
+from thermid.reporting.tables import STRONG, at_bound, criterion_words
 
-__all__ = ["Glance", "glance", "interval"]
+__all__ = ["Glance", "glance", "interval", "tightest"]
 
 MOST, LINES = 8, 5
 """Fitted values, and remarks of each kind, at the top; the rest stands below."""
@@ -61,6 +61,16 @@ def glance(campaign: Campaign, places: Mapping[str, str]) -> Glance:
     """
     unknown, todo = ([Remark(text, places.get(of, ""), of) for text, of in dict.fromkeys(f(campaign))] for f in (_unknown, _todo))
     return Glance(_fitted(campaign), _cut(unknown), _cut(todo))
+
+
+def tightest(campaign: Campaign) -> str:
+    """Return which of the verdicts' checks is nearest to its limit, or furthest beyond, and how much of the limit it takes."""
+    checks = [(c.found / c.limit, v.record, c) for v in campaign.verdicts for c in v.checks]
+    if not checks:
+        return "no criterion was judged"
+    used, record, c = max(checks, key=lambda found: found[0])
+    what = criterion_words(c.criterion)
+    return f"nearest to its limit: {c.sensor} in {record}, {what} {number(c.found, 2)} of {number(c.limit, 2)} K ({100 * used:.0f} %)"
 
 
 def interval(v: FittedValue) -> tuple[float, float]:
@@ -156,7 +166,7 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
         missed = [c for c in v.checks if not c.passed]
         if missed:
             worst = max(missed, key=lambda c: c.found / c.limit)
-            what = {"rmse": "RMSE", "max_error": "largest error", "mean_error": "mean error"}.get(worst.criterion, worst.criterion)
+            what = criterion_words(worst.criterion)
             missing = f"{what} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
             yield f"Do not use {v.model} yet: {worst.sensor} in {v.record} misses, {missing}. See where its residuals begin.", "verdicts"
     for c in _fits(campaign):

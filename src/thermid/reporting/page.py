@@ -18,7 +18,7 @@ from thermid.reporting.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.diagram import diagram
 from thermid.reporting.extras import write_page
 from thermid.reporting.figures import Dots, Drawn
-from thermid.reporting.glance import glance
+from thermid.reporting.glance import glance, tightest
 from thermid.reporting.trust_section import trust
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def report(
         notes=[p for p in (campaign.note, *paragraphs) if p],
         verdicts=tables.verdicts(campaign) if campaign.verdicts else None,
         held_out=_held_out(campaign),
-        tightest=max((c.found / c.limit for v in campaign.verdicts for c in v.checks), default=0.0),
+        tightest=tightest(campaign),
         coefficients=coefficients,
         others=others,
         overview=figures.overview(_dots(campaign)) if campaign.stages else None,

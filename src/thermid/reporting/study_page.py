@@ -16,7 +16,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.reporting import origins, tables
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, signed
 from thermid.reporting.extras import write_page
-from thermid.reporting.glance import glance
+from thermid.reporting.glance import glance, tightest
 from thermid.reporting.sections import Block, Facts, Heading, Notes, Section, Words, as_block, folded
 
 __all__ = ["parts", "provenance", "step_log", "steps", "study_report", "tile"]
@@ -51,7 +51,6 @@ def study_report(
     banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or made else []
     shown = [_steps_section(study), _parts_section(study), *sections, _record_section(study, campaign)]
     failed = [v for v in campaign.verdicts if not v.passed]
-    worst = max((c.found / c.limit for v in campaign.verdicts for c in v.checks), default=0.0)
     return write_page(
         "study.html.jinja",
         to,
@@ -63,7 +62,7 @@ def study_report(
         banners=banners,
         failed=len(failed),
         judged=len(campaign.verdicts),
-        summary=f"on records that no fit has seen; the tightest criterion is used to {100 * worst:.0f} %",
+        summary=f"on records that no fit has seen; {tightest(campaign)}",
         outcome=[as_block(b) for b in outcome],
         sections=shown,
         seen=glance(campaign, {}),

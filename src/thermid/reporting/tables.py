@@ -275,11 +275,12 @@ def verdicts(campaign: Campaign) -> Table:
             if not v.unseen:
                 condition = Cell("no longer unseen", "it failed a verdict before the model was fitted anew", "bad")
             found = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
-            rows.append([*first, c.sensor, _criterion(c.criterion), *found, result, condition])
+            rows.append([*first, c.sensor, criterion_words(c.criterion), *found, result, condition])
     return Table.of(columns, rows)
 
 
-def _criterion(name: str) -> str:
+def criterion_words(name: str) -> str:
+    """Return a criterion as a person calls it."""
     return {"rmse": "RMSE", "max_error": "largest error", "mean_error": "mean error"}.get(name, name)
 
 
