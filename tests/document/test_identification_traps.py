@@ -68,8 +68,14 @@ class TestPowerMassAndConductance:
         assert "know 'power' to +- 5 %" in text
         assert "W of known power more where 'electronics' heats" in text
 
+    def test_what_they_are_taken_from(self, part: td.Model) -> None:
+        run = td.simulate(part, bench(), times=[0.0, 3600.0])
+        assert run["case"].celsius[-1] == pytest.approx(32.649116, abs=1e-5)
+        assert td.steady(part, bench())["case"] - 297.15 == pytest.approx(RISE, abs=1e-6)
+
     def test_the_fit_is_refused_and_says_what_is_known(self, part: td.Model) -> None:
         message = refused(part, bench(), list(self.FREE))
+        assert "apart: multiplying all of them by any one factor changes no reading." in message
         assert "Without a measured power only ratios are known: fix 'power' or give it a prior." in message
         assert f"power/{HTC} to about 0.073 % (the temperature rise)" in message
 
@@ -119,6 +125,11 @@ def test_without_a_path_for_the_heat_only_the_rate_of_warming_shows(part: td.Mod
     assert refused(part, vacuum, [HTC]) == f"no reading depends on '{HTC}'. Fix it, or add a record in which it acts."
 
 
+def test_a_coefficient_of_air_is_not_carried_into_vacuum_as_it_is(part: td.Model) -> None:
+    with pytest.raises(td.ThermidError, match=r"'skin' is effective: it contains radiation, which vacuum does not take away"):
+        td.simulate(part, bench().vacuum())
+
+
 @pytest.mark.parametrize(("emissivity", "rise"), [("0.3", 26.2736), ("0.85", 10.0550)])
 def test_in_vacuum_emissivity_and_area_are_one(part: td.Model, emissivity: str, rise: float) -> None:
     from dataclasses import replace
@@ -131,6 +142,9 @@ def test_in_vacuum_emissivity_and_area_are_one(part: td.Model, emissivity: str, 
     assert td.steady(shiny, vacuum)["case"] - 297.15 == pytest.approx(rise, abs=1e-4)
     found = td.identifiability(shiny, free=["area", "skin.emissivity"], scenario=vacuum, sensors=SENSOR)
     assert "'area' and 'skin.emissivity' cannot be told apart; they act only as a product" in str(found)
+    assert "'area' and 'skin.emissivity' apart; they act only as a product (known: area*skin.emissivity = " in refused(
+        shiny, vacuum, ["area", "skin.emissivity"]
+    )
 
 
 class TestAChamberAlone:
@@ -145,6 +159,7 @@ class TestAChamberAlone:
         assert run["air"].kelvin[-1] - run["case"].kelvin[-1] == pytest.approx(51.363, abs=1e-3)
         message = refused(part, ramp, [MASS, HTC])
         assert f"'{MASS}' and '{HTC}' apart; they act only as a ratio (known: {MASS}/{HTC} = 0.009" in message
+        assert ", which sets the time constant). Free one of them, or add a record in which they act differently." in message
         found = td.identifiability(part, free=[MASS, HTC], scenario=ramp, sensors=SENSOR)
         assert found.rank == 1
         assert "which sets the time constant" in str(found)
@@ -159,7 +174,9 @@ class TestAChamberAlone:
         a, b = np.linalg.lstsq(wave, run["case"].kelvin[last] - 297.15, rcond=None)[0]
         assert np.hypot(a, b) / 5.0 == pytest.approx(gain, abs=2e-5)
         assert np.arctan2(-b, a) * period / (2 * np.pi) == pytest.approx(delay, abs=0.1)
-        assert "they act only as a ratio" in refused(part, swing, [MASS, HTC])
+        message = refused(part, swing, [MASS, HTC])
+        assert "they act only as a ratio" in message
+        assert "which sets the time constant" in message
         known = td.identifiability(part, free=[MASS, HTC], scenario=swing, sensors=SENSOR, every=period / 100).structural[0].known[0]
         assert known.text == f"{MASS}/{HTC}"
         assert known.meaning == "the time constant"

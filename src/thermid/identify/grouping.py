@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.measure.amounts import short
 
-__all__ = ["Combination", "Group", "listed", "percent"]
+__all__ = ["Combination", "Group", "listed", "percent", "together"]
 
 Array = NDArray[np.float64]
 SAME = 1e-3
@@ -90,7 +90,7 @@ class Group:
             moves = " or ".join(_percents({n: 0.1 * w for n, w in m.items()}) for m in self.moves)
             told = f"{who} cannot be told apart: near these values, {moves} together changes no reading"
         elif self.structural:
-            told = f"{who} cannot be told apart: {' or '.join(_together(m, len(self.names)) for m in self.moves)} changes no reading"
+            told = f"{who} cannot be told apart: {' or '.join(together(m, len(self.names)) for m in self.moves)} changes no reading"
         else:
             told = f"{who} are hardly told apart: {' or '.join(_percents(m) for m in self.moves)} stays within the noise"
         return told + (f". Known: {'; '.join(map(str, self.known))}" if self.known else "")
@@ -117,7 +117,7 @@ def percent(relative: float) -> str:
     return f"a factor of {short(relative)}" if relative > 3.0 else f"{short(100.0 * relative)} %"
 
 
-def _together(move: dict[str, float], of: int) -> str:
+def together(move: dict[str, float], of: int) -> str:
     """Return a change of several parameters, of so many, that changes nothing."""
     if len({round(w, 3) for w in move.values()}) == 1:
         return f"multiplying {'all of them' if len(move) == of else listed(list(move))} by any one factor"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError
-from thermid.identify.grouping import Group, listed, percent
+from thermid.identify.grouping import Group, listed, percent, together
 from thermid.identify.groups import SHARE, structural_groups
 from thermid.identify.information import Information, elsewhere, null_space
 from thermid.identify.residuals import Problem
@@ -63,10 +63,10 @@ def _words(group: Group, request: Request, problem: Problem, fit: Callable[[Requ
     if group.form in ("sum", "series"):
         return f"the data cannot tell {named} apart; {group.acting}.{known} {cure}"
     if group.form == "power law":
-        moves = ", or ".join(", ".join(f"{n} by x^{w:.3g}" for n, w in move.items()) for move in group.moves)
+        moves = ", or ".join(together(move, len(group.names)) for move in group.moves)
         powers = [n for n in group.names if n.rpartition(".")[2] in ("power", "scale") or _is_power(n, problem)]
         advice = f" Without a measured power only ratios are known: fix '{powers[0]}' or give it a prior." if powers else ""
-        return f"the data cannot tell {named} apart: changing {moves} together, with any x, changes no reading.{known}{advice} {cure}"
+        return f"the data cannot tell {named} apart: {moves} changes no reading.{known}{advice} {cure}"
     return f"the data cannot tell {named} apart: a change of one is made up for by the others. {cure}"
 
 
@@ -93,7 +93,8 @@ def _known(group: Group, request: Request, problem: Problem, fit: Callable[[Requ
 
     dimension = tuple(a + b if group.pair == "product" else a - b for a, b in zip(of, unit(other.unit).dimension, strict=True))
     text = next((t for t in NAMES if unit(t).dimension == dimension), "SI")
-    return f" (known: {combination} = {short(value.value * factor, 3)} +- {short(value.error * factor)} {text})"
+    meaning = next((f", which sets {c.meaning}" for c in group.known if c.meaning), "")
+    return f" (known: {combination} = {short(value.value * factor, 3)} +- {short(value.error * factor)} {text}{meaning})"
 
 
 def refuse_after(request: Request, problem: Problem, found: Fit, total: Array) -> None:
