@@ -72,6 +72,7 @@ class ProfileRun:
     notes : tuple of str        What came up while it ran.
     base : str                  The base plate; empty where none was named.
     chamber : tuple of str      Boundaries that are the chamber.
+    cycles_beside : float       Cycles over the same range that other tests of the unit run.
     """
 
     profile: ThermalProfile
@@ -82,6 +83,7 @@ class ProfileRun:
     notes: tuple[str, ...]
     base: str
     chamber: tuple[str, ...]
+    cycles_beside: float = 0.0
 
     def __getitem__(self, name: str) -> Trace:
         """Return the trace of a node over the whole run."""

@@ -12,7 +12,7 @@ from thermid.measure.amounts import duration_text
 if TYPE_CHECKING:
     from thermid.qualify.profile_run import ProfileRun
 
-__all__ = ["run_remarks"]
+__all__ = ["in_short", "run_remarks"]
 
 SMALL = 0.5
 """What is left unfinished and not worth a remark. [K]"""
@@ -20,7 +20,36 @@ SMALL = 0.5
 
 def run_remarks(run: ProfileRun) -> tuple[str, ...]:
     """Return the remarks about a run."""
-    return (*run.profile.check(), *run.notes, *_level(run), *_ramp(run), *_unfinished(run), *_wet(run), *run.solution.warnings)
+    return (
+        *run.profile.check(run.cycles_beside),
+        *run.notes,
+        *_level(run),
+        *_ramp(run),
+        *_unfinished(run),
+        *_wet(run),
+        *run.solution.warnings,
+    )
+
+
+def in_short(run: ProfileRun) -> tuple[str, ...]:
+    """Return what belongs beside the verdict of a run: cycles, what dwells leave unfinished, where water settles."""
+    return (*run.profile.check(run.cycles_beside), *_unfinished(run), *_wettest(run))
+
+
+def _wettest(run: ProfileRun) -> Iterator[str]:
+    """Say in one line where most water settles."""
+    found = [s for s in run.moisture.surfaces.values() if s.condensing > 0.0] if run.moisture is not None else []
+    if found:
+        worst, wet = max(found, key=lambda s: float(s.film.max())), max(s.wet for s in found)
+        many = f"{len(found)} surfaces" if len(found) > 1 else "one surface"
+        film = _film(float(worst.film.max()))
+        yield f"water settles on {many}, most on '{worst.surface}': {film}; wet for {duration_text(wet)} at most"
+
+
+def _film(kilograms: float) -> str:
+    """Return a film of water in words; two digits."""
+    grams = 1e3 * kilograms
+    return f"{round(grams, -1):.0f} g/m^2" if grams >= 100.0 else f"{grams:.2g} g/m^2"
 
 
 def _level(run: ProfileRun) -> Iterator[str]:
@@ -76,5 +105,5 @@ def _wet(run: ProfileRun) -> Iterator[str]:
             k = int(s.margin.argmin())
             yield (
                 f"water settles on '{s.surface}' for {duration_text(s.condensing)}: {-s.margin[k]:.1f} K below the dew point at "
-                f"{s.times[k] / 3600.0:.2f} h; wet for {duration_text(s.wet)}, up to {1e3 * float(s.film.max()):.2g} g/m^2"
+                f"{s.times[k] / 3600.0:.2f} h; wet for {duration_text(s.wet)}, up to {_film(float(s.film.max()))}"
             )

@@ -28,6 +28,7 @@ from thermid.qualify.limits import Limits
 from thermid.qualify.plan import Plan
 from thermid.qualify.profile_run import ProfileRun
 from thermid.qualify.profiles import ThermalProfile, profile_from
+from thermid.qualify.run_remarks import in_short
 from thermid.qualify.stabilisation import Stability, stability
 from thermid.qualify.trial import Trial
 from thermid.simulation.scenario import Scenario, load_scenario
@@ -63,7 +64,7 @@ def tried(plan: Plan, test: TestTable, told: Callable[[int, int, float], None] |
     )
     ahead = f"{known.at}." if known.at else ""
     outside = extrapolations(test, seen, plan.content.validity, [x.node for x in limits], ahead)
-    remarks = course.profile.check(_cycles_beside(plan, test, course.profile)) if course is not None else ()
+    remarks = in_short(course) if course is not None else ()
     trial = Trial(test, known, seen, limits, checks, course, heaters, outside, remarks=remarks)
     return trial if test.log is None else _judged(plan, trial, scenario, sensors)
 
@@ -103,7 +104,7 @@ def _course(
             every=literal(test.every, "s", f"{test.name}, every"),
             told=told,
         )
-        return replace(run.scenario, title=test.name), run
+        return replace(run.scenario, title=test.name), replace(run, cycles_beside=_cycles_beside(plan, test, run.profile))
     assert given is not None
     return given, None
 

@@ -62,7 +62,7 @@ def sections(q: Qualification) -> list[Section]:
         ),
         Section.of("validity", "Validity envelope", [*_envelope(q), concluded.outside(q)]),
         Section.of("assumptions", "What is assumed, by its effect", _assumed(q), "Assumptions"),
-        Section.of("delivery", "Model delivery", [_delivery(q), versions()]),
+        Section.of("delivery", "Model delivery", [_delivery(q), versions(), folded("Files", [_files(q)], "each with its hash")]),
     ]
 
 
@@ -212,11 +212,25 @@ def _delivery(q: Qualification) -> Table:
     flat = flatten(model)
     sizes = f"{len(flat.nodes)}, {len(flat.conductors)}, {len(flat.loads)}"
     rows: list[Line] = [["model", model.title], ["identity", Cell(model.identity(), "hash of what the model means", "code")]]
-    rows += [["nodes, conductors, loads", sizes], ["plan", Cell(q.lock.sha256[:16], q.lock.sha256, "code")]]
+    rows += [["nodes, conductors, loads", sizes], ["plan", Cell(q.lock.sha256[:16], q.lock.sha256, "code")], ["lock", str(q.lock)]]
     for v in q.known.values:
         rows.append([f"values of {v.stage}", f"{len(v.parameters)} fitted, {v.provenance.get('date', DASH)}"])
     rows.append(["runs", ", ".join(t.test.name for t in q.trials)])
     return Table.of([Column("what"), Column("is", wrapped=True)], rows)
+
+
+def _files(q: Qualification) -> Table:
+    """Return the files that the plan rests on and the logs that came back, each with the hash of what was read."""
+    rows: list[Line] = [[name, "plan", Cell(sha[:16], sha, "code")] for name, sha in sorted(q.plan.files.items())]
+    rows += [
+        [t.test.log.file, f"log of {t.test.name}", Cell(t.log_sha256[:16], t.log_sha256, "code")]
+        for t in q.trials
+        if t.test.log is not None
+    ]
+    note = (
+        "SHA-256, its beginning: of a deck of the plan, of what its model means; of a log, of its samples; of any other file, of its bytes."
+    )
+    return Table.of([Column("file"), Column("of"), Column("hash")], rows, note)
 
 
 def all_overlays(c: Correlation, key: str, synthetic: bool) -> Figures:

@@ -9,6 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import ScenarioError, SolverError
+from thermid.qualify.run_remarks import in_short
 
 PREDICTED = ("-5 [degC]", "45 [degC]")
 
@@ -198,6 +199,9 @@ def test_humidity_is_followed_and_condensation_named():
     assert run.moisture is not None
     assert run.moisture["skin"].condensing > 0.0
     assert any("water settles on 'skin'" in r for r in run.remarks)
+    (short,) = (r for r in in_short(run) if "water" in r)
+    assert short.startswith("water settles on one surface, most on 'skin': ")
+    assert "e+" not in short
 
     class EnoughError(Exception):
         pass

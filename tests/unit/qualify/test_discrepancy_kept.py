@@ -12,7 +12,7 @@ import thermid as td
 from thermid.identify.further import MISFIT
 from thermid.identify.values import load_values
 from thermid.qualify.foresight import IN_TESTS, widened
-from unit.qualify.things import soak, unit
+from unit.qualify.things import UNIT, soak, unit
 
 
 @pytest.fixture(scope="module")
@@ -80,3 +80,25 @@ def test_a_plan_counts_what_its_own_logs_show(tmp_path: Path) -> None:
     assert 1.2 < proc.rmse < 1.5
     assert hot.error == pytest.approx(proc.rmse)
     assert "not counted" not in str(hot)
+
+
+def test_a_margin_names_the_fitted_constant_coefficients_whose_error_it_does_not_hold(tmp_path: Path) -> None:
+    """Of two surfaces with constant coefficients one was fitted; the other is assumed and counted as that."""
+    from unit.qualify.project import PLAN, project
+
+    surface = {"area": "0.05 [m^2]", "htc": {"value": "8 [W/(m^2 K)]", "min": 3, "max": 20}}
+    deck = {**UNIT, "surfaces": {f"skin_{n}": {"of": n, "to": "air", **surface} for n in ("proc", "ele")}}
+    model = td.model_from_dict(deck)
+    times = np.arange(0.0, 4 * 3600.0, 120.0)
+    run = td.simulate(model, soak(25.0, hours=4.0), times=times)
+    rng = np.random.default_rng(2)
+    made = {
+        n: td.Channel.of(n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), role="node", target=n, noise=0.1)
+        for n in ("proc", "ele")
+    }
+    fit = td.calibrate(model, td.Record.from_arrays("log", times, made), ["skin_proc.htc"], scenario=soak(25.0, hours=4.0))
+    fit.values.save(tmp_path / "fit.values.toml")
+    file = project(tmp_path, PLAN.replace('deck = "unit.toml"', 'deck = "unit.toml"\nvalues = "fit.values.toml"'))
+    td.save_model(model, tmp_path / "unit.toml")
+    found = {why for m in td.run_plan(file).margins for why in m.not_counted if "constant" in why}
+    assert found == {"what the fitted constant coefficient of 'skin_proc' leaves out (counted once [model] names campaign and stage)"}

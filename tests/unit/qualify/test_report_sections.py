@@ -68,7 +68,16 @@ SECTIONS = {
         "the test does not say",
     ],
     "What is assumed, by its effect": ["out.conductance", "four screws", "moves by, K"],
-    "Model delivery": ["identity", "nodes, conductors, loads", "plan", "thermid", "hot, experiment on board"],
+    "Model delivery": [
+        "identity",
+        "nodes, conductors, loads",
+        "plan",
+        "lock",
+        "thermid",
+        "hot, experiment on board",
+        "unit.toml",
+        "log of hot",
+    ],
 }
 
 
