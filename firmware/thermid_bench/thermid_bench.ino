@@ -42,6 +42,10 @@ static void identify() {
     line_number(settings.limit);
     line_number(settings.silence);
     line_end();
+    if (heaters_refuse() == NONE) return;
+    line_begin('E');
+    line_text(heaters_refuse() == HOT ? PSTR(",latched,overtemp") : PSTR(",latched,blind"));
+    line_end();
 }
 
 // Look for sensors; the bus must be at rest.

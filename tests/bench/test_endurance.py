@@ -57,7 +57,7 @@ def test_killed_at_any_moment_at_most_the_line_in_flight_is_missing(kills: int, 
     path = tmp_path / "bench.log"
     board = Board(lambda t, d: [20.0 + t / 1000, 21.0, 22.0], 3)
     in_flight = 0
-    with Terminal(board, speed=100.0) as terminal:
+    with Terminal(board, speed=100.0, waits=True) as terminal:  # a slow disk must not make it overflow
         for session in range(1, kills + 1):
             logger = subprocess.Popen([sys.executable, "-c", LOGGER, str(path), terminal.port], stdout=subprocess.PIPE, text=True)
             assert logger.stdout is not None

@@ -96,6 +96,8 @@ class Board:
         if not self.roms:
             self._say("E", "none")
         self._say("C", self.settings["interval"], self.settings["limit"], self.settings["silence"])
+        if self.refuses:
+            self._say("E", "latched", self.refuses)
 
     def _heaters(self) -> None:
         """Send both duties."""

@@ -22,23 +22,24 @@ class Link:
     Parameters
     ----------
     settings : Settings   What a board is told when it begins.
+    clears : bool         Whether heaters that were cut off are allowed again at the start.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, clears: bool = False) -> None:
         self._settings = settings
         self._next = 1
         self._open: dict[int, tuple[str, float, int]] = {}
         self._duties: tuple[int, int] | None = None
         self._alive = -1e9
         self.failed: list[str] = []
-        self._started = False
+        self._clears = clears
 
     def connected(self) -> None:
         """Begin again with a board that knows nothing."""
         own = [*self._settings.commands(), "identify"]
-        if not self._started:
-            own.insert(0, "clear")  # somebody has started the logger again; a cable that comes back clears nothing
-            self._started = True
+        if self._clears:
+            own.insert(0, "clear")  # somebody has asked for it at this start; a cable that comes back clears nothing
+            self._clears = False
         asked = [command for command, _, tries in self._open.values() if not tries and command not in own and "heater," not in command]
         self._open.clear()
         self._duties = None

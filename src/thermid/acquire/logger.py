@@ -53,11 +53,13 @@ class Logger:
     settings : Settings          What the board is told.
     programme : Programme        What the heaters do, or None.
     sync : bool                  Whether each line is forced onto the disk itself.
+    clear_latch : bool           Whether heaters that the board has cut off (over-temperature, no sensor) are allowed again.
     clock, wall : callable       A clock that nobody sets, and the host's clock. [s]
 
     Raises
     ------
-    RecordError   When the file is no log of the bench, or another logger writes to it.
+    RecordError   When the file is no log of the bench, another logger writes to it, or heaters are to be turned on that were cut off;
+                  the latter also from `step`, where the board says so.
     """
 
     def __init__(
@@ -69,6 +71,7 @@ class Logger:
         programme: Programme | None = None,
         *,
         sync: bool = True,
+        clear_latch: bool = False,
         clock: Callable[[], float] = time.monotonic,
         wall: Callable[[], float] = time.time,
     ) -> None:
@@ -76,12 +79,16 @@ class Logger:
         self.settings = settings or Settings()
         self.programme = programme
         self.store = Store(path, sync=sync)
+        if self.store.trip and not clear_latch and programme is not None and programme.heats:
+            trip = self.store.trip
+            self.store.close()
+            raise _cut_off(trip, str(path))
         self._clock, self._wall, self._find = clock, wall, port
         self._begun, self._offset, self._walled = clock(), wall() - clock(), 0.0
         self._port: Port | BoardPort | None = None
         self._tried = self._gone = -1e9
         self._quiet = self._full = self._fresh = False
-        self._link = Link(self.settings)
+        self._link = Link(self.settings, clear_latch)
         self.watch = Watch(self.name_of, self.sensors)
         self.history: dict[str, History] = {}
         """Readings of each sensor since a heater last changed. [s of the board, degC]"""
@@ -93,6 +100,8 @@ class Logger:
         self.store.write("# session " + json.dumps(head))
         for sensor in self.sensors.values():
             self.store.write("# sensor " + json.dumps(sensor.as_header()))
+        if clear_latch:
+            self.mark("cleared", f"heaters are allowed again by --clear-latch; cut off before: {self.store.trip or 'nothing in this log'}")
         if self.store.was_cut:
             self.mark("cut", "the last line of the session before was not finished")
 
@@ -218,6 +227,10 @@ class Logger:
                 self.mark("refused", refused)
         for word, detail in self.watch.look(line):
             self.mark(word, detail)
+        tripped_here = self.marks["overtemp"] + self.marks["blind"] > 0  # it is marked then, and the run goes on without heaters
+        if line.kind == "E" and line.fields[0] == "latched" and not tripped_here and self.programme is not None and self.programme.heats:
+            why = "over-temperature" if line.fields[1] == "overtemp" else "no sensor could be read"
+            raise _cut_off(f"{why}, when is not known, it is not in this log", self.store.path.name)
         if line.kind == "S":
             self.state.bits[line.fields[0]] = int(line.fields[1])
         if line.kind == "D" and line.fields[0] not in self.watch.faults:
@@ -273,3 +286,12 @@ class Logger:
         if not self.store.full:
             self._full = False
             self.mark("disk-back", f"what waited is written, {self.store.dropped} lines had no room")
+
+
+def _cut_off(why: str, where: str) -> RecordError:
+    """Return the refusal to heat what was cut off."""
+    return RecordError(
+        f"the board has cut heaters 1 and 2 off: {why}. They stay off. Find out why and look at the hardware; then allow them again with "
+        "--clear-latch (clear_latch=True), or log without a heater programme.",
+        where,
+    )

@@ -31,6 +31,11 @@ class Programme:
     duties: tuple[tuple[int, int], ...]
     end: float | None = None
 
+    @property
+    def heats(self) -> bool:
+        """Whether any of its steps turns a heater on."""
+        return any(any(pair) for pair in self.duties)
+
     def at(self, seconds: float) -> tuple[int, int]:
         """Return both duties at a time. [0.1 %]"""
         if self.end is not None and seconds >= self.end:

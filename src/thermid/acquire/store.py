@@ -15,6 +15,8 @@ from thermid.measure.wire import MAGIC
 __all__ = ["Store"]
 
 _SESSION = re.compile(rb'^# session \{"number": (\d{1,6})', re.MULTILINE)
+_WALL = re.compile(rb'^# session \{"number": (\d{1,6}), "wall": "([^"]*)"', re.MULTILINE)
+_TRIP = re.compile(rb"^# mark (\d{1,6}) (\d{1,9}\.\d{6}) (overtemp|blind|cleared) (.*) [0-9A-F]{4}$", re.MULTILINE)
 _MOST_WAITING = 64 << 20
 
 
@@ -39,6 +41,8 @@ class Store:
         self.dropped = 0
         self.rest: Path | None = None
         """Where the end of the log is, when its own disk was full to the last."""
+        self.trip = ""
+        """When and why the log so far says that heaters were cut off, and nobody has allowed them again."""
         self._file = self._opened()
         try:
             self.session, self.was_cut = self._look()
@@ -71,6 +75,7 @@ class Store:
             return 1, False
         if not is_bench_log(data) and not f"{MAGIC}\n".encode().startswith(data):
             raise RecordError("it is not empty and no log of the bench. Give another file; nothing was written.", self.path.name)
+        self.trip = _trip(data)
         cut = not data.endswith(b"\n")
         if cut:
             self._put(b"\n" if is_bench_log(data) else f"\n{MAGIC}\n".encode())
@@ -131,3 +136,15 @@ class Store:
                 continue
             self.rest = place
             return
+
+
+def _trip(data: bytes) -> str:
+    """Return when and why heaters were cut off last, empty where they were not or were allowed again since."""
+    marks = _TRIP.findall(data)
+    if not marks or marks[-1][2] == b"cleared":
+        return ""
+    session, elapsed, word, text = (each.decode("latin-1") for each in marks[-1])
+    walls = {number.decode(): wall.decode("latin-1") for number, wall in _WALL.findall(data)}
+    of = text.removeprefix("the board says so").removeprefix(" of ")
+    why = f"over-temperature{' of ' + of if of else ''}" if word == "overtemp" else "no sensor could be read"
+    return f"{why}, {float(elapsed):.0f} s after the start {session} of this log ({walls.get(session, 'at an unknown time')})"

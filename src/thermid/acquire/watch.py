@@ -43,6 +43,8 @@ class Watch:
     def look(self, line: Line) -> list[tuple[str, str]]:
         """Return the marks that a line asks for: word and text."""
         if line.kind == "E" and line.fields[0] not in _QUIET:
+            if line.fields[0] == "latched":
+                return [("latched", f"heaters stay off since they were cut off ({line.fields[1]}), until --clear-latch")]
             detail = self._name(line.fields[1]) if len(line.fields) > 1 else ""
             return [(line.fields[0], f"the board says so{' of ' + detail if detail else ''}")]
         if line.kind in "BSC":

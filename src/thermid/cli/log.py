@@ -43,6 +43,9 @@ def log(
     ice_point: Annotated[
         bool, typer.Option("--ice-point", help="Sensors stand in ice water: write their certificates to --sensors.")
     ] = False,
+    clear_latch: Annotated[
+        bool, typer.Option("--clear-latch", help="Allow heaters again that the board has cut off. Look at the hardware first.")
+    ] = False,
     simulate: Annotated[bool, typer.Option("--simulate", help="No hardware: three made-up sensors at 60 times their speed.")] = False,
 ) -> None:
     """Log a bench: every line on disk before the next is read; faults, resets and cable pulls are marks, and it goes on."""
@@ -80,7 +83,7 @@ def log(
             find = lambda: port  # noqa: E731
         else:
             check_port(find_port())
-        made = Logger(file, find, known, given, steps, clock=clock, wall=wall)
+        made = Logger(file, find, known, given, steps, clear_latch=clear_latch, clock=clock, wall=wall)
         if made.store.session > 1:
             typer.echo(f"{file} is continued: start {made.store.session} of it.", err=True)
         stack.callback(_closed, made)

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
-import pytest
-
 from thermid.acquire.board import Board
+from thermid.acquire.boardport import BoardPort
 from thermid.acquire.guide import ice_point, tell_apart
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.sensormap import load_sensors
-from thermid.acquire.terminal import Terminal
-
-pytest.importorskip("serial", reason="pyserial is not installed: thermid[log]")
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
 
 
 class Hand:
@@ -30,8 +24,9 @@ class Hand:
         return self.warm
 
 
-def logger(folder: Path, terminal: Terminal) -> Logger:
-    return Logger(folder / "b.log", lambda: terminal.port, None, Settings(silence=60.0), sync=False)
+def logger(folder: Path, board: Board) -> Logger:
+    port = BoardPort(board)
+    return Logger(folder / "b.log", lambda: port, None, Settings(), sync=False, clock=port.clock, wall=port.wall)
 
 
 def test_the_sensor_that_is_warmed_gets_the_name(tmp_path: Path) -> None:
@@ -44,20 +39,18 @@ def test_the_sensor_that_is_warmed_gets_the_name(tmp_path: Path) -> None:
         assert board.roms[k] in question
         return f"T{k}"
 
-    with Terminal(board, speed=50.0) as terminal:
-        log = logger(tmp_path, terminal)
-        made = tell_apart(log, tmp_path / "sensors.toml", said.append, name)
-        log.close()
+    log = logger(tmp_path, board)
+    made = tell_apart(log, tmp_path / "sensors.toml", said.append, name)
+    log.close()
     assert [each.name for each in made] == ["T2", "T0", "T1"]
     assert {rom: each.name for rom, each in load_sensors(tmp_path / "sensors.toml").items()} == {board.roms[k]: f"T{k}" for k in range(3)}
 
 
 def test_nothing_warmed_is_said(tmp_path: Path) -> None:
     said: list[str] = []
-    with Terminal(Board(Hand([]), 3), speed=50.0) as terminal:
-        log = logger(tmp_path, terminal)
-        assert tell_apart(log, tmp_path / "sensors.toml", said.append, lambda text: "x", patience=10.0) == []
-        log.close()
+    log = logger(tmp_path, Board(Hand([]), 3))
+    assert tell_apart(log, tmp_path / "sensors.toml", said.append, lambda text: "x", patience=10.0) == []
+    log.close()
     assert "3 sensors stay without a name" in said[-1]
 
 
@@ -65,10 +58,9 @@ def test_the_ice_point_writes_certificates(tmp_path: Path) -> None:
     board = Board(lambda t, d: [0.25, -0.125, 21.0], 3)
     board.faults[1] = ""
     said: list[str] = []
-    with Terminal(board, speed=200.0) as terminal:
-        log = logger(tmp_path, terminal)
-        made = ice_point(log, tmp_path / "sensors.toml", said.append, lambda text: True)
-        log.close()
+    log = logger(tmp_path, board)
+    made = ice_point(log, tmp_path / "sensors.toml", said.append, lambda text: True)
+    log.close()
     assert [each.certificate.offset for each in made if each.certificate] == [0.25, -0.125]
     assert "Is it in the ice water" in said[-1]
     assert set(load_sensors(tmp_path / "sensors.toml")) == {board.roms[0], board.roms[1]}

@@ -21,8 +21,8 @@ import thermid as td
 TESTS = Path(__file__).parents[2]
 LONG = td.Options(max_step=1e-3, max_steps=10**9)
 """Would take hours."""
-SOON = 3.0
-"""Within this time of the signal the run has ended, on a machine that does other things too. [s]"""
+SOON = 60.0
+"""Within this time of the signal the run has ended, however busy the machine; it would take hours. [s]"""
 
 
 def plate() -> tuple[td.Model, td.Scenario]:
@@ -98,7 +98,7 @@ def test_a_process_that_is_interrupted_simulates_on() -> None:
 
 def test_other_threads_go_on_during_a_run() -> None:
     model, room = plate()
-    slow = td.Options(max_step=0.05, max_steps=10**9)
+    slow = td.Options(max_step=0.01, max_steps=10**9)  # long beside what a busy machine lets a thread wait
     run = threading.Thread(target=lambda: td.simulate(model, room, options=slow))
     longest, last = 0.0, time.monotonic()
     begin = last
