@@ -40,12 +40,19 @@ def shoot(page: Page, folder: Path, name: str) -> None:
 
 
 def tune(page: Page) -> None:
-    """Run all stages and move a slider."""
+    """Run all stages, fit, lay a run without convection beside it, and ask what a swap costs."""
     page.click("[data-stage=m_PrE]")
     page.until("document.getElementById('run-stage')")
     page.click("#run-stage")
     page.until("[...document.querySelectorAll('nav [data-stage]')].every((b) => b.dataset.state === 'done')", 300)
     page.until("document.querySelector('[data-sensor=T_ELE]') && document.querySelector('#picture svg')")
+    page.click("#fit")
+    page.until("document.getElementById('fit-result').textContent.includes('evaluations')", 120)
+    page.run(CHOOSE, "#gas", "printed")
+    page.run(CHOOSE, "#swap-part", "ele")
+    page.run(CHOOSE, "#swap-deck", "EleGFO_v2.toml")
+    page.click("#swap button")
+    page.until("document.getElementById('swap-result').textContent.includes('stages due again')", 120)
 
 
 def scenario(page: Page) -> None:
@@ -75,6 +82,7 @@ def main() -> None:
         for name in ("02_stack", "04_campaign"):
             shutil.copytree(EXAMPLES / name, work / name, ignore=shutil.ignore_patterns("logs", "results", "__pycache__"))
         shutil.copy(EXAMPLES / "thermid.toml", work)
+        shutil.copy(EXAMPLES / "06_swap" / "EleGFO_v2.toml", work / "04_campaign")
         logs = logs_of(EXAMPLES / "04_campaign" / "make_logs.py", work / "04_campaign" / "logs")
         campaign, unit = str(work / "04_campaign" / "campaign.toml"), str(EXAMPLES / "sisnav" / "qualification" / "decks" / "m_Sd.toml")
         log = str(logs / "stack_bench.csv")

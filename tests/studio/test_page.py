@@ -206,6 +206,24 @@ def test_a_studio_that_was_ended_is_said_in_words(folder: Path) -> None:
             shown.close()
 
 
+def test_a_deck_with_an_error_is_said_at_its_stage(folder: Path, tmp_path: Path) -> None:
+    for name in ("02_stack", "04_campaign"):
+        shutil.copytree(folder.parent / name, tmp_path / name, ignore=shutil.ignore_patterns("results"))
+    shutil.copy(folder.parent / "thermid.toml", tmp_path)
+    deck = tmp_path / "02_stack" / "ProcSISNAV.toml"
+    whole = deck.read_text(encoding="utf-8")
+    deck.write_text(whole.replace("[nodes]", "[nodess]"), encoding="utf-8")
+    with studio(str(tmp_path / "04_campaign" / "campaign.toml")) as address, page(address) as shown:
+        assert shown.run("return document.querySelector('[data-stage=ProcSISNAV]').dataset.state") == "failed"
+        shown.click("[data-stage=ProcSISNAV]")
+        shown.until("document.getElementById('error').textContent.includes(\"'nodess' is no field here. Did you mean 'nodes'?\")")
+        deck.write_text(whole, encoding="utf-8")
+        shown.click("#run-stage")  # mended, it runs without a new start
+        shown.until("document.querySelector('[data-stage=ProcSISNAV]').dataset.state === 'done'")
+        shown.until("document.querySelector('[data-sensor=T_PROC]')")
+        shown.clean()
+
+
 @pytest.mark.campaign
 def test_the_navigation_unit_is_tuned_in_the_page(tmp_path: Path) -> None:
     """The study's full model: 25 nodes, 74 sliders, eleven sensors, nine stages."""

@@ -70,7 +70,8 @@ def tightest(campaign: Campaign) -> str:
         return "no criterion was judged"
     used, record, c = max(checks, key=lambda found: found[0])
     what = criterion_words(c.criterion)
-    return f"nearest to its limit: {c.sensor} in {record}, {what} {number(c.found, 2)} of {number(c.limit, 2)} K ({100 * used:.0f} %)"
+    where = f"{'nearest to' if used <= 1.0 else 'furthest beyond'} its limit"
+    return f"{where}: {c.sensor} in {record}, {what} {number(c.found, 2)} of {number(c.limit, 2)} K ({100 * used:.0f} %)"
 
 
 def interval(v: FittedValue) -> tuple[float, float]:

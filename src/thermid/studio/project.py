@@ -67,6 +67,9 @@ class Project:
 
     def __init__(self, path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None, results: Path | None = None) -> None:
         self.path = Path(path).resolve()
+        if self.path.is_dir():
+            inside = ", ".join(sorted(f.name for f in self.path.glob("*.toml"))[:9]) or "none"
+            raise DeckError(f"a folder is no deck or campaign. Name a file in it; there are: {inside}.", self.path.name)
         self.results = results if results is not None else self.path.parent / "results"
         content, _ = read_toml(self.path)
         self.source: CampaignSource | None = read_campaign(self.path, data) if "stages" in content else None

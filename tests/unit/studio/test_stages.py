@@ -59,6 +59,13 @@ def test_a_campaign_is_run_kept_and_found_again(folder: Path) -> None:
             assert float(shown[f"{part}.effective_htc"]["m_PrE"].text.split(" ±")[0]) == pytest.approx(last, rel=2e-3)
 
 
+def test_a_folder_is_answered_with_what_lies_in_it(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(DeckError, match=r"a folder is no deck or campaign\. Name a file in it; there are: .*campaign\.toml"):
+        Project(folder)
+    with pytest.raises(DeckError, match=r"there are: none"):
+        Project(tmp_path)
+
+
 def test_curves_show_the_residuals_of_the_fit(folder: Path) -> None:
     project = opened(folder)
     fitted = project.done["m_PrE"].statistics

@@ -50,8 +50,9 @@ for (const b of at("views").querySelectorAll("button")) b.addEventListener("clic
 await tried(async () => {
   while ((await refresh()) && s.project.job.what === "look") await new Promise((r) => setTimeout(r, 150));
   const { stages, job } = s.project, ready = [...stages].reverse().find((x) => x.state === "done" || x.state === "deck") || stages.find((x) => x.state !== "waiting") || stages[0];
+  const log = await openBench();
   await open((job.stage && stages.some((x) => x.name === job.stage) && job.what !== "look" && !job.ended && job.stage) || ready.name);
-  if (await openBench()) view("bench");
+  if (log) view("bench");
   studio.ready = true;
   if (job.what !== "look" && !job.ended) { if (job.what === "scenario") view("scenarios"); await watch({ fit: fitted, scenario: outcome, run: () => open(s.stage) }[job.what]); }
 });
