@@ -24,6 +24,7 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
 _BRACKET = re.compile(r"^(?P<number>[^\[\]]*)\[(?P<unit>[^\[\]]*)\]\s*$", re.DOTALL)
 _BARE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*([A-Za-z%][\w/^*% ]{0,20}?)\s*\Z")
 """A number whose unit stands without brackets."""
+_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _LONGEST = 2000
 _LARGEST_POWER = 64
 _MOST_BITS = 4096
@@ -100,7 +101,7 @@ def parse(text: str) -> Expression:
         tree = ast.parse(body.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
         bare = _BARE.match(text)
-        meant = f"{bare[1]} [{bare[2]}]" if bare else "2.5 [W]"
+        meant = f"{bare[1]} [{'degC' if bare[2] == 'C' else bare[2]}]" if bare else "2.5 [W]"
         raise ExpressionError(
             f"'{_short(text)}' cannot be read as arithmetic. Write a number with its unit, '{meant}', or names with + - * / **."
         ) from error
@@ -177,6 +178,8 @@ def _check(node: ast.expr, text: str, names: list[str], depth: int = 0) -> None:
         names.append(path)
         return
     part = ast.unparse(node)
+    if isinstance(node, ast.Tuple) and (pointed := _DECIMAL_COMMA.sub(".", text)) != text:
+        raise ExpressionError(f"'{_short(text)}': numbers have a decimal point here, '{_short(pointed)}'.")
     raise ExpressionError(
         f"'{_short(text)}': '{_short(part)}' is not allowed. An expression holds numbers, names, dotted paths, "
         "+ - * / ** and parentheses; it runs no code."

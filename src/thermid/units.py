@@ -52,6 +52,10 @@ NAMES: Final = {
 }
 
 
+_SPELT: Final = {"Celsius": "degC", "Centigrade": "degC", "deg*C": "degC", "Fahrenheit": "degF", "deg*F": "degF", "Kelvin": "K"}
+"""Units as people write them, and how they are written here."""
+
+
 @dataclass(frozen=True)
 class Unit:
     """A unit as text, with its exact factor and offset to SI and its dimension."""
@@ -113,6 +117,8 @@ def unit(text: str) -> Unit:
                 f"'[{text}]' multiplies or divides the scale {scale}, which has an offset. "
                 f"Write {instead}: a difference of 1 {scale} is 1 {instead}."
             )
+    if key in _SPELT:
+        raise UnitError(f"'[{text}]' is no unit that is known here. Write [{_SPELT[key]}].")
     if re.search(r"\bgr\b", key):
         raise UnitError(f"'[{text}]': gr is the grain, 0.0648 g. Write g for grams, or grain.")
     return _from_pint(text, key)
@@ -199,7 +205,9 @@ def require(dimension: Dimension, slot: str, given: str = "", absolute: bool = F
             else f"this is {describe(dimension)}"
         )
         need = "a temperature [degC] or [K]" if slot == TEMPERATURE else f"{describe(wanted.dimension)} [{slot}]"
-        raise UnitError(f"{what}; {need} is needed here.")
+        bare = dimension == DIMENSIONLESS and given in ("", "1")
+        shown = f' Write its unit with it: "2.5 [{"degC" if slot == TEMPERATURE else slot}]".' if bare else ""
+        raise UnitError(f"{what}; {need} is needed here.{shown}")
     if absolute and slot != TEMPERATURE:
         raise UnitError(f"'[{given}]' is a temperature on the scale; a difference is needed here. Write it in [K].")
 

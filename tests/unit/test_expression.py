@@ -236,3 +236,9 @@ def test_nothing_is_evaluated_by_reading() -> None:
     with pytest.raises(ExpressionError):
         parse("__import__('antigravity')")
     assert "antigravity" not in sys.modules
+
+
+@pytest.mark.parametrize("text", ["0,4 [kg]", "0,4", "1 + 0,25 [m]"])
+def test_a_decimal_comma_is_shown_with_a_point(text: str) -> None:
+    with pytest.raises(ExpressionError, match=rf"numbers have a decimal point here, '{re.escape(text.replace(',', '.'))}'"):
+        parse(text)

@@ -30,7 +30,25 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _say_version(wanted: bool) -> None:
+    """Print the version and leave."""
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"thermid {version('thermid')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version and leave.")] = False,
+) -> None:
+    pass
+
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
 CampaignPath = Annotated[Path, typer.Argument(help="A campaign (TOML).")]
@@ -50,7 +68,7 @@ def main() -> None:
     except ThermidError as error:
         _fail(error, as_json)
     except OSError as error:
-        _fail(ThermidError(f"{error.strerror or error}: '{Path(str(error.filename)).name}'."), as_json)
+        _fail(ThermidError(_refused(error)), as_json)
     except ImportError as error:
         # netCDF and the report page stand on packages that a plain installation does not bring
         _fail(ThermidError(f"{str(error).strip(' .')}. Install thermid with its extras: thermid[report,export]."), as_json)
@@ -59,6 +77,20 @@ def main() -> None:
             raise
         _fail(ThermidError(error.format_message(), "command line"), as_json)
     raise SystemExit(code)
+
+
+def _refused(error: OSError) -> str:
+    """Return what the system refused, in words, with the path and what to do."""
+    if error.filename is None:
+        return f"{error.strerror or error}."
+    path = Path(str(error.filename))
+    if isinstance(error, FileNotFoundError) and not path.parent.is_dir():
+        return f"'{path}' cannot be reached: there is no folder '{path.parent}'. Make it, or give another path."
+    if isinstance(error, IsADirectoryError):
+        return f"'{path}' is a folder; the path of a file is needed."
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        return f"'{path}' is a file; the path of a folder is needed."
+    return f"{error.strerror or error}: '{path}'."
 
 
 def _fail(error: ThermidError, as_json: bool) -> NoReturn:
@@ -165,7 +197,7 @@ def simulate(
     outside = [t for t in times if not 0 <= t <= given.seconds]
     if outside:
         raise ScenarioError(f"{outside[0]:g} s lies outside the run of {given.seconds:g} s.", "--at")
-    grid = np.union1d(output_times(given, every, None), times)
+    grid = np.union1d(output_times(given, every and _with_unit(every, "s"), None), times)
     solution = run(model, given, times=grid)
     try:
         final = settle(model, given, given.seconds)
@@ -192,6 +224,9 @@ def _scenario(model: Model, file: Path | None, boundary: Pairs, load: Pairs, sta
     from thermid.simulation.scenario import Scenario, load_scenario
 
     base = load_scenario(file) if file is not None else Scenario("command line")
+    for name, text in _pairs(boundary, "--boundary").items():
+        if _with_unit(text, "degC") != text and 200.0 <= float(text) <= 400.0:
+            typer.echo(f"note: {name}={text} is read in degC; in kelvin it is written '{name}={text} [K]'.", err=True)
     changes: dict[str, Any] = {
         "boundaries": {k: _with_unit(v, "degC") for k, v in _pairs(boundary, "--boundary").items()},
         "loads": {k: _with_unit(v, "W") for k, v in _pairs(load, "--load").items()},

@@ -43,6 +43,8 @@ def deliver(
         return
     if to is None:
         raise DeckError("a delivery needs a folder: --to FOLDER.", "command line")
+    if at and not (nodes or within or values):
+        raise DeckError(f"'{at}' is the part that is reduced or has values; give --nodes, --within or --values with it.", "--at")
     model, found = load_model(deck), [load_values(v) for v in values]
     for v in found:
         ahead = f"{at}." if at else ""

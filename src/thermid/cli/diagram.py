@@ -21,8 +21,11 @@ def diagram(
     fold: Annotated[list[str], typer.Option("--fold", help="A submodel drawn as one mass; may be repeated.")] = [],  # noqa: B006
 ) -> None:
     """Draw a model as SVG: masses, conductors by kind, loads, boundaries, submodels as boxes."""
+    from thermid.errors import ScenarioError
     from thermid.model.modelfile import load_model
     from thermid.reporting.diagram import diagram as draw
 
+    if to.suffix.lower() != ".svg":
+        raise ScenarioError(f"a diagram is written as SVG; '{to.name}' does not end in .svg.", "--to")
     to.write_text(draw(load_model(deck), folded=fold) + "\n", encoding="utf-8")
     typer.echo(f"diagram: {to}")

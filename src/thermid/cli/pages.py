@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from thermid.errors import ScenarioError
+
 __all__ = ["Page", "Pdf", "ready", "written"]
 
 Page = Annotated[Path | None, typer.Option("--to", help="The page to write.")]
@@ -20,9 +22,12 @@ def ready(pdf: Path | None) -> None:
 
     Raises
     ------
+    ScenarioError    When its name is not that of a PDF.
     NoBrowserError   When a PDF is asked for and nothing can print it.
     """
     if pdf is not None:
+        if pdf.suffix.lower() != ".pdf":
+            raise ScenarioError(f"'{pdf.name}' does not end in .pdf. The page itself is written by --to.", "--pdf")
         from thermid.reporting.pdf import browser
 
         browser()

@@ -27,7 +27,7 @@ def predict(
         typer.Option("--spread", help="NAME=STANDARD DEVIATION of what is not known exactly, such as air='1 [K]' or scale.heater='2 [%]'."),
     ] = [],  # noqa: B006
     at: Annotated[list[str], typer.Option("--at", help="A time to report, such as '1 [h]'; may be repeated.")] = [],  # noqa: B006
-    draws: Annotated[int, typer.Option("--draws", help="Members drawn, for spreads so wide that derivatives do not do.")] = 0,
+    draws: Annotated[int, typer.Option("--draws", min=0, help="Members drawn, for spreads so wide that derivatives do not do.")] = 0,
     vacuum: Annotated[bool, typer.Option("--vacuum", help="No gas: convection goes, radiation stays.")] = False,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write temperatures and bands to a CSV file.")] = None,
     data: Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project; THERMID_DATA does the same.")] = None,
@@ -35,6 +35,7 @@ def predict(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."""
+    from thermid.cli.app import _with_unit
     from thermid.errors import ScenarioError
     from thermid.identify.predict import predict as run
     from thermid.identify.stages import run_stages
@@ -47,7 +48,7 @@ def predict(
     found = run_stages(campaign, data=data, cache=results if results is not None else campaign.parent / "results")
     name = stage or list(found)[-1]
     predicted = run(found[name], given.vacuum() if vacuum else given, spread=_spreads(spread), draws=draws)
-    times = [literal(t if "[" in t else f"{t} [s]", "s", "--at") for t in at]
+    times = [literal(_with_unit(t, "s"), "s", "--at") for t in at]
     outside = [t for t in times if not 0 <= t <= given.seconds]
     if outside:
         raise ScenarioError(f"{outside[0]:g} s lies outside the run of {given.seconds:g} s.", "--at")

@@ -106,7 +106,7 @@ def _correlation(found: Correlation, to: Path, synthetic: bool) -> Path:
 
 def correlate(
     measured: Annotated[Path, typer.Argument(help="A log of readings (CSV).")],
-    simulated: Annotated[Path, typer.Argument(help="A log of the simulation (CSV); columns of one name are compared.")],
+    simulated: Annotated[Path, typer.Argument(help="A log of the simulation (CSV); temperatures of one name are compared.")],
     criteria: Annotated[list[str] | None, typer.Option("--criteria", help="A named set of criteria; may be repeated.")] = None,
     steady: Annotated[list[str] | None, typer.Option("--steady", help="A settled stretch in seconds, BEGIN:END; may be repeated.")] = None,
     accuracy: Annotated[str, typer.Option("--accuracy", help="Standard deviation of the sensors' constant error.")] = "0.5 [K]",
@@ -130,6 +130,8 @@ def correlate(
             windows.append((float(begin), float(end)))
         except ValueError:
             raise ScenarioError(f"'{text}' is no stretch; write BEGIN:END in seconds, such as 3600:7200.", "--steady") from None
+        if not windows[-1][0] < windows[-1][1]:
+            raise ScenarioError(f"'{text}' ends before it begins.", "--steady")
     first, second = read_two(measured, simulated, accuracy=accuracy, time=time)
     found = compare(
         (first, second),

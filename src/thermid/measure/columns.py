@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Final
 
 import numpy as np
@@ -103,6 +103,8 @@ def read_times(cells: Cells, at: int, decimal: str, clock: str | None, unit_text
     start: str | None = column[0].strip()
     if clock is None and isinstance(parsed, np.ndarray):
         times, start = parsed * _time_factor(cells, name, unit_text), None
+        if unit_text is None:
+            _refuse_serial_days(parsed, cells, name)
         odd = np.flatnonzero(~np.isfinite(times))
         if odd.size:
             raise RecordError(f"'{column[odd[0]]}' is no time.", cells.where(int(odd[0]), name))
@@ -129,7 +131,8 @@ def _time_factor(cells: Cells, name: str, unit_text: str | None) -> float:
         tail = name.rpartition("_")[2] if "_" in name else ""
         if tail in ("ms", "us", "min", "h"):
             raise RecordError(
-                f"its name ends in '_{tail}', and without a unit it would be read in seconds. Give units={{'{name}': '{tail}'}} or 's'.",
+                f"its name ends in '_{tail}', and without a unit it would be read in seconds. Give units={{'{name}': '{tail}'}} or 's', or "
+                f"write it into the header: '{name} [{tail}]'.",
                 cells.where(None, name),
             )
         return 1.0
@@ -139,6 +142,18 @@ def _time_factor(cells: Cells, name: str, unit_text: str | None) -> float:
     except ThermidError as error:
         raise error.located(cells.where(None, name)) from None
     return float(of.factor)
+
+
+def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
+    """Refuse times that look like a spreadsheet's days since 1900: near 45000, and less than an hour apart as days."""
+    first, last = float(times[0]), float(times[-1])
+    if 25000.0 < first < 80000.0 and 0.0 < last - first < 0.04 * (times.size - 1):
+        day = datetime(1899, 12, 30) + timedelta(days=first)
+        raise RecordError(
+            f"{first:g} looks like a spreadsheet's day ({day:%Y-%m-%d %H:%M}), and would be read in seconds. "
+            f"Give units={{'{name}': 'd'}} or 's', or write it into the header: '{name} [d]'.",
+            cells.where(0, name),
+        )
 
 
 def _clock_times(cells: Cells, column: tuple[str, ...], name: str) -> FloatArray:

@@ -155,6 +155,8 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
             f"'{text}' is no number. Missing samples are written empty, NaN or NA; with decimal commas, give decimal=','.",
             cells.where(samples, column),
         )
+    if quantity == "temperature" and binding.unit is None and header_unit is None:
+        _refuse_kelvin(samples, binding.name, where)
     made = Channel.of(
         binding.name,
         from_unit(samples, unit_text),
@@ -170,6 +172,17 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         prompt=column in cells.prompt,
     )
     return _masked(made, cells.reasons.get(column, {}))
+
+
+def _refuse_kelvin(samples: FloatArray, name: str, where: str) -> None:
+    """Refuse readings without a unit that would all be hot in degC and usual in kelvin."""
+    known = samples[np.isfinite(samples)]
+    if known.size and 223.0 <= known.min() and known.max() <= 400.0:
+        raise RecordError(
+            f"its readings, {known.min():.1f} .. {known.max():.1f}, look like kelvin, and without a unit they would be read in degC. "
+            f"Give units={{'{name}': 'K'}} or 'degC'; in a campaign, unit = \"K\" of the channel.",
+            where,
+        )
 
 
 def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:

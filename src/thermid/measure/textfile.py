@@ -21,6 +21,7 @@ MISSING: Final = frozenset({"", "nan", "na", "n/a", "null"})
 
 _SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
 _LOOKED_AT = 500
+_MEND: Final = "Mend it, put '#' before it, or give the separator."
 _LEAD: Final = frozenset({"", "#", " ", "\t", "\f"})
 """How a line may begin that holds no cells."""
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\r\f")) + b"\x7f"
@@ -120,10 +121,9 @@ def read_cells(data: bytes, file: str, separator: str | None) -> Cells:
         raise RecordError("there is a header and no samples below it.", file)
     for row, number in zip(rows, numbers, strict=False):
         if len(row) != len(header):
-            raise RecordError(
-                f"{len(row)} columns stand in this line, {len(header)} in the header. Mend it, put '#' before it, or give the separator.",
-                f"{file}:{number}",
-            )
+            twice = mark == "," and len(row) == 2 * len(header)
+            hint = "Commas seem to be the decimal sign too: export the log with semicolons." if twice else _MEND
+            raise RecordError(f"{len(row)} columns stand in this line, {len(header)} in the header. {hint}", f"{file}:{number}")
     synthetic = any(line.lstrip().startswith("#") and "SYNTHETIC" in line for line in text.split("\n", 20)[:20])
     commas = columns is None or mark != ","
     return Cells(file, header, columns or list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic, commas=commas)

@@ -22,6 +22,12 @@ __all__ = ["load_model", "model_from_dict", "project_root", "resolve_inside", "s
 MARKER = "thermid.toml"
 LARGEST_FILE = 4_000_000
 DEEPEST = 20
+_OTHERS = (
+    ({"tests", "limits"}, "this is a qualification plan, not a deck. `thermid plan` reads it."),
+    ({"duration"}, "this is a scenario, not a deck. It is laid over a deck with --scenario."),
+    ({"boundaries"}, "this is a scenario, not a deck. It is laid over a deck with --scenario."),
+)
+"""Keys by which a file of another kind is known."""
 
 
 def project_root(start: Path) -> Path:
@@ -54,8 +60,13 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
     DeckError   When the file is missing, too large, not text, or no TOML.
     """
     if not path.is_file():
-        near = nearest(path.name, [p.name for p in path.parent.glob("*.toml")]) if path.parent.is_dir() else ""
-        raise DeckError(f"there is no file '{path.name}' in {path.parent.name or '.'}/.{near}")
+        if path.is_dir():
+            raise DeckError(f"there is no file '{path}': it is a folder.")
+        if not path.parent.is_dir():
+            raise DeckError(f"there is no file '{path.name}', and no folder '{path.parent}'.")
+        near = nearest(path.stem, {p.stem for p in path.parent.glob(f"*{path.suffix}")})
+        near = near.replace("'?", f"{path.suffix}'?")
+        raise DeckError(f"there is no file '{path.name}' in {f'{path.parent.name}/' if path.parent.name else 'this folder'}.{near}")
     if path.stat().st_size > LARGEST_FILE:
         raise DeckError(
             f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text of a few kilobytes. Put tables of data into a log.",
@@ -67,7 +78,9 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
     except UnicodeDecodeError:
         raise DeckError("the file is not UTF-8 text.", path.name) from None
     except tomllib.TOMLDecodeError as error:
-        raise DeckError(f"this is no TOML: {error}", path.name) from None
+        raise DeckError(
+            f"this is no TOML: {error}. Texts stand in quotes, numbers with units too; comments begin with #.", path.name
+        ) from None
 
 
 def load_model(path: str | os.PathLike[str]) -> Model:
@@ -99,6 +112,9 @@ def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loa
         data, lines = read_toml(path)
         if "stages" in data and "records" in data:
             raise DeckError("this is a campaign, not a deck; the decks of its stages stand under 'model'.", path.name)
+        for keys, said in _OTHERS:
+            if keys <= set(data) and not {"nodes", "submodels"} & set(data):
+                raise DeckError(said, path.name)
 
         def use(name: str, where: str) -> Loaded:
             return _load(resolve_inside(path.parent, name, where), (*trail, here), known)

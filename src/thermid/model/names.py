@@ -125,7 +125,8 @@ class Names:
         full = prefix + path
         full = self._alias.get(full, full)
         if full not in self.nodes and full not in self.boundaries:
-            raise NameNotFoundError(f"no node '{raw}'.{self._near(prefix, path)}", model.where(key))
+            hint = self._near(prefix, path) or f' Write it under nodes, or, where it is supplied from outside, into needs = ["{raw}"].'
+            raise NameNotFoundError(f"no node '{raw}'.{hint}", model.where(key))
         return full
 
     def _near(self, prefix: str, path: str) -> str:

@@ -227,6 +227,9 @@ def _fractions(view: _View) -> Iterator[Finding]:
                 yield Finding(
                     "error", view.flat.parameters.table[path].where, f"an emissivity of {view.values[path]:g} does not exist; give 0 to 1."
                 )
+            if name == "exchange_factor" and view.values[path] > 1.0:
+                message = f"an exchange factor of {view.values[path]:g} is above 1, that of a black surface."
+                yield Finding("warning", view.flat.parameters.table[path].where, message)
             if name == "htc.exponent" and not 0.0 <= view.values[path] <= 1.0:
                 message = f"an exponent of {view.values[path]:g} is not one of natural convection, which has 1/4 or 1/3."
                 yield Finding("warning", view.flat.parameters.table[path].where, message)

@@ -94,7 +94,7 @@ GASES: Final = {
         MolecularGas("H2", 0.00201588, (0.18654, 0.7808, -0.1243), (8.9379e-6, 0.6928, -0.0004), (14306.0, 0.0804, -0.1283)),
     )
 }
-"""Fitted to CoolProp 8.0.0 at 10 to 20 kPa from 200 to 450 K (carbon dioxide from 220 K); the largest deviation of any is 0.30 %."""
+"""Fitted to CoolProp 8.0.0 at 10 kPa from 200 to 450 K (carbon dioxide from 220 K); the largest deviation is 0.30 %, at 20 kPa 0.52 %."""
 
 
 def gas_named(name: str, where: str = "") -> MolecularGas:

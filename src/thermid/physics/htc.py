@@ -191,6 +191,8 @@ def compare_htc(
     effective = effective_htc(q, a, rise)
     error = effective_htc_error(q, a, rise, power_error=errors[1], area_error=errors[2], rise_error=errors[0] * math.sqrt(2.0))
     faces = tuple(_number(x, "m", "box") for x in box) if box is not None else None
+    if isinstance(air, tuple) and not min(air) > 0.0:
+        raise ThermidError("conductivity, viscosity and Prandtl number of the air must be above zero.", "air")
     gas = Gas(*air) if isinstance(air, tuple) else air or dry_air((hot + cold) / 2)
     correlations, remarks = _heard(hot, cold, tall, faces, gas)
     for text in remarks:

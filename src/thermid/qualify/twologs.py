@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from thermid.errors import RecordError
@@ -9,9 +10,13 @@ from thermid.measure import Record, read_record
 
 __all__ = ["read_two"]
 
+_METER = re.compile(r"[PQIU](_|\d|\Z)")
+"""How the name of a column begins that holds a power, a heat, a current or a voltage."""
+_TEMPERATURES = ("degC", "°C", "K", "degF")
+
 
 def read_two(measured: Path, simulated: Path, *, accuracy: str = "", time: str | None = None) -> tuple[Record, Record]:
-    """Return the columns that two logs have in common, as temperatures.
+    """Return the temperatures that two logs have in common; a column with another unit, or named as a meter's (``P_ACC``), is none.
 
     Parameters
     ----------
@@ -41,4 +46,5 @@ def _columns(path: Path) -> list[str]:
     from thermid.measure.columns import name_and_unit
     from thermid.measure.textfile import read_bytes, read_cells
 
-    return [name_and_unit(c)[0] for c in read_cells(read_bytes(path), path.name, None).header]
+    named = [name_and_unit(c) for c in read_cells(read_bytes(path), path.name, None).header]
+    return [n for at, (n, u) in enumerate(named) if at == 0 or u in _TEMPERATURES or (u is None and not _METER.match(n))]

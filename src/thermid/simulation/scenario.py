@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -65,7 +66,16 @@ class Scenario:
         for name, slot in (("boundaries", TEMPERATURE), ("loads", "W"), ("commands", "1"), ("prescribed", TEMPERATURE)):
             table = {k: signal(v, slot, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
             object.__setattr__(self, name, table)
+            for key, given in table.items() if slot == TEMPERATURE else ():
+                lowest = given.value if isinstance(given, Constant) else given.values.min() if isinstance(given, Table) else 0.0
+                if lowest < 0.0:
+                    raise ScenarioError(f"{lowest - 273.15:g} degC lies below 0 K.", f"{self.title}, {name}.{key}")
         seconds = literal(self.duration, "s", f"{self.title}, duration") if isinstance(self.duration, str) else float(self.duration)
+        if not math.isfinite(seconds):
+            raise ScenarioError(
+                f"a duration of {seconds:g} s has no end; give how long the run lasts, or ask for a steady state.",
+                f"{self.title}, duration",
+            )
         if seconds < 0:
             raise ScenarioError("a duration below zero has no end.", f"{self.title}, duration")
         object.__setattr__(self, "duration", seconds)
@@ -189,6 +199,9 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
             return surrounded(given, folder, target.name)
         return Scenario(**given)
     except ThermidError as error:
+        key = error.where.removeprefix(f"{given['title']}, ")
+        if key != error.where:  # the scenario names itself; its reader looks for the line
+            raise type(error)(error.message, f"{target.name}:{lines.get(key, 1)}, {key}") from None
         raise error.located(target.name) from None
 
 

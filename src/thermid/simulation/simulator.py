@@ -30,6 +30,7 @@ __all__ = ["Simulator", "network_for", "output_times", "prepare"]
 
 Array = NDArray[np.float64]
 DEFAULT_SAMPLES = 301
+MOST_SAMPLES = 10_000_000
 
 
 def network_for(model: Model, scenario: Scenario) -> Network:
@@ -60,8 +61,13 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
     if every is None:
         return np.linspace(0.0, scenario.seconds, DEFAULT_SAMPLES)
     step = literal(every, "s", f"{scenario.title}, every") if isinstance(every, str) else float(every)
-    if step <= 0:
+    if not step > 0:
         raise ScenarioError("the interval of output must be above zero.", scenario.title)
+    if scenario.seconds / step > MOST_SAMPLES:
+        raise ScenarioError(
+            f"an interval of {step:g} s would store {scenario.seconds / step:.3g} samples, of at most {MOST_SAMPLES:,}. Give a longer one.",
+            scenario.title,
+        )
     grid = np.arange(0.0, scenario.seconds * (1 + 1e-12), step)
     return grid if np.isclose(grid[-1], scenario.seconds) else np.append(grid, scenario.seconds)
 

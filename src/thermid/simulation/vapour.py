@@ -219,4 +219,4 @@ def _pressure(solution: Solution, gas: str, given: Signal) -> Array:
 def _check_humidity(values: Array, whose: str) -> None:
     bad = ~((values >= 0.0) & (values <= 1.0))
     if bad.any():
-        raise ScenarioError(f"{whose} would have a relative humidity of {values[bad][0]:g}; give 0 to 1.")
+        raise ScenarioError(f"{whose} would have a relative humidity of {values[bad][0]:g}; give 0 to 1, or a text such as '60 [%]'.")

@@ -182,7 +182,7 @@ class TestCalibrate:
         (tmp_path / "file").write_text("")
         said = call("calibrate", campaign, "--to", tmp_path / "file", "--json")
         assert said.code == 2
-        assert "'file'" in said.object["message"]
+        assert "file' is a file; the path of a folder is needed" in said.object["message"]
 
     def test_progress_goes_to_standard_error_once_it_takes_long(self, call: Call, campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         import itertools

@@ -193,7 +193,15 @@ REFUSED = [
     (["--vacuum", "--as-printed"], "give one of them"),
     (["--values", "gone.toml"], "there is no values file 'gone.toml'"),
     (["--scenario", "gone.toml"], "there is no file 'gone.toml'"),
-    (["--csv", "no/such/folder/run.csv"], "No such file or directory: 'run.csv'"),
+    (["--csv", "no/such/folder/run.csv"], "'no/such/folder/run.csv' cannot be reached: there is no folder 'no/such/folder'. Make it"),
+    (["--csv", "."], "'.' is a folder; the path of a file is needed"),
+    (["--every", "1e-9 [s]"], "an interval of 1e-09 s would store 3.6e+12 samples, of at most 10,000,000"),
+    (["--for", "inf [h]"], "a duration of inf s has no end"),
+    (["--boundary", "air=-300"], "command line, boundaries.air: -300 degC lies below 0 K"),
+    (["--boundary", "air=22,5"], "numbers have a decimal point here, '22.5'"),
+    (["--boundary", "air=22 C"], "Write a number with its unit, '22 [degC]'"),
+    (["--boundary", "air=22 [Celsius]"], "'[Celsius]' is no unit that is known here. Write [degC]"),
+    (["--param", "area=0.005"], 'a plain number; an area [m^2] is needed here. Write its unit with it: "2.5 [m^2]"'),
     (["--bogus"], "No such option: --bogus"),
     (["--for"], "'--for' requires an argument"),
 ]
@@ -205,7 +213,7 @@ def test_refusals(call: Call, accelerometer: Path, options: list[str], words: st
     said = call(*start, "--json", *options)
     assert (said.code, said.err) == (2, "")
     assert set(said.object) == {"schema", "status", "message", "where"}
-    assert words in said.object["message"]
+    assert words in ": ".join(filter(None, (said.object["where"], said.object["message"])))
     plain = call(*start, *options)
     assert (plain.code, plain.out) == (2, "")
     assert words in " ".join(plain.err.replace("│", " ").split())
@@ -250,3 +258,62 @@ def test_as_flown_leaves_out_what_is_for_the_test_only(call: Call, tmp_path: Pat
     bench, flown = (call(*run, *more).object["nodes"]["box"]["final_C"] for more in ([], ["--as-flown"]))
     assert flown == pytest.approx(30.0, abs=1e-3)
     assert bench < 29.6
+
+
+def test_intervals_may_be_plain_seconds(call: Call, accelerometer: Path, tmp_path: Path) -> None:
+    call("simulate", accelerometer, "--boundary", "air=24", "--for", "60", "--every", "20", "--csv", tmp_path / "run.csv")
+    times = [line.partition(",")[0] for line in (tmp_path / "run.csv").read_text().splitlines() if line[:1].isdigit()]
+    assert [float(t) for t in times] == [0.0, 20.0, 40.0, 60.0]
+
+
+def test_a_room_that_looks_like_kelvin_is_remarked(call: Call, accelerometer: Path) -> None:
+    said = call("simulate", accelerometer, "--boundary", "air=297.15", "--for", "60")
+    assert said.code == 0
+    assert said.err == "note: air=297.15 is read in degC; in kelvin it is written 'air=297.15 [K]'.\n"
+    for plain in ("air=24", "air=297.15 [K]", "air=250 [degC]"):
+        assert call("simulate", accelerometer, "--boundary", plain, "--for", "60").err == ""
+
+
+def test_version_and_short_help(call: Call) -> None:
+    from importlib.metadata import version
+
+    assert call("--version").out == f"thermid {version('thermid')}\n"
+    assert call("-h").out == call("--help").out
+    assert call("check", "-h").code == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "duration = '2 [h]'\nboundaries = { air = '20 [degC]' }\n",
+            "this is a scenario, not a deck. It is laid over a deck with --scenario",
+        ),
+        ("[limits.a]\n[[tests]]\n", "this is a qualification plan, not a deck. `thermid plan` reads it"),
+        ("needs = [air]\n", "other.toml: this is no TOML: Invalid value (at line 1, column 10). Texts stand in quotes"),
+    ],
+)
+def test_another_file_than_a_deck(call: Call, tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "other.toml").write_text(text)
+    said = call("check", tmp_path / "other.toml")
+    assert said.code == 2
+    assert words in said.err
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("duration = '2 h'", "cold.toml:1, duration: '2 h' cannot be read"),
+        ("duration = '2 [h]'\nboundaries = { air = '20 [W]' }", "boundaries.air: '[W]' is a power"),
+        (
+            "title = 'x'\n[boundaries.air]\ntimes = ['1 [h]', '0 [h]']\nvalues = ['1 [degC]', '2 [degC]']",
+            "cold.toml:2, boundaries.air: times",
+        ),
+    ],
+)
+def test_a_scenario_file_is_named_with_its_line(call: Call, accelerometer: Path, tmp_path: Path, line: str, words: str) -> None:
+    (tmp_path / "cold.toml").write_text(f"{line}\n")
+    said = call("simulate", accelerometer, "--scenario", tmp_path / "cold.toml")
+    assert said.code == 2
+    assert said.err.startswith("error: cold.toml:")
+    assert words in said.err

@@ -250,3 +250,32 @@ def test_damaged_gzip(log):
     whole = gzip.compress(b"t,T1\n0,20\n1,21\n" * 50)
     with pytest.raises(RecordError, match="the gzip file is damaged or cut short"):
         read_record(log(whole[: len(whole) // 2]), ANY)
+
+
+def test_readings_that_look_like_kelvin(log):
+    path = log("t,T1\n0,295.1\n1,\n2,301\n")
+    with pytest.raises(
+        RecordError, match=r"bench.csv, column 'T1': its readings, 295.1 .. 301.0, look like kelvin, .* unit = \"K\" of the channel"
+    ):
+        read_record(path, {"T1": {"node": "a"}})
+    assert read_record(path, {"T1": {"node": "a", "unit": "K"}})["T1"].values[0] == pytest.approx(295.1)
+    assert read_record(path, {"T1": {"node": "a"}}, units={"T1": "degC"})["T1"].values[0] == pytest.approx(295.1 + 273.15)
+    assert read_record(log("t,T1\n0,20\n1,301\n"), {"T1": {"node": "a"}})["T1"].values[1] == pytest.approx(301 + 273.15)
+
+
+def test_times_that_look_like_days_of_a_spreadsheet(log):
+    path = log("t,T1\n46083.375,20\n46083.3754,21\n46083.3758,22\n")
+    with pytest.raises(
+        RecordError, match=r"bench.csv:2, column 't': 46083.4 looks like a spreadsheet's day \(2026-03-02 09:00\).*'t \[d\]'"
+    ):
+        read_record(path, {"T1": {"node": "a"}})
+    assert read_record(path, {"T1": {"node": "a"}}, units={"t": "d"}).times[-1] - 46083.375 * 86400 == pytest.approx(69.12, abs=1e-3)
+    assert read_record(path, {"T1": {"node": "a"}}, units={"t": "s"}).times[-1] == 46083.3758
+    assert read_record(log("t,T1\n46083,20\n46093,21\n"), {"T1": {"node": "a"}}).times[0] == 46083.0
+
+
+def test_commas_as_separator_and_as_decimal_sign(log):
+    with pytest.raises(
+        RecordError, match=r"bench.csv:2: 4 columns stand in this line, 2 in the header. Commas seem to be the decimal sign too"
+    ):
+        read_record(log("t,T1\n0,0,20,5\n1,0,21,5\n2,0,22,5\n"), {"T1": {"node": "a"}})

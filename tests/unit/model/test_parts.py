@@ -125,7 +125,10 @@ def test_flight_model_drops_what_belongs_to_the_test(part: Build, pair: Build) -
 
 def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
     model = bench(part, test_only=False)
-    with pytest.raises(NameNotFoundError, match="no node 'probe'"):
+    with pytest.raises(
+        NameNotFoundError,
+        match=r"no node 'probe'\. Write it under nodes, or, where it is supplied from outside, into needs = \[\"probe\"\]",
+    ):
         flatten(model.without_test_only())
     assert any("Mark what hangs on them test_only too" in line for line in said(model, "warning"))
 
@@ -182,6 +185,10 @@ def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
         (
             {"conductors/c": {"kind": "radiation", "between": ["case", "air"], "emissivity": -0.1, "area": "1 [cm^2]"}},
             "error: Box, conductors.c.emissivity: an emissivity of -0.1 does not exist; give 0 to 1.",
+        ),
+        (
+            {"conductors/c": {"kind": "radiation", "between": ["case", "air"], "exchange_factor": 34, "area": "1 [cm^2]"}},
+            "warning: Box, conductors.c.exchange_factor: an exchange factor of 34 is above 1, that of a black surface.",
         ),
         (
             {"surfaces/skin/htc": {"coefficient": "1.4 [W/(m^2 K)]", "exponent": 1.25}},
