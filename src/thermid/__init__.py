@@ -123,15 +123,15 @@ if TYPE_CHECKING:
     from thermid.qualify.plan import load_plan as load_plan
     from thermid.qualify.profile_run import ProfileRun as ProfileRun
     from thermid.qualify.profiles import ThermalProfile as ThermalProfile
-    from thermid.qualify.profiles import load_profile as load_profile
-    from thermid.qualify.profiles import profile_names as profile_names
-    from thermid.qualify.profiles import profile_of as profile_of
     from thermid.qualify.programme import Qualification as Qualification
     from thermid.qualify.programme import run_plan as run_plan
     from thermid.qualify.reduce import Reduction as Reduction
     from thermid.qualify.reduce import reduce as reduce
     from thermid.qualify.stabilisation import Stability as Stability
     from thermid.qualify.stabilisation import stability as stability
+    from thermid.qualify.standards import load_profile as load_profile
+    from thermid.qualify.standards import profile_names as profile_names
+    from thermid.qualify.standards import profile_of as profile_of
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.page import report as report
@@ -263,9 +263,9 @@ _PUBLIC = {
     "Study": "identify.study",
     "macro_model": "qualify.macro",
     "assumed": "qualify.macro",
-    "profile_of": "qualify.profiles",
-    "load_profile": "qualify.profiles",
-    "profile_names": "qualify.profiles",
+    "profile_of": "qualify.standards",
+    "load_profile": "qualify.standards",
+    "profile_names": "qualify.standards",
     "ThermalProfile": "qualify.profiles",
     "run_profile": "qualify.conduct",
     "ProfileRun": "qualify.profile_run",

@@ -29,7 +29,7 @@ from thermid.qualify import plan_schema
 from thermid.qualify.criteria import KEYS as CRITERIA_KEYS
 from thermid.qualify.limits import KEYS as LIMIT_KEYS
 from thermid.qualify.number import SLOTS, WORDS
-from thermid.qualify.profiles import KEYS
+from thermid.qualify.standards import KEYS
 from thermid.qualify.steps import STEP_KEYS
 from thermid.simulation import pad, surroundings
 from thermid.units import TEMPERATURE

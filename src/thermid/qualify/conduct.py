@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import ScenarioError, nearest
+from thermid.errors import ScenarioError
 from thermid.measure.stability import StabilityRule, rule_of
 from thermid.model.model import Model
-from thermid.model.signal import Constant, literal
+from thermid.model.signal import literal
+from thermid.qualify.benches import bench_of, node_of, watched
 from thermid.qualify.humid import humid
-from thermid.qualify.legs import Bench, Conditions, Leg, Plan, memory_of
+from thermid.qualify.legs import Bench, Conditions, Leg, Plan
 from thermid.qualify.profile_run import Phase, ProfileRun
 from thermid.qualify.profiles import ThermalProfile
 from thermid.qualify.remarks import ordered
@@ -22,7 +23,6 @@ from thermid.qualify.steps import Step
 from thermid.qualify.waiting import Wanted, wait
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
-from thermid.simulation.simulator import network_for
 from thermid.simulation.transient import simulate
 
 if TYPE_CHECKING:
@@ -80,8 +80,8 @@ def run_profile(
     if values:
         model = model.with_values(values, profile.title)
     limit = float("inf") if chamber_ramp is None else _rate(chamber_ramp)
-    bench, start = _bench(model, profile, chamber, equipment, scenario or Scenario(profile.title), options or Options())
-    course = _Course(bench, profile, start, _nodes(bench, watch), base and _node(bench, base), limit)
+    bench, start = bench_of(model, profile, chamber, equipment, scenario or Scenario(profile.title), options or Options())
+    course = _Course(bench, profile, start, watched(bench, watch), base and node_of(bench, base), limit)
     for k, step in enumerate(profile.steps, 1):
         course.do(step)
         if told is not None:
@@ -95,74 +95,6 @@ def _rate(given: str | float) -> float:
     if found <= 0.0:
         raise ScenarioError("a chamber that cannot change its temperature runs no profile.", "chamber_ramp")
     return found
-
-
-def _bench(
-    model: Model,
-    profile: ThermalProfile,
-    chamber: str | Sequence[str],
-    equipment: Sequence[str] | None,
-    base: Scenario,
-    options: Options,
-) -> tuple[Bench, Conditions]:
-    """Return the model in its chamber, and the conditions at the start."""
-    network = network_for(model, replace(base, environment={}))
-    asked = (chamber,) if isinstance(chamber, str) else tuple(chamber)
-    if not asked and len(network.boundaries) != 1:
-        raise ScenarioError(f"say which boundaries are the chamber: chamber = ... out of {', '.join(network.boundaries)}.", profile.title)
-    names = tuple(model.canonical(n) for n in asked) or network.boundaries
-    for name in names:
-        if name not in network.boundaries:
-            raise ScenarioError(f"'{name}' is no boundary.{nearest(name, network.boundaries)}", f"{profile.title}, chamber")
-    free = [b for b in network.boundaries if b not in names and b not in {model.canonical(k) for k in base.boundaries}]
-    if free:
-        raise ScenarioError(
-            f"boundary '{free[0]}' is not the chamber and has no temperature. Name it in chamber, or give it one in the scenario.",
-            profile.title,
-        )
-    loads = {load.path: load for load in network.flat.loads}
-    switched = tuple(model.canonical(n) for n in equipment) if equipment is not None else ()
-    for name in switched:
-        if name not in loads:
-            raise ScenarioError(f"there is no load '{name}' to switch.{nearest(name, loads)}", f"{profile.title}, equipment")
-    if equipment is None:
-        controlled = ("thermostat", "proportional")
-        switched = tuple(p for p, load in loads.items() if not any(f.startswith(controlled) for f in load.fields))
-    ambient = profile.value("ambient")
-    others = {k: v for k, v in base.boundaries.items() if model.canonical(k) not in names}
-    steps = profile.steps
-    thin = any(s.pressure is not None for s in steps)
-    kept = replace(
-        base,
-        boundaries=others,
-        loads={model.canonical(k): v for k, v in base.loads.items()},
-        commands={model.canonical(k): v for k, v in base.commands.items()},
-        start=base.start if base.start != "" else ambient,
-    )
-    gases = tuple(n for n in names if n in base.environment) or (("*",) if thin else ())
-    bench = Bench(model, kept, names, switched, gases, profile.ground, options, memory_of(model, kept_with(kept, names, ambient)))
-    humid = profile.value("humidity") if profile.has("humidity") else None
-    first = next((s.power for s in steps if s.power is not None), True)
-    return bench, Conditions(ambient, bool(first), profile.ground if thin else None, humid)
-
-
-def kept_with(base: Scenario, chamber: tuple[str, ...], kelvin: float) -> Scenario:
-    """Return a scenario with the chamber at a temperature."""
-    return base.with_(boundaries={name: Constant(kelvin) for name in chamber})
-
-
-def _node(bench: Bench, name: str) -> str:
-    network = network_for(bench.model, bench.base)
-    return network.find(name)
-
-
-def _nodes(bench: Bench, watch: Sequence[str]) -> tuple[str, ...]:
-    """Return the nodes that must be stable."""
-    network = network_for(bench.model, bench.base)
-    if watch:
-        return tuple(network.find(n) for n in watch)
-    capacities = network.numbers().capacitances
-    return tuple(n for n in network.nodes if capacities.get(n) is not None)
 
 
 class _Course:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError, ScenarioError, nearest
+from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.identify.compare import compare
 from thermid.measure import Record, read_record
-from thermid.measure.stability import rule_of
 from thermid.model.flat import flatten
 from thermid.model.modelfile import resolve_inside
 from thermid.model.signal import literal
@@ -27,9 +26,10 @@ from thermid.qualify.limit_checks import LimitCheck, check_limits, check_reading
 from thermid.qualify.limits import Limits
 from thermid.qualify.plan import Plan
 from thermid.qualify.profile_run import ProfileRun
-from thermid.qualify.profiles import ThermalProfile, profile_from
+from thermid.qualify.profiles import ThermalProfile
 from thermid.qualify.run_remarks import in_short
-from thermid.qualify.stabilisation import Stability, stability
+from thermid.qualify.settled import dwells, settled_by, unsettled
+from thermid.qualify.standards import profile_from
 from thermid.qualify.trial import Trial
 from thermid.simulation.scenario import Scenario, load_scenario
 
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
 __all__ = ["sensors_of", "tried"]
 
-LONG = 3600.0
-"""Stays of at least so long end settled. [s]"""
 STORED = 6000
 """At most so many stored times of a run: two minutes over eight days."""
 ENVIRONMENTAL = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")
@@ -157,7 +155,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     assert log is not None
     record = _record(plan, test, log.file, sensors, log.boundaries, log.loads)
     windows = [(literal(a, "s", f"{test.name}, steady"), literal(b, "s", f"{test.name}, steady")) for a, b in test.steady]
-    windows = windows or _dwells(trial, [n for n, _ in sensors.values()], record.duration)
+    windows = windows or dwells(trial, [n for n, _ in sensors.values()], record.duration)
     told: Calibration | None = None
     if log.simulated:
         other = _record(plan, test, log.simulated, sensors, {}, {})
@@ -178,7 +176,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     )
     diagnosis = diagnose(told) if told is not None and found.failed and len({o.sensor for o in seen}) > 1 else None
     counted = [o for o in seen if o.sensor not in left_out.reasons]
-    settled, unsure = _settled(trial, record, windows, [o.sensor for o in counted])
+    settled, unsure = settled_by(trial, record, windows, [o.sensor for o in counted])
     steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
     made = record.origin
     return replace(
@@ -189,7 +187,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         log_sha256=made.sha256,
         synthetic=made.synthetic,
         checks=(*trial.checks, *_measured(trial, counted, sensors)),
-        doubts=(*_doubts(trial, record, counted, windows), *(_unsettled(settled) if steady else ())),
+        doubts=(*_doubts(trial, record, counted, windows), *(unsettled(settled) if steady else ())),
         remarks=(*trial.remarks, *_state_remarks(test), *exchanged(counted), *unsure),
         settled=settled,
         as_logged={c: _ends(record, c) for c in log.boundaries},
@@ -230,60 +228,6 @@ def _doubts(trial: Trial, record: Record, counted: Sequence[Overlay], windows: S
         if missing and not log.simulated:
             listed = ", ".join(f"'{n}'" for n in missing)
             yield f"no column of the log gives {listed}: that its levels were applied is not measured"
-
-
-def _settled(
-    trial: Trial, record: Record, windows: Sequence[tuple[float, float]], sensors: Sequence[str]
-) -> tuple[tuple[Stability, ...], tuple[str, ...]]:
-    """Return what the readings say about every settled stretch by the test's rule, and where they say nothing."""
-    out: list[Stability] = []
-    unsure: dict[str, list[str]] = {}
-    for begin, end in windows if sensors else ():
-        try:
-            found = stability(record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.known.at)
-        except RecordError as error:
-            unsure.setdefault(f"that it is settled cannot be told: {error}", []).append(_span(begin, end))
-            continue
-        out.append(found)
-        if found.verdict == "cannot tell":
-            unsure.setdefault(f"the readings cannot tell whether '{found.rule.name}' holds at {found.slowest}", []).append(
-                _span(begin, end)
-            )
-    more = {why: f" and {len(spans) - 1} more" if len(spans) > 1 else "" for why, spans in unsure.items()}
-    return tuple(out), tuple(f"{spans[0]}{more[why]}: {why}" for why, spans in unsure.items())
-
-
-def _unsettled(settled: Sequence[Stability]) -> Iterator[str]:
-    """Yield the stretches that count as settled and are not."""
-    for s in settled:
-        worst = s.channels[s.slowest]
-        if s.verdict == "not stable" and s.decides and s.stored is not None:
-            yield f"{_span(worst.start, worst.end)} counts as settled and is not: {s.stored} by '{s.rule.name}' [{s.rule.mark}]"
-        elif s.verdict == "not stable" and s.decides:
-            yield (
-                f"{_span(worst.start, worst.end)} counts as settled and is not: {s.slowest} drifts by {3600.0 * worst.rate:+.2f} K/h, "
-                f"the rule is '{s.rule.name}' [{s.rule.mark}]"
-            )
-
-
-def _span(begin: float, end: float) -> str:
-    return f"the stretch {begin / 3600.0:.4g} .. {end / 3600.0:.4g} h"
-
-
-def _dwells(trial: Trial, nodes: Sequence[str], end: float) -> list[tuple[float, float]]:
-    """Return the last part of every long stay of a course in which its unit is expected to be settled; a log must have followed it.
-
-    Stays that nothing waited for, such as those of humidity tests, may begin and end while the unit still drifts: those are left out.
-    """
-    rule, run = rule_of(trial.test.stable), trial.foresight.solution
-    stays = [p for p in trial.course.phases if p.kind == "stay" and p.duration >= LONG] if trial.course is not None else []
-    out = []
-    for p in (p for p in stays if p.end <= end):
-        window = (p.end - max(0.25 * p.duration, 0.5 * LONG), p.end)
-        drift = max(abs(float(run[n].at(window[1]) - run[n].at(window[0]))) for n in nodes) / (window[1] - window[0])
-        if rule.stored or drift <= rule.rate:
-            out.append(window)
-    return out
 
 
 def _without(scenario: Scenario, boundaries: Any, loads: Any) -> Scenario:
