@@ -176,6 +176,7 @@ def test_a_silent_board_is_marked(tmp_path: Path) -> None:
     now = [0.0]
     board = Board(lambda t, d: [20.0], 1)
     board.hear = lambda text: None
+    board.take()  # not even what it is
     with Terminal(board, speed=0.0) as terminal:
         log = Logger(tmp_path / "b.log", lambda: terminal.port, sync=False, clock=lambda: now[0], wall=lambda: 1e9 + now[0])
         for _ in range(20):
