@@ -149,6 +149,7 @@ def test_the_heater_is_off_two_seconds_after_the_limit(run: Run) -> None:
         return [20.0, hot, 20.0]
 
     board = run(rising, {}, 18.0, Programme((0.0,), ((700, 0),)), limit=70.0, interval=30.0)
+    print(f"off {off_after(board, crossed[0]):.2f} s after the limit")
     assert 0.0 < off_after(board, crossed[0]) <= 2.0
     assert "overtemp" in marks(run.path)
     assert max(first for _, first, _ in board.history) == pytest.approx(0.7, abs=0.01)
@@ -169,6 +170,7 @@ def test_the_heater_is_off_when_the_host_falls_silent(tools: Path, tmp_path: Pat
         log.store.close()
     told = [line for line in (tmp_path / "b.log").read_text().splitlines() if ",silent*" in line]
     assert len(told) == 1
+    print(f"off {off_after(board, heard):.2f} s after the host's last word but one, silence set to 2 s")
     assert off_after(board, heard) <= 4.0  # 2 s of silence, after the command that set them
     assert board.history[-1][1] == 0.0
 

@@ -31,6 +31,17 @@ def test_a_step_test_without_hardware(call: Call, tmp_path: Path) -> None:
     assert record["heater1"].values[record["heater1"].valid].max() == 0.5
 
 
+def test_what_was_too_hot_is_heated_again_only_if_somebody_says_so(call: Call, tmp_path: Path) -> None:
+    (tmp_path / "step.toml").write_text('end = "25 [s]"\nsteps = [{ at = "2 [s]", heater1 = "100 [%]" }]\n')
+    asked = ("log", tmp_path / "bench.log", "--simulate", "--programme", tmp_path / "step.toml")
+    assert "Marks: overtemp 1." in call(*asked, "--limit", "21.5 [degC]").out
+    said = call(*asked)
+    assert said.code == 2
+    assert f"heaters 1 and 2 off: over-temperature of {made_up_rom(0)}, " in said.err
+    assert "--clear-latch" in said.err
+    assert "cleared 1" in call(*asked, "--clear-latch").out
+
+
 @pytest.mark.parametrize(
     ("options", "word"),
     [
