@@ -192,6 +192,7 @@ def test_a_narrow_window_needs_no_sideways_scrolling(shown: Page) -> None:
         assert shown.run("return document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.campaign
 def test_a_studio_that_was_ended_is_said_in_words(folder: Path) -> None:
     needed()
     with contextlib.ExitStack() as running:
@@ -206,6 +207,7 @@ def test_a_studio_that_was_ended_is_said_in_words(folder: Path) -> None:
             shown.close()
 
 
+@pytest.mark.campaign
 def test_a_deck_with_an_error_is_said_at_its_stage(folder: Path, tmp_path: Path) -> None:
     for name in ("02_stack", "04_campaign"):
         shutil.copytree(folder.parent / name, tmp_path / name, ignore=shutil.ignore_patterns("results"))

@@ -128,6 +128,7 @@ def test_a_long_run_is_stopped(shown: Page) -> None:
     shown.clean()
 
 
+@pytest.mark.campaign
 def test_a_humidity_course_is_stopped_in_its_balance(shown: Page) -> None:
     """All steps are done and the vapour is being balanced: the longest part, and it ends at the next pass."""
     shown.run(CHOOSE, "MIL-STD-810H humidity aggravated")

@@ -228,3 +228,23 @@ def test_report_is_public() -> None:
 
     found: Any = thermid.report
     assert found is report
+
+
+@pytest.mark.parametrize(
+    ("written", "printed"),
+    [
+        ("Their 6010 samples are worth 5.6e+02 independent ones", "Their 6010 samples are worth 560 independent ones"),
+        ("1.414e+04 W, up to 1.7e+02 g/m^2", "14140 W, up to 170 g/m²"),
+        ("what does not add up: 3.9e-12 of it", "what does not add up: 3.9·10⁻¹² of it"),
+        ("9.81 [m/s^2], 22 [degC] .. 50 [degC], ± 0.1 [K], 40 [1]", "9.81 m/s², 22 °C .. 50 °C, ± 0.1 K, 40"),
+        ("0 [read], -40 [project]", "0 (read), -40 (project)"),
+        ("goal of +-3 C, within +- 2 K", "goal of ± 3 C, within ± 2 K"),
+        ("-0.00 K, -0.004, 1-0.0", "0.00 K, -0.004, 1-0.0"),
+        ("61e6c3878e9265 log1e-2.csv [set] T1 [degC] 20 (95/95)^1.4", "61e6c3878e9265 log1e-2.csv [set] T1 [°C] 20 (95/95)^1.4"),
+    ],
+)
+def test_words_of_terminals_are_printed_as_a_page_does(written: str, printed: str) -> None:
+    from thermid.reporting.cells import typeset
+
+    assert typeset(written) == printed
+    assert typeset(printed) == printed
