@@ -52,6 +52,7 @@ def freed(model: Model, free: Sequence[str], freeze: Sequence[str], where: str, 
     NameNotFoundError       When a glob matches no parameter that can be freed.
     IdentificationError     When `freeze` takes nothing off.
     """
+    free = [free] if isinstance(free, str) else free  # one name, and not its letters
     if not freeze and not any(map(is_glob, free)):
         return list(free), set()
     values = ParameterSet(model)

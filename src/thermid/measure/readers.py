@@ -67,6 +67,11 @@ def read_record(
     Samples of one stamp are averaged; of a power or command the last one holds. Empty cells, NaN, NA, N/A and null are masked as
     'not a number'.
     """
+    if not isinstance(path, str | Path):
+        raise RecordError(
+            f"a {type(path).__name__} is no file; Record.from_arrays takes columns that are in memory, temperatures in kelvin.",
+            "read_record",
+        )
     data = read_bytes(Path(path))
     cells = bench_cells(data, Path(path).name) if is_bench_log(data) else read_cells(data, Path(path).name, separator)
     at = _time_column(cells, time)

@@ -91,6 +91,12 @@ class Model:
     file: str = field(default="", compare=False)
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
 
+    def __str__(self) -> str:
+        """One line: what it is made of and what it needs."""
+        counts = ((getattr(self, name), name) for name in ("submodels", "nodes", "conductors", "surfaces", "joints", "loads"))
+        made = ", ".join(f"{len(table)} {name if len(table) != 1 else name[:-1]}" for table, name in counts if table)
+        return f"{self.title}: {made or 'empty'}; needs {', '.join(self.needs) or 'nothing'}"
+
     def where(self, key: str) -> str:
         """Return file, line and key path, for messages."""
         steps = key.split(".")

@@ -63,6 +63,11 @@ class Trace:
         """Temperature at times within the run, straight lines between stored times. [degC]"""
         return np.asarray(np.interp(time, self.times, self.celsius))
 
+    def __str__(self) -> str:
+        """One line: end, span and how many times."""
+        low, high = self.celsius.min(), self.highest
+        return f"{self.path}: {self.final:.3f} degC at {self.times[-1]:g} s, {low:.3f} .. {high:.3f} degC at {self.times.size} times"
+
     def crossing(self, limit: float) -> float | None:
         """Return the first time at which the node is above a limit [degC], or None. [s]"""
         above = self.celsius > limit

@@ -32,6 +32,9 @@ class TestGlobs:
         free, frozen = freed(stack, ["b.power", "?.power"], [], "here")
         assert (free, frozen) == (["b.power", "a.power"], set())
 
+    def test_one_name_need_not_stand_in_a_list(self, stack: Model) -> None:
+        assert freed(stack, "b.power", [], "here")[0] == ["b.power"]
+
     def test_an_alias_before_the_star(self, stack: Model) -> None:
         assert freed(stack, ["first.*.mass"], [], "here")[0] == ["a.case.mass"]
 

@@ -279,3 +279,10 @@ def test_commas_as_separator_and_as_decimal_sign(log):
         RecordError, match=r"bench.csv:2: 4 columns stand in this line, 2 in the header. Commas seem to be the decimal sign too"
     ):
         read_record(log("t,T1\n0,0,20,5\n1,0,21,5\n2,0,22,5\n"), {"T1": {"node": "a"}})
+
+
+def test_a_table_in_memory_is_no_log():
+    with pytest.raises(
+        RecordError, match=r"a dict is no file; Record.from_arrays takes columns that are in memory, temperatures in kelvin"
+    ):
+        read_record({"T1": [20.0, 21.0]}, {"T1": {"node": "a"}})

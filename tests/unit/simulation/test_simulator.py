@@ -88,3 +88,10 @@ def test_a_network_of_massless_nodes_alone_can_be_run() -> None:
     divider = td.model_from_dict({"title": "divider", "needs": ["warm", "cool"], "nodes": {"tap": {}}, "conductors": links})
     scenario = td.Scenario("held", boundaries={"warm": "40 [degC]", "cool": "20 [degC]"}, start="warm", duration="1 [min]")
     assert td.simulate(divider, scenario)["tap"].celsius == pytest.approx(35.0, abs=1e-9)
+
+
+def test_models_and_traces_print_as_one_line() -> None:
+    model = td.model_from_dict(DECK)
+    assert str(model) == "pair: 3 nodes, 3 conductors, 1 surface, 1 load; needs room"
+    trace = td.simulate(model, ROOM)["room"]
+    assert str(trace) == "room: 20.000 degC at 3600 s, 20.000 .. 20.000 degC at 301 times"
