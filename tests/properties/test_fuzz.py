@@ -47,6 +47,21 @@ def test_the_oracles_agree_with_each_other() -> None:
     assert np.abs(exact.solve(chain(), times) - crooked.solve(chain(), times)).max() < 1e-6
 
 
+@pytest.mark.campaign
+def test_a_massless_node_may_rest_in_any_stable_balance() -> None:
+    """Seed 60022: a conductance that falls with temperature leaves 373.8 and 430.5 K, both stable; 416.6 K is a balance that is not."""
+    case = draw(60022)
+    knows, real = truth(case)
+    assert real is not None
+    found = CONTESTANTS["kernel"](case)
+    assert found.traces is not None
+    assert abs(float(found.traces.reshape(real.shape)[2, 4]) - real[2, 4]) > 50.0
+    assert not _fault(case, "kernel", found, knows, real)
+    wrong = found.traces.reshape(real.shape).copy()
+    wrong[2, 4] = 416.6
+    assert "K off" in _fault(case, "kernel", Outcome("OK", wrong), knows, real)
+
+
 def test_the_judge_sees_wrong_answers() -> None:
     case = draw(list(FAMILIES).index("repeated"))
     knows, real = truth(case)
