@@ -67,12 +67,7 @@ def read_record(
     Samples of one stamp are averaged; of a power or command the last one holds. Empty cells, NaN, NA, N/A and null are masked as
     'not a number'.
     """
-    if not isinstance(path, str | Path):
-        raise RecordError(
-            f"a {type(path).__name__} is no file; Record.from_arrays takes columns that are in memory, temperatures in kelvin.",
-            "read_record",
-        )
-    data = read_bytes(Path(path))
+    data = read_bytes(_path(path))
     cells = bench_cells(data, Path(path).name) if is_bench_log(data) else read_cells(data, Path(path).name, separator)
     at = _time_column(cells, time)
     time_name, time_unit = name_and_unit(cells.header[at])
@@ -106,6 +101,16 @@ def read_record(
         except RecordError as error:
             raise RecordError(error.message, cells.where(None, each.column)) from None
     return Record(name or stem.rpartition(".")[0] or stem, times, {each.name: each for each in made}, origin, tuple(notes))
+
+
+def _path(path: str | Path) -> Path:
+    """Return the path, and refuse what is in memory."""
+    if not isinstance(path, str | Path):
+        raise RecordError(
+            f"a {type(path).__name__} is no file; Record.from_arrays takes columns that are in memory, temperatures in kelvin.",
+            "read_record",
+        )
+    return Path(path)
 
 
 def temperature_columns(path: str | Path) -> list[str]:
