@@ -25,7 +25,7 @@ def function_lengths(module: Module) -> dict[str, int]:
 
 def test_modules(modules: dict[str, Module]) -> None:
     rows = {module.name: len(module.text.splitlines()) for module in modules.values()}
-    kernel = [path for path in (SOURCE / "kernel").iterdir() if path.suffix in {".cpp", ".hpp"}]
+    kernel = [path for path in (SOURCE / "kernel").iterdir() if path.suffix in {".cpp", ".hpp", ".inc"}]
     rows |= {f"kernel/{path.name}": len(path.read_text(encoding="utf-8").splitlines()) for path in kernel}
     assert kernel
     report = table(rows, MODULE_GUIDE, MODULE_LIMIT)
