@@ -96,10 +96,8 @@ def _held(part: str, stage: str, values: FittedValues) -> list[str]:
     if not unsure:
         return []
     what = "the model" if part == "." else f"'{part}'"
-    return [
-        f"{len(unsure)} values of {what} are held as stage '{stage}' found them; the errors here leave theirs out. Hand them on with "
-        'as = "prior" to count them.'
-    ]
+    some = f"1 value of {what} is" if len(unsure) == 1 else f"{len(unsure)} values of {what} are"
+    return [f"{some} held as found by stage '{stage}'; the errors here leave that out. Hand on with as = \"prior\" to count it."]
 
 
 def _frozen(values: FittedValues, frozen: set[str]) -> list[str]:

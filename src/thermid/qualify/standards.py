@@ -68,8 +68,10 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
     if not name and len(known) == 1:
         (name,) = known
     if name not in known:
-        given = f"'{name}'" if name else "of no name"
-        raise ScenarioError(f"{data['standard']} has no profile {given}; it has {', '.join(known)}.{nearest(name, known)}", "profile")
+        have = ", ".join(f"'{k}'" for k in known)
+        if not name:
+            raise ScenarioError(f"{data['standard']} has several profiles; name one: {have}.", "profile")
+        raise ScenarioError(f"{data['standard']} has no profile '{name}'; it has {have}.{nearest(name, known)}", "profile")
     own = known[name]
     base = known[own["like"]] if "like" in own else {}
     levels = own.get("levels", {})
