@@ -21,8 +21,14 @@ def samples(draw: st.DrawFn) -> tuple[list[Decimal], list[list[Decimal | None]]]
     start = draw(st.decimals(Decimal(-5), Decimal(5), places=2))
     times = [start + sum(steps[:n], Decimal(0)) for n in range(len(steps))]
     column = st.lists(st.one_of(DIGITS, DIGITS, st.none()), min_size=len(times), max_size=len(times))
-    columns = draw(st.lists(column.filter(lambda cells: any(cell is not None for cell in cells)), min_size=1, max_size=3))
+    columns = draw(st.lists(column.filter(_read_in_degrees), min_size=1, max_size=3))
     return times, columns
+
+
+def _read_in_degrees(cells: list[Decimal | None]) -> bool:
+    """Whether a column without a unit is read in degC: one that would be usual in kelvin is refused."""
+    known = [cell for cell in cells if cell is not None]
+    return bool(known) and not (min(known) >= 223 and max(known) <= 400)
 
 
 @st.composite
