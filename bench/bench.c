@@ -321,17 +321,16 @@ static void begin_timers(void) {
     avr_cycle_timer_register(avr, step - (before_reset + avr->cycle) % step, step_done, NULL);
 }
 
-// A reset, by the button here or by the firmware's own watchdog, forgets every timer of the simulator.
+// A reset, by the button here or by the firmware's own watchdog, forgets every timer of the simulator and begins its cycles anew: that they
+// go back is its sign. An overdue timer looks as one that was forgotten, and a step too many warms what the sensors feel.
 static void look_for_reset(void) {
-    if (avr->cycle > seen) seen = avr->cycle;
     if (restart_wanted) {
         restart_wanted = false;
         avr_reset(avr);
         avr->data[R_MCUSR] |= 2;
     }
-    if (avr_cycle_timer_status(avr, step_done, NULL)) return;
-    before_reset += seen;
-    seen = 0;
+    before_reset += seen - avr->cycle;
+    seen = avr->cycle;
     begin_timers();
     uart_ready = true;
     master_low = false;
@@ -443,12 +442,13 @@ int main(int argc, char **argv) {
 
     step = (avr_cycle_count_t)step_ms * CYCLES_MS;
     begin_timers();
-    for (unsigned k = 1;; k++) {
+    for (;;) {
         int state = avr_run(avr);
         if (state == cpu_Done || state == cpu_Crashed) {
             fprintf(stderr, "the firmware ended\n");
             return 1;
         }
-        if (restart_wanted || k % 4096 == 0) look_for_reset();
+        if (restart_wanted || avr->cycle < seen) look_for_reset();
+        seen = avr->cycle;
     }
 }

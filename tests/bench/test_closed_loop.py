@@ -41,3 +41,7 @@ def test_three_planted_values_are_found_in_five_hours(example: ModuleType, tmp_p
         planted, value = float(text.partition(" ")[0]), found[name]
         assert abs(value.in_unit - planted) < 3.0 * value.error, name
         assert value.error < 0.02 * planted
+    record = td.read_record(path, {"room": {"boundary": "room"}})
+    room = record["room"]
+    # the simulator's time is the board's, to the end: no step too few or too many
+    assert np.abs(room.values[room.valid] - 294.15 - np.sin(record.times[room.valid] / 2500.0)).max() < 0.3
