@@ -14,8 +14,7 @@ from thermid.identify.blocks import Block, Compressed
 from thermid.identify.gather import problem_for
 from thermid.identify.request import LocalSpec, Request
 from thermid.identify.residuals import Problem
-from thermid.identify.statistics import Sums, loss_of
-from thermid.identify.ticks import SHIFT
+from thermid.identify.ticks import SHIFT, as_triangle
 from thermid.identify.unknowns import Unknown
 from thermid.identify.wander import BINS, Binned
 from thermid.measure import Record
@@ -185,16 +184,8 @@ class Clocked:
             blocks, full = self.blocks(fitted), self.slopes(fitted)
         except RecordError as error:
             raise SolverError(error.message, error.where) from None
-        z = np.concatenate([b.residuals / b.noise for b in blocks])
-        size, weight = loss_of(z**2, loss, knee)
-        root = np.sqrt(weight)
-        basis, triangle = np.linalg.qr(root[:, None] * full)
-        rotated = basis.T @ (root * z)
-        rest = float(size.sum() - rotated @ rotated)
-        rows = np.concatenate([rotated, np.sqrt(np.maximum([rest], 0.0))])
-        slopes = np.concatenate([triangle, np.zeros((1, triangle.shape[1]))])
-        sums = tuple((b.record, b.sensor, Sums.of(b.residuals)) for b in blocks)
-        return Compressed(rows, slopes, float(weight @ z**2), sums, ())
+        rows, slopes, square, sums = as_triangle(blocks, full, loss, knee)
+        return Compressed(rows, slopes, square, tuple(sums), ())
 
     def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
         """Return the residuals of the priors and their derivatives."""

@@ -15,10 +15,11 @@ from thermid.measure.join import SecondClock
 from thermid.model.signal import Signal, Table
 
 if TYPE_CHECKING:
+    from thermid.identify.blocks import Block
     from thermid.identify.experiment import Experiment
     from thermid.identify.residuals import Problem
 
-__all__ = ["OFFSET", "RATE", "Ticks", "clock_at", "clock_unknowns", "compressed_in_full", "slopes_of_clock"]
+__all__ = ["OFFSET", "RATE", "Ticks", "as_triangle", "clock_at", "clock_unknowns", "compressed_in_full", "slopes_of_clock"]
 
 Array = NDArray[np.float64]
 OFFSET, RATE = "clock.offset", "clock.rate"
@@ -114,8 +115,13 @@ def compressed_in_full(
     """Return what `Problem.compressed` takes of one experiment, from all of its residuals: rows, slopes, chi-square, sums."""
     experiment = problem.experiments[i]
     blocks, slopes = problem.blocks_of(i, fitted), problem.slopes(i, fitted)
-    z = np.concatenate([b.residuals / b.noise for b in blocks])
     full = np.concatenate([slopes[o.index, k, :] for k, o in enumerate(experiment.observations)])
+    return as_triangle(blocks, full, loss, knee)
+
+
+def as_triangle(blocks: Sequence[Block], full: Array, loss: str, knee: float) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
+    """Return rows, slopes, chi-square and sums of weighted residuals, whose derivatives (samples, unknowns) are made into a triangle."""
+    z = np.concatenate([b.residuals / b.noise for b in blocks])
     size, weight = loss_of(z**2, loss, knee)
     root = np.sqrt(weight)
     basis, triangle = np.linalg.qr(root[:, None] * full)
