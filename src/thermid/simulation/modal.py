@@ -18,6 +18,8 @@ __all__ = ["METHODS", "Exact", "Modal", "Work"]
 
 Array = NDArray[np.float64]
 METHODS = ("auto", "modal", "integrator")
+REMEMBERED = 64  # lengths of stretches that the kernel has in mind, at least
+MOST = 300  # nodes beyond which modes cost more than any noise asks of steps
 
 
 class Exact(NamedTuple):
@@ -41,38 +43,39 @@ class Work:
     ----------
     nodes : int         Nodes of the reduced network.
     stretches : int     From knot to knot of the sampled inputs and from output to output.
-    lengths : int       Stretches of different length; every one needs its own exponentials.
+    fresh : int         Stretches that need exponentials of their own: those of a length that the kernel has not in mind.
     outputs : int       Output times.
     sampled : int       Sampled inputs.
     waves : int         Sinusoidal inputs.
     stops : int         Knots at which the integrator ends a step.
+    rough : float       Steps that the noise of sampled inputs asks of the integrator.
     """
 
     nodes: int
     stretches: int
-    lengths: int
+    fresh: int
     outputs: int
     sampled: int
     waves: int
     stops: int
+    rough: float = 0.0
 
     @property
     def modal(self) -> float:
         """Time by modes, as measured: docs/decisions/022-modal-solution.md. [s]"""
         n = self.nodes
-        # beyond what the kernel remembers, lengths are worked out again
-        fresh = self.lengths + max(0.0, 1.0 - 128.0 / self.lengths) * self.stretches
-        march = self.stretches * (20.0 + 0.5 * n * (1 + self.sampled)) + fresh * (200.0 + 32.0 * n)
+        march = self.stretches * (20.0 + 0.5 * n * (1 + self.sampled)) + self.fresh * (200.0 + 32.0 * n)
         write = self.outputs * (n * (1.0 + 0.1 * n) + 30.0 * self.waves)
-        return 1e-9 * (10e3 + 15.0 * n**3 + march + write)
+        return 1e-9 * (10e3 + 100.0 * n**2 + 12.0 * n**3 + march + write)
 
     @property
     def integrator(self) -> float:
-        """Time of the integrator where it needs few steps: an input without noise, nothing stiff. [s]"""
+        """Time of the integrator where nothing is stiff. [s]"""
         n = self.nodes
-        step = 1000.0 + 300.0 * n + 0.06 * n**3
+        step = 700.0 + 340.0 * n + 0.012 * n**3 + (400.0 if self.sampled else 0.0)
+        read = 10.0 * self.stretches if self.sampled else 0.0
         write = self.outputs * (15.0 + 2.0 * n + (25.0 if self.sampled else 0.0))
-        return 1e-9 * (40e3 + (60 + self.stops) * step + write)
+        return 1e-9 * (40e3 + (max(100.0, self.rough) + self.stops) * step + read + write)
 
 
 class Modal:
@@ -89,6 +92,7 @@ class Modal:
         self.problem = problem
         self.obstacle = _obstacle(wiring)
         self._grids: dict[tuple[float, ...], tuple[int, int]] = {}
+        self._rough: float | None = None  # steps a second
 
     def refusal(self, method: str, times: Array, end: float, gradients: bool) -> str:
         """Return why the integrator is to be used, in words; empty when the modes are.
@@ -125,10 +129,37 @@ class Modal:
             grid = np.unique(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
             gaps = np.diff(grid[(grid >= 0.0) & (grid <= end)])
             gaps = gaps[gaps > 1e-15 * end]
-            self._grids[key] = gaps.size, max(1, np.unique(gaps.astype(np.float32)).size)
+            often = np.sort(np.unique(gaps.astype(np.float32), return_counts=True)[1])[-REMEMBERED:]
+            self._grids[key] = gaps.size, gaps.size - int(often.sum()) + often.size
         stops = sum(s.times.size for s in tables if s.times.size <= (5000 if s.hold else 500))
         waves = sum(isinstance(s, Sine) for s in signals)
-        return Work(self.problem.nodes, *self._grids[key], times.size, len(tables), waves, stops)
+        if self._rough is None:
+            self._rough = max((self._roughness(name) for name in self.wiring.used), default=0.0)
+        return Work(self.problem.nodes, *self._grids[key], times.size, len(tables), waves, stops, end * self._rough)
+
+    def _roughness(self, name: str) -> float:
+        """Return how many steps a second an input's noise asks of the integrator. [1/s]
+
+        A node of rate k, moved by the input at a rate b, errs by b k^3 h^3 r sqrt(d h) in a step h, where r is the size of the noise and d
+        the time between samples. As counted over noises of 2 mK to 0.2 K the integrator's steps are 1.6 to 7 times those at which that is 3.2e-5 K,
+        mostly 4.5 times. Taken at nominal values, so that the choice of method does not hang on which run came first.
+        """
+        signal = self.wiring.signals[name]
+        if not isinstance(signal, Table) or signal.times.size <= (5000 if signal.hold else 500) or self.problem.nodes > MOST:
+            return 0.0
+        noise = float(np.sqrt(np.mean(np.diff(signal.values, 2) ** 2) / 6.0))  # of independent readings, whatever they follow
+        a, s = self.wiring.assemble(gradients=False), self.wiring.structure()
+        capacity = np.array([np.inf if c < 0 else a.coefficients[c] for c in s["capacity"]])
+        _, jacobian, _ = self.problem.rhs(a.coefficients, a.initial, 0.0)
+        k, moved = -np.diag(jacobian) / capacity, np.zeros(capacity.size)
+        if name.startswith("boundary "):
+            moved = -jacobian.sum(axis=1) / capacity  # by all boundaries: which of them is the noisy one hardly matters
+        for _, node, _, places, _, _ in s["loads"]:
+            if s["coefficient_input"][places[0]] == self.wiring.used[name] and node < capacity.size:
+                moved[node] += a.coefficients[places[0]] / capacity[node]
+        jolt = np.abs(moved) * np.abs(k) ** 3 * noise * np.sqrt(np.median(np.diff(signal.times)))
+        step = (3.2e-5 / np.maximum(jolt, 1e-300)) ** (2 / 7)
+        return float(1.0 / (4.5 * step.min()))
 
     def run(self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float) -> Exact:
         """Return temperatures of some nodes at times, from zero to `end` [s]."""

@@ -80,6 +80,31 @@ def test_irregular_samples_are_left_to_the_integrator() -> None:
     assert found[1].statistics["method"] == "modal"
 
 
+@pytest.mark.parametrize("noise", [0.005, 0.05, 0.5])
+def test_the_steps_that_noise_asks_for_are_foreseen(noise: float) -> None:
+    """By counts, not by time: what the choice of method reckons with against what the integrator does."""
+    times = np.linspace(0.0, 5000.0, 5001)
+    room = Table(times, 290 + noise * np.random.default_rng(3).standard_normal(times.size))
+    scenario = _scenario(boundaries={"air": room}, duration=5000.0)
+    simulator = td.prepare(_model(conductance="10 [W/K]"), scenario, every=60.0, options=td.Options(method="integrator"))
+    work, steps = simulator.engine.modal.work(times[::60], 5000.0), simulator.run().statistics["steps"]
+    print(f"{steps} steps; foreseen {work.rough:.0f}")
+    assert steps / 4 < max(100.0, work.rough) < 2 * steps
+
+
+@pytest.mark.parametrize("size", [2, 12])
+def test_a_noisy_log_goes_by_modes(size: int) -> None:
+    """By steps such logs take 3 to 13 times as long (benchmarks/methods.py)."""
+    nodes = {f"n{k}": {"capacitance": f"{30 + 20 * k} [J/K]"} for k in range(size)}
+    pairs = [(f"n{k}", f"n{k + 1}") for k in range(size - 1)] + [(f"n{k}", "air") for k in range(size)]
+    links = {f"c{k}": {"kind": "conduction", "between": list(pair), "conductance": "0.5 [W/K]"} for k, pair in enumerate(pairs)}
+    model = td.model_from_dict({"title": "Chain", "needs": ["air"], "nodes": nodes, "conductors": links})
+    room = Table(np.linspace(0.0, 3600.0, 3601), 290 + 0.05 * np.random.default_rng(3).standard_normal(3601))
+    for times in (np.arange(0.0, 3600.0, 60.0), np.sort(np.random.default_rng(4).uniform(0.0, 3600.0, 200))):
+        found = td.simulate(model, _scenario(boundaries={"air": room}, duration=3600.0), times=times)
+        assert found.statistics["method"] == "modal", found.statistics["reason"]
+
+
 def test_a_failure_says_where_and_when() -> None:
     with pytest.raises(SolverError, match=r"runs away at 1000 s of 1000 s at 'case'"):
         td.simulate(_model(), _scenario(loads={"heater": "-300 [W]"}), times=[1.0, 1000.0])
