@@ -48,7 +48,7 @@ class Work:
     sampled : int       Sampled inputs.
     waves : int         Sinusoidal inputs.
     stops : int         Knots at which the integrator ends a step.
-    rough : float       Steps that the noise of sampled inputs asks of the integrator.
+    steps : float       Steps of the integrator between knots at which it ends one.
     """
 
     nodes: int
@@ -58,13 +58,13 @@ class Work:
     sampled: int
     waves: int
     stops: int
-    rough: float = 0.0
+    steps: float = 100.0
 
     @property
     def modal(self) -> float:
         """Time by modes, as measured: docs/decisions/022-modal-solution.md. [s]"""
         n = self.nodes
-        march = self.stretches * (20.0 + 0.5 * n * (1 + self.sampled)) + self.fresh * (200.0 + 32.0 * n)
+        march = self.stretches * (15.0 + 0.25 * n * (1 + self.sampled)) + self.fresh * (400.0 + 50.0 * n)
         write = self.outputs * (n * (1.0 + 0.1 * n) + 30.0 * self.waves)
         return 1e-9 * (10e3 + 100.0 * n**2 + 12.0 * n**3 + march + write)
 
@@ -73,9 +73,9 @@ class Work:
         """Time of the integrator where nothing is stiff. [s]"""
         n = self.nodes
         step = 700.0 + 340.0 * n + 0.012 * n**3 + (400.0 if self.sampled else 0.0)
-        read = 10.0 * self.stretches if self.sampled else 0.0
+        read = 30.0 * self.stretches if self.sampled else 0.0
         write = self.outputs * (15.0 + 2.0 * n + (25.0 if self.sampled else 0.0))
-        return 1e-9 * (40e3 + (max(100.0, self.rough) + self.stops) * step + read + write)
+        return 1e-9 * (40e3 + (self.steps + self.stops) * step + read + write)
 
 
 class Modal:
@@ -92,7 +92,7 @@ class Modal:
         self.problem = problem
         self.obstacle = _obstacle(wiring)
         self._grids: dict[tuple[float, ...], tuple[int, int]] = {}
-        self._rough: float | None = None  # steps a second
+        self._pace: tuple[float, float] | None = None
 
     def refusal(self, method: str, times: Array, end: float, gradients: bool) -> str:
         """Return why the integrator is to be used, in words; empty when the modes are.
@@ -133,33 +133,43 @@ class Modal:
             self._grids[key] = gaps.size, gaps.size - int(often.sum()) + often.size
         stops = sum(s.times.size for s in tables if s.times.size <= (5000 if s.hold else 500))
         waves = sum(isinstance(s, Sine) for s in signals)
-        if self._rough is None:
-            self._rough = max((self._roughness(name) for name in self.wiring.used), default=0.0)
-        return Work(self.problem.nodes, *self._grids[key], times.size, len(tables), waves, stops, end * self._rough)
+        if self._pace is None:
+            self._pace = self._paces()
+        fastest, rough = self._pace
+        steps = max(20.0 * np.log1p(fastest * end), rough * end)
+        return Work(self.problem.nodes, *self._grids[key], times.size, len(tables), waves, stops, float(steps))
 
-    def _roughness(self, name: str) -> float:
+    def _paces(self) -> tuple[float, float]:
+        """Return the rate of the fastest node, and how many steps a second the noise of inputs asks of the integrator. [1/s]
+
+        Taken at nominal values, so that the choice of method does not hang on which run came first.
+        """
+        if self.problem.nodes > MOST:
+            return 0.0, 0.0
+        a = self.wiring.assemble(gradients=False)
+        capacity = np.array([np.inf if c < 0 else a.coefficients[c] for c in self.wiring.structure()["capacity"]])
+        _, jacobian, _ = self.problem.rhs(a.coefficients, a.initial, 0.0)
+        own = -jacobian / capacity[:, None]
+        return float(np.diag(own).max()), max((self._roughness(name, a, capacity, own) for name in self.wiring.used), default=0.0)
+
+    def _roughness(self, name: str, a: Assembled, capacity: Array, own: Array) -> float:
         """Return how many steps a second an input's noise asks of the integrator. [1/s]
 
-        A node of rate k, moved by the input at a rate b, errs by b k^3 h^3 r sqrt(d h) in a step h, where r is the size of the noise and d
-        the time between samples. As counted over noises of 2 mK to 0.2 K the integrator's steps are 1.6 to 7 times those at which that is 3.2e-5 K,
-        mostly 4.5 times. Taken at nominal values, so that the choice of method does not hang on which run came first.
+        12 (b k^2 r sqrt(d))^(2/5), where a node of rate k is moved by the input at a rate b, r is the size of the noise [K] and d the time
+        between samples: fitted to steps counted over noises from 2 mK to 0.5 K (docs/decisions/022-modal-solution.md), right within 2.5 times.
         """
-        signal = self.wiring.signals[name]
-        if not isinstance(signal, Table) or signal.times.size <= (5000 if signal.hold else 500) or self.problem.nodes > MOST:
+        signal, s = self.wiring.signals[name], self.wiring.structure()
+        if not isinstance(signal, Table) or signal.times.size <= (5000 if signal.hold else 500):
             return 0.0
         noise = float(np.sqrt(np.mean(np.diff(signal.values, 2) ** 2) / 6.0))  # of independent readings, whatever they follow
-        a, s = self.wiring.assemble(gradients=False), self.wiring.structure()
-        capacity = np.array([np.inf if c < 0 else a.coefficients[c] for c in s["capacity"]])
-        _, jacobian, _ = self.problem.rhs(a.coefficients, a.initial, 0.0)
-        k, moved = -np.diag(jacobian) / capacity, np.zeros(capacity.size)
+        moved = np.zeros(capacity.size)
         if name.startswith("boundary "):
-            moved = -jacobian.sum(axis=1) / capacity  # by all boundaries: which of them is the noisy one hardly matters
+            moved = own.sum(axis=1)  # by all boundaries: which of them is the noisy one hardly matters
         for _, node, _, places, _, _ in s["loads"]:
             if s["coefficient_input"][places[0]] == self.wiring.used[name] and node < capacity.size:
                 moved[node] += a.coefficients[places[0]] / capacity[node]
-        jolt = np.abs(moved) * np.abs(k) ** 3 * noise * np.sqrt(np.median(np.diff(signal.times)))
-        step = (3.2e-5 / np.maximum(jolt, 1e-300)) ** (2 / 7)
-        return float(1.0 / (4.5 * step.min()))
+        jolt = np.abs(moved) * np.diag(own) ** 2 * noise * np.sqrt(np.median(np.diff(signal.times)))
+        return float(12.0 * jolt.max() ** 0.4)
 
     def run(self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float) -> Exact:
         """Return temperatures of some nodes at times, from zero to `end` [s]."""
