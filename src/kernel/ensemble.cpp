@@ -33,14 +33,6 @@ EnsembleSetup::EnsembleSetup(const Problem& problem, const std::string& simd, co
     limit = options.max_step;
     for (const Input& in : p.inputs)
         if (in.kind == SINE && in.amplitude != 0.0) limit = std::min(limit, in.period / 6.0);
-    for (const Input& in : p.inputs) {
-        std::vector<double> sums(in.sampled() ? 1 : 0, 0.0);
-        for (size_t i = 0; in.sampled() && i + 1 < in.seg.size(); ++i) {
-            const double l = in.seg[i + 1].t - in.seg[i].t, u = in.seg[i].u, slope = in.seg[i].s;
-            sums.push_back(sums.back() + l * (u * u + l * (u * slope + l * slope * slope / 3.0)));
-        }
-        squares.push_back(std::move(sums));
-    }
 }
 
 Ensemble::Ensemble(const Problem& p, const std::string& simd, const Options& o, std::vector<double> coef, std::vector<double> start, long members,

@@ -49,9 +49,8 @@ struct EnsembleSetup {
     const double t0, t_end;
     const std::vector<double> times;
     const std::vector<int> observed;
-    std::vector<double> stops;                 // where steps end: jumps of inputs, and the end
-    std::vector<std::vector<double>> squares;  // of each sampled input: the integral of its square up to each knot
-    double limit;                              // step limit by sine inputs
+    std::vector<double> stops;  // where steps end: jumps of inputs, and the end
+    double limit;               // step limit by sine inputs
     EnsembleSetup(const Problem& p, const std::string& simd, const Options& o, std::vector<double> coef, std::vector<double> start, long members,
                   double t0, double t_end, std::vector<double> times, std::vector<int> observed);
 };
@@ -97,7 +96,6 @@ class Group {
     bool failed(unsigned lanes, double& next, double factor);
     double input_error();
     const Input& input(int k) const { return s_.p.inputs[s_.network.varying[k]]; }
-    double mean_square(int k) const;
     unsigned check_state();
     void drop(unsigned lanes);
     void emit(long from, long last, double* out);

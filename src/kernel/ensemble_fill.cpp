@@ -73,7 +73,10 @@ void Group::fill(int lane, long member) {
 void Group::initial() {
     const Problem& p = s_.p;
     unsigned bad = 0;
-    for (int k = 0; k < g_.plan->nk; ++k) u_[k] = input(k).at(t_);
+    const LanePlan& plan = *g_.plan;
+    for (int k = 0; k < plan.nk; ++k) u_[k] = input(k).at(t_);
+    for (int j = 0; j < plan.ntimed; ++j)
+        for (int l = 0; l < LANES; ++l) g_.ceff[plan.timed[j] * LANES + l] = g_.coef[plan.timed[j] * LANES + l] * u_[plan.timed_input[j]];
     for (int l = 0; l < LANES; ++l) {
         bool ok = true;
         for (int i = 0; i < p.n; ++i) {
@@ -81,6 +84,10 @@ void Group::initial() {
             ok = ok && std::isfinite(t) && t > 0.0 && std::isfinite(c) && c > 0.0;
         }
         for (int j = 0; j < p.nc; ++j) ok = ok && std::isfinite(g_.coef[j * LANES + l]);
+        for (int k = 0; k < p.nb; ++k) {
+            const double t = g_.ceff[plan.gain[k] * LANES + l] + g_.ceff[plan.offset[k] * LANES + l];
+            ok = ok && std::isfinite(t) && t > 0.0;
+        }
         if (!ok) bad |= 1u << l;
         low_[l] = high_[l] = g_.Tn[l];
     }

@@ -19,9 +19,10 @@ double line_square(double length, double u, double slope) {
 }
 
 void Input::set_samples(const double* times, const double* values, int m) {
-    double sum = 0.0;
-    for (int i = 0; i < m; ++i) sum += values[i];
-    mean = sum / m;
+    // The level is one of the samples in the middle: an absurd value somewhere must not cost the others their digits, as it would in a mean.
+    std::vector<double> ordered(values, values + m);
+    std::nth_element(ordered.begin(), ordered.begin() + m / 2, ordered.end());
+    mean = ordered[m / 2];
     seg.clear();
     for (int i = 0; i < m; ++i) {
         const double s = (kind == 0 && i + 1 < m) ? (values[i + 1] - values[i]) / (times[i + 1] - times[i]) : 0.0;

@@ -24,7 +24,7 @@ struct Integrals {
 class Input {
   public:
     int kind = 3;
-    double mean = 0.0, amplitude = 0.0, period = 1.0, phase = 0.0;  // CONSTANT uses mean; sampled: mean is the reference level
+    double mean = 0.0, amplitude = 0.0, period = 1.0, phase = 0.0;  // CONSTANT uses mean; sampled: mean is the reference level, their median
     void set_samples(const double* times, const double* values, int m);
     bool sampled() const { return kind <= 1; }
     double at(double t) const;     // value, right-continuous

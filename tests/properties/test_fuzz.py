@@ -8,7 +8,7 @@ import pytest
 from fuzz import crooked, exact
 from fuzz.contestants import CONTESTANTS, Outcome
 from fuzz.judge import Verdicts, _fault, judge, truth
-from fuzz.networks import FAMILIES, draw
+from fuzz.networks import FAMILIES, Case, draw
 from thermid import _kernel as k
 from unit.kernel.reference import Net
 
@@ -60,6 +60,28 @@ def test_a_massless_node_may_rest_in_any_stable_balance() -> None:
     wrong = found.traces.reshape(real.shape).copy()
     wrong[2, 4] = 416.6
     assert "K off" in _fault(case, "kernel", Outcome("OK", wrong), knows, real)
+
+
+def test_an_absurd_sample_costs_the_others_no_digits() -> None:
+    """Seed 70258: -1e308 K after the end of the run once took the level of all samples with it; one way refused, another was 162 K off."""
+    net = chain()
+    for sample in (-1e308, 1e17):
+        net.inputs[0] = (k.SAMPLED_LINEAR, np.array([-10.0, 0.0, 400.0, 1000.0, 1100.0]), np.array([sample, 293.0, 303.0, 298.0, -sample]))
+        far = Case(0, "plain", net, np.linspace(0.0, 900.0, 7), {"max_steps": 20_000}, benign=True)
+        real = exact.solve(net, far.times)
+        for who in ("kernel", "tight", "sensitive", "lanes", "scalar"):
+            assert not _fault(far, who, CONTESTANTS[who](far), "exact", real), (sample, who)
+
+
+def test_an_ensemble_names_a_boundary_below_absolute_zero_as_a_run_does() -> None:
+    net = Net()
+    net.node(500.0, 300.0)
+    net.boundary(gain=net.coef(1.0, net.input(k.SAMPLED_LINEAR, [0.0, 10.0], [-3.0, 293.0])))
+    net.link(k.LINEAR, 0, -1, net.coef(1.0))
+    cold = Case(0, "poisoned", net, np.linspace(0.0, 100.0, 3), {"max_steps": 20_000}, broken=True)
+    for who in ("kernel", "lanes", "scalar"):
+        found = CONTESTANTS[who](cold)
+        assert (found.status, found.why) == ("BAD_INPUT", "at 0 s, node 1"), who
 
 
 def test_the_judge_sees_wrong_answers() -> None:
