@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from thermid.identify.request import Request
     from thermid.identify.wander import Wander
 
-__all__ = ["summarise"]
+__all__ = ["correlations_of", "summarise"]
 
 Array = NDArray[np.float64]
 CHANCE = 0.01
@@ -63,7 +63,7 @@ def summarise(
         blocks,
         bias,
         records,
-        _correlations(problem, total),
+        correlations_of(problem, total),
         found.chi_square,
         freedom,
         found.evaluations,
@@ -106,7 +106,8 @@ def _local(u: Unknown, fitted: float, variance: float) -> Local:
     return Local(record, name, float(fitted), float(np.sqrt(variance)), u.unit)
 
 
-def _correlations(problem: Problem, total: Array) -> dict[tuple[str, str], float]:
+def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], float]:
+    """Return (path, path) -> correlation in a covariance of all unknowns, those above 0.1."""
     names = [(k, u.name) for k, u in enumerate(problem.unknowns) if u.kind in ("parameter", "sensor", "instrument")]
     out = {}
     for i, (k, first) in enumerate(names):
