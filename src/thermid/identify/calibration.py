@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.identify.contradicted import contradicted
 from thermid.identify.moves import Moves
 from thermid.identify.residuals import Block, Predictions, Problem
 from thermid.identify.sensors import instrument_shares, sensor_shares
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 __all__ = ["Calibration", "Local"]
 
 Array = NDArray[np.float64]
+BLAME = "A column, a unit, a node or the accuracy is wrong, or the model is. Do not use these values."
+"""What to look for where a fit contradicts what was stated."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,11 @@ class Calibration:
         """Weighted sum of squares per degree of freedom; 1 when model and noise are right. [-]"""
         return self.chi_square / max(self.freedom, 1)
 
+    @property
+    def contradicted(self) -> Mapping[str, str]:
+        """Value -> what would have to be wrong, where one lies over ten deviations from its accuracy or prior: the fit is not to be used."""
+        return contradicted(self.values)
+
     def _sums(self) -> list[tuple[str, str, Sums]]:
         """Return record, sensor and the sums of its residuals; of blocks that were not predicted yet, as the fit left them."""
         if isinstance(self.blocks, Predictions):
@@ -170,6 +178,8 @@ class Calibration:
         lines = [
             f"{self.stage}: {count}, {samples} samples of {len(self.sensors)} channel{'s' if len(self.sensors) != 1 else ''}{records}{kind}"
         ]
+        if self.contradicted:
+            lines.append(f"  NOT CREDIBLE: {'; '.join(self.contradicted.values())}. {BLAME}")
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
         for name, s in self.sensors.items():

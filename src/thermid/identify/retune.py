@@ -142,7 +142,7 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
         held_errors=before.instrument_errors,
         remarks=(
             *request.remarks,
-            f"retuned locally for {plan.new} at {plan.part}: all else is held as it was, constant errors of instruments among it. The totals "
-            "count what these leave open.",
+            f"retuned locally for {plan.new} at {plan.part}: all else is held as it was, constant errors of instruments among it. "
+            "The totals count what these leave open.",
         ),
     )

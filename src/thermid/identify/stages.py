@@ -87,8 +87,13 @@ class Campaign:
 
     @property
     def passed(self) -> bool:
-        """Whether every verdict passed."""
-        return all(v.passed for v in self.verdicts)
+        """Whether every verdict passed, and no fit contradicts what was stated of its instruments or known ahead."""
+        return all(v.passed for v in self.verdicts) and not any(c.contradicted for c in self.fits)
+
+    @property
+    def fits(self) -> tuple[Calibration, ...]:
+        """The calibrations of all stages, and the joint one where there is one."""
+        return (*self.stages.values(), *([self.joint] if self.joint is not None else []))
 
     def save(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write one values file per stage and return their paths."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.calibration import Calibration, Local
+from thermid.identify.contradicted import FAR
 from thermid.identify.discrepancy import conditions_found, misfit_found
 from thermid.identify.moved import moves_above
 from thermid.identify.residuals import Predictions, Problem
@@ -131,8 +132,8 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Wander | None)
             if np.isfinite(bound) and abs(found.fitted[k] - bound) < max(1e-4 * max(abs(bound), u.scale), 0.02 * error):
                 shown = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
                 out.append(f"'{u.name}' ended at its {side} bound {shown:.6g}; its error is not meaningful. Widen the bound or fix it.")
-        if u.prior is not None and u.kind != "local" and abs(found.fitted[k] - u.prior.mean) > 3 * u.prior.sd:
-            far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd
+        far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0
+        if 3.0 < far <= FAR:  # what lies farther stands at the head of the fit
             out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
     out += _strained(problem, found)
     freedom = round(problem.worth) - len(problem.unknowns)
