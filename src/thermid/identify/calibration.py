@@ -115,7 +115,7 @@ class Calibration:
 
     @property
     def contradicted(self) -> Mapping[str, str]:
-        """Value -> what would have to be wrong, where one lies over ten deviations from its accuracy or prior: the fit is not to be used."""
+        """Value -> what would have to be wrong, of those over ten deviations from an accuracy or prior: do not use the fit then."""
         return contradicted(self.values)
 
     def _sums(self) -> list[tuple[str, str, Sums]]:
