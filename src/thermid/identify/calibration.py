@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.contradicted import contradicted
+from thermid.identify.contradicted import LOUD, contradicted
 from thermid.identify.moves import Moves
 from thermid.identify.residuals import Block, Predictions, Problem
 from thermid.identify.sensors import instrument_shares, sensor_shares
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 __all__ = ["Calibration", "Local"]
 
 Array = NDArray[np.float64]
-BLAME = "A column, a unit, a node or the accuracy is wrong, or the model is. Do not use these values."
-"""What to look for where a fit contradicts what was stated."""
 
 
 @dataclass(frozen=True)
@@ -178,8 +176,7 @@ class Calibration:
         lines = [
             f"{self.stage}: {count}, {samples} samples of {len(self.sensors)} channel{'s' if len(self.sensors) != 1 else ''}{records}{kind}"
         ]
-        if self.contradicted:
-            lines.append(f"  NOT CREDIBLE: {'; '.join(self.contradicted.values())}. {BLAME}")
+        lines += [f"  {w}" for w in self.warnings if w.startswith(LOUD)]
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
         for name, s in self.sensors.items():
@@ -199,7 +196,7 @@ class Calibration:
         lines += self.moved.lines()
         lines.append(f"  reduced chi-square {short(self.reduced_chi_square, 3)}; {self.evaluations} evaluations")
         lines += [f"  search: {self.search}"] if self.search else []
-        lines += [f"  warning: {w}" for w in self.warnings]
+        lines += [f"  warning: {w}" for w in self.warnings if not w.startswith(LOUD)]
         return "\n".join(lines)
 
 

@@ -10,7 +10,11 @@ from thermid.measure.amounts import short
 if TYPE_CHECKING:
     from thermid.identify.values import FittedValue, FittedValues
 
-__all__ = ["FAR", "contradicted"]
+__all__ = ["BLAME", "FAR", "LOUD", "contradicted", "loudly"]
+
+LOUD = "NOT CREDIBLE: "
+BLAME = "A column, a unit, a node or the accuracy is wrong, or the model is. Do not use these values."
+"""What to look for where a fit contradicts what was stated."""
 
 FAR = 10.0
 """Standard deviations from what was stated beyond which a fit is not believed; chance and a careless accuracy do not reach so far. [-]"""
@@ -20,6 +24,12 @@ def contradicted(values: FittedValues) -> dict[str, str]:
     """Return name -> what would have to be wrong, of fitted values that lie more than ten deviations from what was stated of them."""
     far = {name: _deviations(v) for name, v in values.items()}
     return {name: _words(values[name], d) for name, d in sorted(far.items(), key=lambda item: -item[1]) if d > FAR}
+
+
+def loudly(values: FittedValues) -> tuple[str, ...]:
+    """Return the one sentence that says so at the head of a fit; nothing where nothing is contradicted."""
+    far = contradicted(values)
+    return (f"{LOUD}{'; '.join(far.values())}. {BLAME}",) if far else ()
 
 
 def _deviations(v: FittedValue) -> float:

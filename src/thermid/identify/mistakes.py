@@ -62,8 +62,8 @@ def strange_powers(problem: Problem) -> tuple[str, ...]:
             logged, deck = float(abs(c.values[c.valid]).max()), decks.get(path, 0.0)
             if logged > 0 and deck > 0 and not 1.0 / STRANGE < logged / deck < STRANGE:
                 out[c.name] = (
-                    f"'{c.name}' gives '{path}' {short(logged, 3)} W, the deck has {short(deck, 3)} W: is its unit right? A column in mW has "
-                    'unit = "mW" in its table, or [mW] in its header.'
+                    f"'{c.name}' gives '{path}' {short(logged, 3)} W, the deck has {short(deck, 3)} W: is its unit right? A column in mW "
+                    'has unit = "mW" in its table, or [mW] in its header.'
                 )
     return tuple(out.values())
 

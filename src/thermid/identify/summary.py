@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.calibration import Calibration, Local
-from thermid.identify.contradicted import FAR
+from thermid.identify.contradicted import FAR, loudly
 from thermid.identify.discrepancy import conditions_found, misfit_found
 from thermid.identify.moved import moves_above
 from thermid.identify.residuals import Predictions, Problem
@@ -70,6 +70,7 @@ def summarise(
         found.evaluations,
         request.loss,
         (
+            *loudly(values),
             *request.remarks,
             *_warnings(problem, found, total, spread),
             *found.remarks,

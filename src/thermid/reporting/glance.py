@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thermid.identify.calibration import BLAME, Calibration
+from thermid.identify.calibration import Calibration
+from thermid.identify.contradicted import BLAME
 from thermid.identify.stages import Campaign
 from thermid.identify.values import FittedValue
 from thermid.model.resolve import ParameterSet

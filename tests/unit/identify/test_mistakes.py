@@ -88,5 +88,5 @@ def test_a_power_near_its_deck_is_not_asked_for() -> None:
 
 
 def test_a_fit_that_breaks_off_asks_for_the_unit_too() -> None:
-    with pytest.raises(SolverError, match=r"runs away.*'P' gives 'heat' 8e\+06 W, the deck has 8 W: is its unit right\?"):
+    with pytest.raises(SolverError, match=r"runs away.*'P' gives 'heat' 8000000 W, the deck has 8 W: is its unit right\?"):
         td.calibrate(PAIR, log(1e6), ["*.conductance"], scenario=td.Scenario("bench", {"room": "22 [degC]"}), search="local")

@@ -144,7 +144,7 @@ def test_only_that_is_run(plan: RetunePlan, campaign: Campaign, tests_again: Pat
 
 
 def test_totals_count_what_is_held(plan: RetunePlan, campaign: Campaign, tests_again: Path) -> None:
-    """Each direction in which held values may be wrong is tried by a fit of its own; the squares of the moves are what the total has more."""
+    """Each direction in which held values may be wrong is tried by a fit of its own; the total has more by the squares of the moves."""
     fitted, before = plan.run(tests_again)["pair"], campaign["pair"].values
     request = fitted.request
     assert request is not None
