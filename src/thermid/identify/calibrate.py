@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
 from thermid.identify.calibration import Calibration
 from thermid.identify.clock_search import at_clocks, in_turns, with_clocks
@@ -32,6 +33,7 @@ __all__ = ["calibrate", "fit", "fit_problem"]
 Progress = Callable[[int, float], None]
 
 
+@takes_objects
 def calibrate(
     model: Model,
     records: Record | Sequence[Record],

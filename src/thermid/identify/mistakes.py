@@ -58,7 +58,7 @@ def strange_powers(problem: Problem) -> tuple[str, ...]:
         values = e.network.flat.parameters.evaluate({})
         decks = {row.path: float(values[row.fields["power"]]) for row in e.network.flat.loads if "power" in row.fields}
         for c in (c for c in e.record.channels.values() if c.role == "load" and c.quantity == "power" and c.valid.any()):
-            path = e.network.flat.names.model.canonical(c.target)
+            path = e.network.flat.names.model.canonical(c.target or "")
             logged, deck = float(abs(c.values[c.valid]).max()), decks.get(path, 0.0)
             if logged > 0 and deck > 0 and not 1.0 / STRANGE < logged / deck < STRANGE:
                 out[c.name] = (

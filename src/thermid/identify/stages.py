@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.identify.cache import file_name, recall, remember
 from thermid.identify.calibrate import fit
@@ -116,6 +117,7 @@ class Campaign:
         )
 
 
+@takes_objects
 def run_stages(
     campaign: str | os.PathLike[str] | CampaignSource,
     *,
@@ -160,6 +162,7 @@ def run_stages(
     return replace(made, verdicts=verdicts)
 
 
+@takes_objects
 def joint(
     campaign: str | os.PathLike[str] | CampaignSource | Campaign,
     *,
