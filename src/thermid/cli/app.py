@@ -283,7 +283,7 @@ Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also thos
 
 @app.command()
 def calibrate(campaign: CampaignPath, data: Data = None, to: Results = None, fresh: Fresh = False, as_json: Json = False) -> None:
-    """Run the stages and verdicts of a campaign; leave with 1 when a verdict failed, 4 when the data cannot tell."""
+    """Run the stages and verdicts of a campaign; leave with 1 when one failed or a fit is not credible, 4 when data cannot tell."""
     from thermid.cli.output import campaign_object
 
     result, files = _campaign(campaign, data, to, fresh)

@@ -88,6 +88,7 @@ def calibration_object(fit: Calibration) -> dict[str, Any]:
         "moved": _moved(fit.moved),
         "reduced_chi_square": fit.reduced_chi_square,
         "synthetic": fit.synthetic,
+        "contradicted": dict(fit.contradicted),
         "warnings": list(fit.warnings),
     }
 

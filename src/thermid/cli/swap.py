@@ -37,9 +37,10 @@ def swap(
     folder = results if results is not None else campaign.parent / "results"
     plan = plan_retune(run_stages(campaign, data=data, cache=folder), part, deck)
     found: dict[str, Any] = {"schema": 1, "status": "ok", "plan": _object(plan)}
-    texts = [str(plan)]
+    texts, passed = [str(plan)], True
     if new_data is not None:
         made = plan.run(new_data)
+        passed = made.passed
         run = [s.name for s in plan.stages if s.action == "run"]
         found["stages"] = [calibration_object(made[name]) for name in run]
         texts += [str(made[name]) for name in run]
@@ -48,6 +49,7 @@ def swap(
             found["values_files"] = [f.name for f in files]
             texts.append(f"values: {', '.join(f.name for f in files)}")
     typer.echo(json.dumps(clean(found)) if as_json else "\n\n".join(texts))
+    raise SystemExit(0 if passed else 1)
 
 
 def _object(plan: RetunePlan) -> dict[str, Any]:

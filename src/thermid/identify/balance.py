@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import RecordError
 from thermid.identify.calibration import Calibration
@@ -82,6 +83,7 @@ class EnergyBalance:
         return "\n".join(lines)
 
 
+@takes_objects
 def energy_balance(
     model: Model | Calibration,
     record: Record,

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from thermid.errors import IdentificationError
+from thermid.arguments import takes_objects
+from thermid.errors import IdentificationError, SolverError
 from thermid.identify.calibration import Calibration
 from thermid.identify.clock_search import at_clocks, in_turns, with_clocks
 from thermid.identify.gather import problem_for
-from thermid.identify.mistakes import mistakes
+from thermid.identify.mistakes import mistakes, strange_powers
 from thermid.identify.refusals import refuse_after, refuse_before
 from thermid.identify.request import LocalSpec, Request
 from thermid.identify.residuals import Problem
@@ -31,6 +33,7 @@ __all__ = ["calibrate", "fit", "fit_problem"]
 Progress = Callable[[int, float], None]
 
 
+@takes_objects
 def calibrate(
     model: Model,
     records: Record | Sequence[Record],
@@ -94,10 +97,11 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     if known is not None and list(known) == [u.name for u in problem.unknowns]:
         found = ended(problem, np.array(list(known.values())), request.loss, request.knee)
     else:
-        problem = with_clocks(problem, request.loss, request.knee)
-        refuse_before(request, problem, lambda r: fit(r))
-        found = searched(problem, request.search, request.loss, request.knee, progress)
-        problem, found = in_turns(problem, found, request.loss, request.knee, progress)
+        with _units_asked(problem):
+            problem = with_clocks(problem, request.loss, request.knee)
+            refuse_before(request, problem, lambda r: fit(r))
+            found = searched(problem, request.search, request.loss, request.knee, progress)
+            problem, found = in_turns(problem, found, request.loss, request.knee, progress)
         if not stated:
             weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
             again = minimise(weighed, request.loss, request.knee, found.fitted, progress)
@@ -111,15 +115,25 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         found = replace(again, **kept)
     spread = wander(problem, found, request.loss, request.knee)
     total, random, weights = covariances(found, spread.level, spread.excess)
-    asked: tuple[str, ...] = ()
+    asked = strange_powers(problem) if request.free else ()
+    found = replace(found, remarks=(*found.remarks, *asked))
     if stated and request.free and len(problem.experiments) == len(request.records):
-        asked = mistakes(request, problem, found.chi_square / _freedom(problem), _misfit)
-        found = replace(found, remarks=(*found.remarks, *asked))
+        more = mistakes(request, problem, found.chi_square / _freedom(problem), _misfit)
+        found, asked = replace(found, remarks=(*found.remarks, *more)), (*asked, *more)
     try:
         refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
     except IdentificationError as refusal:
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in asked)]), refusal.where) from None
     return summarise(request, problem, found, total, random, weights, spread)
+
+
+@contextmanager
+def _units_asked(problem: Problem) -> Iterator[None]:
+    """Let a run that breaks off say which logged powers may be in another unit."""
+    try:
+        yield
+    except SolverError as error:
+        raise SolverError(" ".join([error.message, *strange_powers(problem)]), error.where) from None
 
 
 def _freedom(problem: Problem) -> float:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.identify.contradicted import LOUD, contradicted
 from thermid.identify.moves import Moves
 from thermid.identify.residuals import Block, Predictions, Problem
 from thermid.identify.sensors import instrument_shares, sensor_shares
@@ -110,6 +111,11 @@ class Calibration:
         """Weighted sum of squares per degree of freedom; 1 when model and noise are right. [-]"""
         return self.chi_square / max(self.freedom, 1)
 
+    @property
+    def contradicted(self) -> Mapping[str, str]:
+        """Value -> what would have to be wrong, of those over ten deviations from an accuracy or prior: do not use the fit then."""
+        return contradicted(self.values)
+
     def _sums(self) -> list[tuple[str, str, Sums]]:
         """Return record, sensor and the sums of its residuals; of blocks that were not predicted yet, as the fit left them."""
         if isinstance(self.blocks, Predictions):
@@ -170,6 +176,7 @@ class Calibration:
         lines = [
             f"{self.stage}: {count}, {samples} samples of {len(self.sensors)} channel{'s' if len(self.sensors) != 1 else ''}{records}{kind}"
         ]
+        lines += [f"  {w}" for w in self.warnings if w.startswith(LOUD)]
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
         for name, s in self.sensors.items():
@@ -189,7 +196,7 @@ class Calibration:
         lines += self.moved.lines()
         lines.append(f"  reduced chi-square {short(self.reduced_chi_square, 3)}; {self.evaluations} evaluations")
         lines += [f"  search: {self.search}"] if self.search else []
-        lines += [f"  warning: {w}" for w in self.warnings]
+        lines += [f"  warning: {w}" for w in self.warnings if not w.startswith(LOUD)]
         return "\n".join(lines)
 
 

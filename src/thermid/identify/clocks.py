@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, RecordError, ScenarioError, SolverError
 from thermid.identify.blocks import Block
 from thermid.identify.clocked import Clocked
@@ -63,6 +64,7 @@ class Alignment:
         )
 
 
+@takes_objects
 def align(
     model: Model,
     first: Record,

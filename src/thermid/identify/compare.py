@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from thermid.arguments import takes_objects
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.request import Request
@@ -12,6 +13,7 @@ from thermid.simulation.scenario import Scenario
 __all__ = ["compare"]
 
 
+@takes_objects
 def compare(model: Model, record: Record, *, scenario: Scenario | None = None, window: float = 0.0) -> Calibration:
     """Return measured and predicted readings of a record, with statistics per sensor; no value is changed.
 

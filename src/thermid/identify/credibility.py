@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
 from thermid.identify.calibration import Calibration
 from thermid.measure.amounts import short
@@ -132,6 +133,7 @@ class CredibilityRecord(Mapping[str, ValueRecord]):
         return "\n".join(lines)
 
 
+@takes_objects
 def credibility(campaign: Campaign) -> CredibilityRecord:
     """Return what every value of a campaign's uppermost model rests on; with a joint fit, as that left it.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ThermidError
 from thermid.identify.calibrate import fit as refit
 from thermid.identify.calibration import Calibration
@@ -172,6 +173,7 @@ class Criticism:
         return "\n".join(lines)
 
 
+@takes_objects
 def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
     """Return what the residuals of a fit say against its model.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
 from thermid.model.model import Model
 from thermid.simulation.scenario import Scenario
@@ -59,6 +60,7 @@ class Difference:
         return "\n".join(lines)
 
 
+@takes_objects
 def difference(old: Model, new: Model, scenario: Scenario, *, nodes: Sequence[str] = ()) -> Difference:
     """Return the difference of two versions of a model in one scenario, new less old.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.identify.coefficients import (
     Conditions,
@@ -68,6 +69,7 @@ class Discrepancy:
         sizes = np.array(list(self.sizes.values()))
         return np.asarray(sizes[:, None] * np.linalg.cholesky(alike)) if keys else np.zeros((0, 0))
 
+    @takes_objects
     def widened(self, values: FittedValues) -> FittedValues:
         """Return fitted values with a covariance that counts what constant coefficients leave out of the fit itself.
 
@@ -88,6 +90,7 @@ class Discrepancy:
         return "\n".join(f"{p}: found at a difference of {c}" for p, c in self.conditions.items())
 
 
+@takes_objects
 def discrepancy(fit: Calibration) -> Discrepancy:
     """Return what constant coefficients leave out of a fit.
 

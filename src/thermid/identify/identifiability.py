@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.identify.advice import Cure, cures
 from thermid.identify.calibration import Calibration
@@ -168,6 +169,7 @@ class Identifiability:
         return "\n".join(lines)
 
 
+@takes_objects
 def identifiability(
     model: Model | Calibration,
     records: Record | Sequence[Record] = (),

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.identify.gather import problem_for
 from thermid.identify.power_history import PowerHistory
@@ -36,6 +37,7 @@ WIDE = 30.0
 """The history is held to zero by this many times the power that the deck gives (1 W at least), so that every prior is a proper one."""
 
 
+@takes_objects
 def power_history(
     model: Model,
     record: Record,

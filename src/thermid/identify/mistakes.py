@@ -10,18 +10,21 @@ from typing import TYPE_CHECKING
 from thermid.errors import ThermidError
 from thermid.identify.grouping import listed
 from thermid.measure import Channel, Record
+from thermid.measure.amounts import short
 
 if TYPE_CHECKING:
     from thermid.identify.request import Request
     from thermid.identify.residuals import Problem
 
-__all__ = ["mistakes"]
+__all__ = ["mistakes", "strange_powers"]
 
 FAR = 25.0
 """Weighted sum of squares per degree of freedom from which a mistake is looked for: residuals of five times the stated noise."""
 GAIN = 0.1
 """Part of it that may be left for a mistake to be named."""
 PAIRS = 10
+STRANGE = 300.0
+"""Ratio of the power of a log and that of the deck from which one of them is in another unit."""
 UNITS = ((1e-3, "mW, where W were taken"), (1e3, "kW, where W were taken"))
 
 
@@ -46,6 +49,23 @@ def mistakes(request: Request, problem: Problem, misfit: float, again: Callable[
         if left < GAIN * misfit:
             out.append((left, f"{words} The residuals would then fall from {misfit**0.5:.2g} to {left**0.5:.2g} times the noise."))
     return (*_unlogged(problem), *(text for _, text in sorted(out)[:2]))
+
+
+def strange_powers(problem: Problem) -> tuple[str, ...]:
+    """Return remarks on logged powers that are some hundred times what the deck has, or a small part of it: is their unit right?"""
+    out: dict[str, str] = {}
+    for e in problem.experiments:
+        values = e.network.flat.parameters.evaluate({})
+        decks = {row.path: float(values[row.fields["power"]]) for row in e.network.flat.loads if "power" in row.fields}
+        for c in (c for c in e.record.channels.values() if c.role == "load" and c.quantity == "power" and c.valid.any()):
+            path = e.network.flat.names.model.canonical(c.target or "")
+            logged, deck = float(abs(c.values[c.valid]).max()), decks.get(path, 0.0)
+            if logged > 0 and deck > 0 and not 1.0 / STRANGE < logged / deck < STRANGE:
+                out[c.name] = (
+                    f"'{c.name}' gives '{path}' {short(logged, 3)} W, the deck has {short(deck, 3)} W: is its unit right? A column in mW "
+                    'has unit = "mW" in its table, or [mW] in its header.'
+                )
+    return tuple(out.values())
 
 
 def _unlogged(problem: Problem) -> tuple[str, ...]:

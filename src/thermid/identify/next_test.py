@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.identify.actions import Action, Aim, usual_actions
 from thermid.identify.calibration import Calibration
@@ -34,6 +35,7 @@ ENOUGH = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
 
 
+@takes_objects
 def next_test(
     source: Calibration | Model,
     target: str | Aim,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.identify.calibration import Calibration
@@ -118,6 +119,7 @@ class Plausibility:
         return "\n".join(lines)
 
 
+@takes_objects
 def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, delivered: Mapping[str, str] | None = None) -> Plausibility:
     """Return what is physical of the values of a fit.
 

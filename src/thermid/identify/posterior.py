@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
 from thermid.identify.calibration import Calibration
 from thermid.identify.extras import package
@@ -73,6 +74,7 @@ class Posterior:
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
 
 
+@takes_objects
 def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: int = 1) -> Posterior:
     """Return draws of a fit's parameters, everything else that it looked for taken along.
 
@@ -143,6 +145,7 @@ class Evidence:
         return f"'{better.stage}' over '{worse.stage}': ln evidence {size:.1f} +- {doubt:.1f} higher, {scale}"
 
 
+@takes_objects
 def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
     """Return the evidence of a fit's structure, to choose between structures fitted to the same readings.
 

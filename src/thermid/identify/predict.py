@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
 from thermid.identify.calibration import Calibration
 from thermid.identify.further import Further
@@ -28,6 +29,7 @@ Columns = dict[str, Array]
 """Node -> (times and the settled state, directions): what a spread of one standard deviation along each direction does. [K]"""
 
 
+@takes_objects
 def predict(
     fit: Calibration,
     scenario: Scenario,

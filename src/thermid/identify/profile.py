@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
 from thermid.identify.calibration import Calibration
 from thermid.identify.information import inverse
@@ -151,6 +152,7 @@ def spread_of(problem: Problem, at: Array, ks: tuple[int, ...], errors: Array) -
     return float(np.exp(np.mean(np.log(out))))
 
 
+@takes_objects
 def profile(fit: Calibration, path: str, level: float = 0.95) -> Profile:
     """Return the interval of a parameter from its profile: it is moved step by step, and everything else is fitted anew each time.
 

@@ -12,6 +12,7 @@ from thermid.errors import MissingDataError, ThermidError
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, placed, read_campaign
+from thermid.identify.considered import considered
 from thermid.identify.request import Request
 from thermid.identify.stages import Campaign
 from thermid.identify.staging import key_of, request_of
@@ -59,7 +60,9 @@ def retuned(
             if stage.action == "carried" and not again:
                 done[stage.name] = replace(before[stage.of], model=request.model, warnings=(*before[stage.of].warnings, CARRIED))
             else:
-                done[stage.name] = fit(request, None if notice is None else _named(notice, stage.name))
+                made = fit(request, None if notice is None else _named(notice, stage.name))
+                whole = stage.alone or again
+                done[stage.name] = made if whole else considered(made, before[stage.of], _held(before[stage.of], stage))
         except ThermidError as error:
             raise placed(error, source.where(f"stages.{k}")) from None
     note = (
@@ -116,9 +119,18 @@ def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], ev
     return table.model_copy(update=changes | {"priors": kept})
 
 
+def _inside(path: str, stage: StagePlan) -> bool:
+    return path.startswith(f"{stage.part}.")
+
+
+def _held(before: Calibration, stage: StagePlan) -> tuple[str, ...]:
+    """Return the parameters that a stage fitted before the swap and holds now."""
+    return tuple(p for p in before.values.parameters if p not in stage.free and not _inside(p, stage))
+
+
 def _local(request: Request, stage: StagePlan, before: Calibration, plan: RetunePlan) -> Request:
     """Return a request in which all but the stage's freed values stand where they stood, constant errors of instruments among them."""
-    held = {p: v for p, v in before.values.assignments.items() if not p.startswith(f"{stage.part}.") or p in stage.free}
+    held = {p: v for p, v in before.values.assignments.items() if not _inside(p, stage) or p in stage.free}
     own = f"{stage.part}."
     handed = tuple(v.only([p for p in v.parameters if p.startswith(own)]).bare() for v in request.inherited)
     return replace(
@@ -130,6 +142,7 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
         held_errors=before.instrument_errors,
         remarks=(
             *request.remarks,
-            f"retuned locally for {plan.new} at {plan.part}: all else is held as it was, constant errors of instruments among it.",
+            f"retuned locally for {plan.new} at {plan.part}: all else is held as it was, constant errors of instruments among it. "
+            "The totals count what these leave open.",
         ),
     )

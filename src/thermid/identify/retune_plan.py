@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from thermid.arguments import takes_objects
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
@@ -112,6 +113,7 @@ class RetunePlan:
         known = (r.name for request in self.campaign.requests.values() for r in request.records)
         return tuple(dict.fromkeys(r for r in known if r not in self.tests))
 
+    @takes_objects
     def run(self, data: str | os.PathLike[str] | CampaignSource, *, everything: bool = False, notice: Any = None) -> Campaign:
         """Return the campaign after the retune: the stages that are due are fitted to the repeated tests, all others are as they were.
 

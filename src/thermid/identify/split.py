@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.identify.calibration import Calibration
 from thermid.identify.split_priors import Part, parts_of
@@ -38,6 +39,7 @@ POSSIBLE = 0.025
 """Probability below which no emissivity of the finish leaves room for the conduction of gas at rest. [-]"""
 
 
+@takes_objects
 def split(
     of: Model | Calibration,
     paths: str | Sequence[str] = (),

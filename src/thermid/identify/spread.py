@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ScenarioError, nearest
 from thermid.expression import parse
 from thermid.identify.values import FittedValues
@@ -64,6 +65,7 @@ class Spread:
         object.__setattr__(self, "log", tuple(self.log) or (False,) * size)
 
     @classmethod
+    @takes_objects
     def of(cls, values: FittedValues, at: str = "", cause: str = "") -> Spread:
         """Return what a fit leaves open, with its covariance.
 

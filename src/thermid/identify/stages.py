@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.identify.cache import file_name, recall, remember
 from thermid.identify.calibrate import fit
@@ -87,8 +88,13 @@ class Campaign:
 
     @property
     def passed(self) -> bool:
-        """Whether every verdict passed."""
-        return all(v.passed for v in self.verdicts)
+        """Whether every verdict passed, and no fit contradicts what was stated of its instruments or known ahead."""
+        return all(v.passed for v in self.verdicts) and not any(c.contradicted for c in self.fits)
+
+    @property
+    def fits(self) -> tuple[Calibration, ...]:
+        """The calibrations of all stages, and the joint one where there is one."""
+        return (*self.stages.values(), *([self.joint] if self.joint is not None else []))
 
     def save(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write one values file per stage and return their paths."""
@@ -111,6 +117,7 @@ class Campaign:
         )
 
 
+@takes_objects
 def run_stages(
     campaign: str | os.PathLike[str] | CampaignSource,
     *,
@@ -155,6 +162,7 @@ def run_stages(
     return replace(made, verdicts=verdicts)
 
 
+@takes_objects
 def joint(
     campaign: str | os.PathLike[str] | CampaignSource | Campaign,
     *,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
 from thermid.identify.residuals import Block
 from thermid.identify.stages import Campaign
@@ -196,6 +197,7 @@ class Study:
                 return path
         raise NameNotFoundError(f"nothing is called '{name}'.{nearest(name, [*known, *self.components, *self.model.aliases])}", self.title)
 
+    @takes_objects
     def log(self, campaign: Campaign) -> tuple[Step, ...]:
         """Return what every stage and every verdict found, sensor by sensor."""
         action = {stage: a.name for a in self.actions for stage in a.stages}
@@ -203,6 +205,7 @@ class Study:
         steps += [_step(action.get(v.model, ""), v.model, block, True) for v in campaign.verdicts for block in v.prediction.blocks]
         return tuple(steps)
 
+    @takes_objects
     def exceeded(self, solution: Solution, at: str = "") -> tuple[Exceeded, ...]:
         """Return the limits of components that a run passes, each with the time.
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.identify.campaignfile import read_campaign
 from thermid.identify.study import Action, Component, SensorSpec, Study
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["load_study"]
 
 
+@takes_objects
 def load_study(path: str | os.PathLike[str]) -> Study:
     """Return the study that a file describes, with the model it names; its campaign is checked, not run.
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.calibration import Calibration, Local
+from thermid.identify.contradicted import FAR, loudly
 from thermid.identify.discrepancy import conditions_found, misfit_found
 from thermid.identify.moved import moves_above
 from thermid.identify.residuals import Predictions, Problem
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from thermid.identify.request import Request
     from thermid.identify.wander import Wander
 
-__all__ = ["summarise"]
+__all__ = ["correlations_of", "summarise"]
 
 Array = NDArray[np.float64]
 CHANCE = 0.01
@@ -63,12 +64,13 @@ def summarise(
         blocks,
         bias,
         records,
-        _correlations(problem, total),
+        correlations_of(problem, total),
         found.chi_square,
         freedom,
         found.evaluations,
         request.loss,
         (
+            *loudly(values),
             *request.remarks,
             *_warnings(problem, found, total, spread),
             *found.remarks,
@@ -106,7 +108,8 @@ def _local(u: Unknown, fitted: float, variance: float) -> Local:
     return Local(record, name, float(fitted), float(np.sqrt(variance)), u.unit)
 
 
-def _correlations(problem: Problem, total: Array) -> dict[tuple[str, str], float]:
+def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], float]:
+    """Return (path, path) -> correlation in a covariance of all unknowns, those above 0.1."""
     names = [(k, u.name) for k, u in enumerate(problem.unknowns) if u.kind in ("parameter", "sensor", "instrument")]
     out = {}
     for i, (k, first) in enumerate(names):
@@ -130,8 +133,8 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Wander | None)
             if np.isfinite(bound) and abs(found.fitted[k] - bound) < max(1e-4 * max(abs(bound), u.scale), 0.02 * error):
                 shown = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
                 out.append(f"'{u.name}' ended at its {side} bound {shown:.6g}; its error is not meaningful. Widen the bound or fix it.")
-        if u.prior is not None and u.kind != "local" and abs(found.fitted[k] - u.prior.mean) > 3 * u.prior.sd:
-            far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd
+        far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0
+        if 3.0 < far <= FAR:  # what lies farther stands at the head of the fit
             out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
     out += _strained(problem, found)
     freedom = round(problem.worth) - len(problem.unknowns)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError, IdentificationError, SolverError
 from thermid.identify.calibration import Calibration
 from thermid.identify.retune_plan import RetunePlan, StagePlan, Touch
@@ -30,6 +31,7 @@ FELT = 0.05
 """A value is worth retuning when a change of 10 % moves some sensor by this much. [K]"""
 
 
+@takes_objects
 def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[str]) -> RetunePlan:
     """Return what replacing a part costs: values that it touches, stages and tests that are due, predictions before and after.
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, nearest
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
@@ -41,6 +42,7 @@ class Criteria:
     sensors: Mapping[str, Mapping[str, str]] | None = None
 
     @classmethod
+    @takes_objects
     def read(cls, table: Mapping[str, Any], where: str) -> Criteria:
         """Return criteria from a table of a campaign."""
         _known(table, cls.__dataclass_fields__, where)
@@ -148,6 +150,7 @@ class Verdict:
         return "\n".join(lines)
 
 
+@takes_objects
 def validate(
     calibration: Calibration,
     record: Record,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
 from thermid.identify.calibration import Calibration
 from thermid.identify.identifiability import Identifiability
@@ -48,6 +49,7 @@ class Valley:
     fitted: bool = True
 
 
+@takes_objects
 def valley(source: Calibration | Identifiability, first: str, second: str, points: int = GRID) -> Valley:
     """Return how the fit worsens over two parameters; where they can make up for each other, the map shows a valley.
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.expression import Expression, Literal
 from thermid.model.parameter import Parameter
@@ -230,6 +231,7 @@ def _finite(number: float) -> float | str:
     return number if np.isfinite(number) else str(number)
 
 
+@takes_objects
 def load_values(path: str | os.PathLike[str]) -> FittedValues:
     """Return the values of a file that `FittedValues.save` wrote.
 

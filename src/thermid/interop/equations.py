@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.interop.wired import identifiers
@@ -173,6 +174,7 @@ class Equations:
         return "\n".join([*lines, *(f"  {n}: {what}" for n, what in self.symbols.items())])
 
 
+@takes_objects
 def equations(model: Model, names: Mapping[str, str] | None = None) -> Equations:
     """Return the state equations of a linear model as symbols, derived from its network.
 

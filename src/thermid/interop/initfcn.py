@@ -15,6 +15,7 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
+from thermid.arguments import takes_objects
 from thermid.errors import ExpressionError, ThermidError, UnitError
 from thermid.expression import parse
 from thermid.interop.block import block
@@ -191,6 +192,7 @@ def _close(a: float, b: float) -> bool:
     return a == b or abs(a - b) <= 1e-12 * max(abs(a), abs(b))
 
 
+@takes_objects
 def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
     """Return the parameters that an InitFcn script sets.
 

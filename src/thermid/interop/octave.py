@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError
 from thermid.interop.formula import Formula, Text, number_text
 from thermid.interop.units_of import si_unit
@@ -30,6 +31,7 @@ SAMPLES = 301
 _WIDE = 8
 
 
+@takes_objects
 def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None, *, name: str = "") -> str:
     """Return a model in a scenario as the text of one function file for Octave or MATLAB.
 

@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError
 from thermid.interop.formula import number_text
@@ -27,6 +28,7 @@ JUMP = 1e-7
 _PAIRS = 4
 
 
+@takes_objects
 def to_spice(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
     """Return a model in a scenario as a SPICE netlist (Fig. 4 of the source document).
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, RecordError, nearest
 from thermid.measure import export, flags, join, part, prepare
 from thermid.measure.channel import BoolArray, Channel, FloatArray, Origin, digest, frozen
@@ -196,6 +197,7 @@ class Record:
         """Return the record with times from zero."""
         return prepare.shift_start(self)
 
+    @takes_objects
     def joined(self, other: Record, offset: float | tuple[float, float] = 0.0, rate: float | tuple[float, float] = 1.0) -> Record:
         """Return the channels of both records: a time t on the other's clock is ``offset + rate t`` on this one's. [s]
 

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import MissingDataError, NameNotFoundError, RecordError, nearest
 from thermid.expression import parse
 from thermid.measure.channel import FloatArray
@@ -153,6 +154,7 @@ class Weather:
         return "\n".join(lines)
 
 
+@takes_objects
 def read_weather(
     path: str | Path,
     columns: Mapping[str, str] | None = None,

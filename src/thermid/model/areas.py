@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.model.flat import flatten
 from thermid.model.model import Model
@@ -32,6 +33,7 @@ class LedgerLine:
     joints: Mapping[str, float]
 
 
+@takes_objects
 def ledger(model: Model) -> tuple[LedgerLine, ...]:
     """Return the areas of every surface of a model, at every depth.
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.model.elements import Conductor, Enclosure, HeatLoad, Joint, Node, Surface
 from thermid.model.parameter import Parameter, parameter
@@ -169,6 +170,7 @@ class Model:
         known = [*self.submodels, *(n for _, n, _ in self.elements()), *table]
         raise NameNotFoundError(f"nothing at '{path}'.{nearest(path, known)}", self.title)
 
+    @takes_objects
     def with_values(self, values: Mapping[str, Any], origin: str = "caller") -> Model:
         """Return the model with values laid over it.
 
@@ -195,6 +197,7 @@ class Model:
             layer[path] = replace(given, **keep, note=given.note or old.note)
         return replace(self, layers=(*self.layers, Layer(origin, layer))) if layer else self
 
+    @takes_objects
     def replace(self, path: str, new: Model) -> Model:
         """Return the model with the submodel at `path` replaced.
 

@@ -9,6 +9,7 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.expression import NAME
 from thermid.model.build import elements_from
@@ -83,6 +84,7 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         ) from None
 
 
+@takes_objects
 def load_model(path: str | os.PathLike[str]) -> Model:
     """Return the model that a deck describes, with the decks it uses.
 
@@ -124,6 +126,7 @@ def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loa
     return known[here]
 
 
+@takes_objects
 def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[str, int] | None = None, use: Any = None) -> Model:
     """Return the model that a dictionary describes: the Python twin of a deck, with the same fields.
 
@@ -270,6 +273,7 @@ def value_to(given: Parameter) -> Any:
     return written(given)
 
 
+@takes_objects
 def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLike[str] | None = None) -> None:
     """Write a model as a deck, and its submodels as decks beside it.
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError, SolverError
 from thermid.network.network import Network, Numbers
@@ -64,6 +65,7 @@ class Modes:
     nodes: tuple[str, ...]
 
 
+@takes_objects
 def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
     """Return the matrices of a linear network.
 
@@ -140,6 +142,7 @@ def _weights(network: Network, heat: Array, everything: Array, massless: list[in
     return weights
 
 
+@takes_objects
 def modes(space: StateSpace) -> Modes:
     """Return the modes of a linear network, slowest first."""
     root = np.sqrt(space.capacitances)

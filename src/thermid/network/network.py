@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ThermidError
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
@@ -211,6 +212,7 @@ def _absorbed(load: FlatLoad, fields: Mapping[str, Any], values: Mapping[str, An
     return LoadRow(load.path, "signal", load.node, load.sensor, (first,), None, f"load {load.path}")
 
 
+@takes_objects
 def compile_network(model: Model, *, media: Media | None = None, prescribed: Iterable[str] = ()) -> Network:
     """Return a model compiled to a network.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.model.signal import Table
 from thermid.qualify.marks import Figure
@@ -58,6 +59,7 @@ class AscentCheck:
         return f"{figure}, limit {self.limit.value:g}: {word} ({self.limit.mark}: {self.limit.source})"
 
 
+@takes_objects
 def ascent_checks(
     scenario: Scenario, air: str = "ambient", *, over: float = 1.0, limits: Mapping[str, Figure] = ASCENT_LIMITS
 ) -> tuple[AscentCheck, ...]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.measure.stability import StabilityRule, rule_of
 from thermid.model.model import Model
@@ -36,6 +37,7 @@ MOIST_SAMPLES = 400
 """Outputs over which humidity is followed; the balance of vapour takes steps of its own between them."""
 
 
+@takes_objects
 def run_profile(
     model: Model,
     profile: ThermalProfile,

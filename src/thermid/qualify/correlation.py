@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, nearest
 from thermid.identify.calibration import Calibration
 from thermid.measure import Record
@@ -241,6 +242,7 @@ def paired(measured: Record, simulated: Record, case: str = "") -> tuple[Overlay
     return tuple(out)
 
 
+@takes_objects
 def correlate(
     readings: Sequence[Overlay] | Calibration | tuple[Record, Record],
     criteria: Sequence[str | CriteriaSet] = ("ECSS",),

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError
 from thermid.identify.values import FittedValues
 from thermid.model.model import Model
@@ -33,6 +34,7 @@ CHECK_TIMES = 5
 """Times at which temperatures are written down, equally spaced, the end among them."""
 
 
+@takes_objects
 def deliver(
     model: Model,
     scenarios: Sequence[str | os.PathLike[str]],
@@ -86,6 +88,7 @@ def deliver(
     return target
 
 
+@takes_objects
 def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
     """Return scenario -> largest difference between what a delivery says must come out and what does. [K]
 

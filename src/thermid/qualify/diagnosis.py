@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.identify.calibration import Calibration
 from thermid.qualify.suspects import GROUPS, Candidate, suspects
@@ -187,6 +188,7 @@ class _Bench:
         return np.concatenate(added), self.response(c, runs)
 
 
+@takes_objects
 def diagnose(
     told: Calibration | Sequence[Calibration],
     *,

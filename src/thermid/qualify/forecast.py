@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.prepare import stretch
@@ -36,6 +37,7 @@ SLOW_SHARE: Final = 0.05
 """Probability with which a slow part counts as not excluded."""
 
 
+@takes_objects
 def forecast(
     record: Record,
     channel: str = "",

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.identify.calibration import Calibration
 from thermid.identify.discrepancy import misfit_kept
 from thermid.identify.further import MISFIT
@@ -52,6 +53,7 @@ class Known:
     at: str = ""
 
     @classmethod
+    @takes_objects
     def of(cls, source: Model | Calibration) -> Known:
         """Return what a fit knows; of a model that nobody fitted, nothing but its values."""
         if isinstance(source, Model):
@@ -84,6 +86,7 @@ class Foresight:
     before: Mapping[str, Array] = field(default_factory=dict)
 
 
+@takes_objects
 def foresee(
     known: Known,
     scenario: Scenario,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.qualify.foresight import Foresight
 from thermid.qualify.marks import Figure
@@ -50,6 +51,7 @@ class HeaterDuty:
         return self.duty <= self.most + 1e-12 if self.rule.decides else None
 
 
+@takes_objects
 def heater_duty(
     run: Foresight, load: str, full: float, *, window: tuple[float, float] | None = None, name: str = "", policy: Policy | str = SMC
 ) -> HeaterDuty:

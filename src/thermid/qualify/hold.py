@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
@@ -164,6 +165,7 @@ class Hold:
         }
 
 
+@takes_objects
 def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 0.95) -> Hold:
     """Return how long limits are kept in the members of a campaign of runs.
 

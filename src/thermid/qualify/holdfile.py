@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.identify.values import FittedValues, load_values
 from thermid.model.model import Model
@@ -61,6 +62,7 @@ class HoldQuestion:
     every: str
     confidence: float
 
+    @takes_objects
     def run(
         self,
         *,
@@ -91,6 +93,7 @@ class HoldQuestion:
         return runs, hold(runs, self.limits, confidence=self.confidence)
 
 
+@takes_objects
 def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     """Return the hold question of a TOML file; files that it names are relative to it and stay inside the project.
 

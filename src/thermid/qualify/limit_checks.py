@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.qualify.limits import STATES, Ends, Limits, text_of
 from thermid.simulation.solution import Solution
@@ -133,6 +134,7 @@ def times_in_state(run: Solution, limits: Limits, state: str, default: str = "op
     return on if state == "operating" else np.asarray(~on)
 
 
+@takes_objects
 def check_limits(run: Solution, limits: Sequence[Limits], *, state: str = "operating") -> tuple[LimitCheck, ...]:
     """Return every reference point of a run in every state that it was in, held against its limits.
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
 from thermid.model.modelfile import read_toml
 from thermid.model.signal import literal
@@ -90,6 +91,7 @@ def text_of(kelvin: float) -> str:
     return f"{kelvin - ICE_POINT:.1f} degC" if np.isfinite(kelvin) else "none"
 
 
+@takes_objects
 def load_limits(path: str | os.PathLike[str]) -> tuple[Limits, ...]:
     """Return the limits of a file: a table per reference point.
 

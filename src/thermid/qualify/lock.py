@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError
 from thermid.qualify.plan import Plan
 
@@ -79,6 +80,7 @@ def _today() -> str:
     return datetime.now(UTC).date().isoformat()
 
 
+@takes_objects
 def lock_plan(plan: Plan, predictions: dict[str, Any] | None = None, date: str = "") -> Path:
     """Write what is planned with its hash, the date and the pre-test predictions beside the plan, and return the file.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model
@@ -34,6 +35,7 @@ class HostValue:
     origin: str
 
 
+@takes_objects
 def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.PathLike[str] | None = None, at: str = UNIT) -> Model:
     """Return a host with a unit in it, once every value of the host is known to have a source.
 
@@ -86,6 +88,7 @@ def _source(entry: Entry, model: Model) -> str:
     return entry.parameter.source or ("calibrated" if fitted else "")
 
 
+@takes_objects
 def assumed(model: Model) -> tuple[str, ...]:
     """Return the assumed values of a model, each place in a deck once, by the path of its first instance."""
     first: dict[str, str] = {}

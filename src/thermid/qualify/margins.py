@@ -8,6 +8,7 @@ from statistics import NormalDist
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.foresight import Foresight
@@ -145,6 +146,7 @@ class Margin:
         )
 
 
+@takes_objects
 def margins(
     runs: Mapping[str, Foresight],
     limits: Sequence[Limits],

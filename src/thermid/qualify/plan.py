@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
 from thermid.qualify.basis import basis
@@ -123,6 +124,7 @@ def _flat(value: Any, path: str = "") -> list[tuple[str, str]]:
     return [(path, json.dumps(value, sort_keys=True))] if value not in (None, "", []) else []
 
 
+@takes_objects
 def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> Plan:
     """Return a qualification plan, checked as far as that goes without running anything.
 

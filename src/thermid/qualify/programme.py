@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
 from thermid.identify.coefficients import coefficient_path, constant_coefficients
 from thermid.identify.further import MISFIT
@@ -156,6 +157,7 @@ def _margin(m: Margin) -> dict[str, Any]:
     return where | celsius | sizes | {"margin_K": m.margin, "mark": m.mark, "passed": m.passed, "undecided": m.undecided} | flat | counted
 
 
+@takes_objects
 def run_plan(
     plan: Plan | str | os.PathLike[str], *, data: str | os.PathLike[str] | None = None, notice: Callable[[str], None] | None = None
 ) -> Qualification:

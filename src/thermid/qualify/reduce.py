@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
 from thermid.model.elements import LOAD_SLOTS
@@ -89,6 +90,7 @@ class Reduction:
         return "\n".join([head, *lines, *(f"  remark: {r}" for r in self.remarks)])
 
 
+@takes_objects
 def reduce(
     model: Model,
     scenarios: Scenario | Sequence[Scenario],

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import RecordError
 from thermid.measure.amounts import duration_text, positive_seconds
 from thermid.measure.prepare import stretch
@@ -146,6 +147,7 @@ class Stability:
         return "\n".join(lines)
 
 
+@takes_objects
 def stability(
     of: Record | Solution | ProfileRun,
     rule: str | StabilityRule = "3 C/h",

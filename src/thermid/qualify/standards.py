@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
+from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
 from thermid.measure.stability import rule_of
 from thermid.model.modelfile import read_toml
@@ -96,6 +97,7 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
 OWN_TABLE: Final[Mapping[str, Number]] = {k: number(k, v, "project", "", "profile") for k, v in OWN.items()}
 
 
+@takes_objects
 def load_profile(path: str | os.PathLike[str]) -> ThermalProfile:
     """Return the profile of a TOML file: its table ``[profile]`` says what it is like and what is different.
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.model.model import Model
 from thermid.physics.constants import ICE_POINT
@@ -121,6 +122,7 @@ class UncertainRuns:
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
 
 
+@takes_objects
 def uncertain_runs(
     model: Model,
     scenario: Scenario | Sequence[Scenario],

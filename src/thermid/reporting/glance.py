@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thermid.identify.calibration import Calibration
+from thermid.identify.contradicted import BLAME
 from thermid.identify.stages import Campaign
 from thermid.identify.values import FittedValue
 from thermid.model.resolve import ParameterSet
@@ -90,7 +91,7 @@ def _cut(remarks: list[Remark]) -> tuple[Remark, ...]:
 
 def _fits(campaign: Campaign) -> list[Calibration]:
     """Return all fits, the uppermost first."""
-    return [*([campaign.joint] if campaign.joint is not None else []), *reversed(tuple(campaign.stages.values()))]
+    return list(reversed(campaign.fits))
 
 
 def _values(campaign: Campaign) -> Iterator[tuple[Calibration, FittedValue]]:
@@ -161,7 +162,7 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
     """Yield what follows from it, each with its stage."""
     if not campaign.verdicts:
         yield "Hold a record out and judge it: [[verdicts]] in the campaign.", ""
-    elif all(v.passed for v in campaign.verdicts):
+    elif campaign.passed:
         yield _envelope(campaign), ""
     for v in campaign.verdicts:
         missed = [c for c in v.checks if not c.passed]
@@ -171,6 +172,8 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
             missing = f"{what} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
             yield f"Do not use {v.model} yet: {worst.sensor} in {v.record} misses, {missing}. See where its residuals begin.", "verdicts"
     for c in _fits(campaign):
+        if c.contradicted:
+            yield f"Do not use {c.stage}: {_some(list(c.contradicted.values()))}. {BLAME}", c.stage
         for m in c.moved.values:
             if m.verdict == "had to move":
                 yield f"{m.path} had to move from what {m.stage} found: look for what the part meets here and not alone.", c.stage

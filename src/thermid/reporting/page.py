@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.identify.calibration import Calibration
 from thermid.identify.stages import Campaign
 from thermid.physics.constants import ICE_POINT
@@ -79,6 +80,7 @@ class Prediction:
     length: str
 
 
+@takes_objects
 def report(
     campaign: Campaign,
     *,

@@ -8,6 +8,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
 
 __all__ = ["NoBrowserError", "browser", "page_to_pdf"]
@@ -50,6 +51,7 @@ def browser() -> str:
     return found
 
 
+@takes_objects
 def page_to_pdf(page: str | os.PathLike[str], to: str | os.PathLike[str], *, seconds: float = 120.0) -> Path:
     """Print a page into a PDF and return its path. The browser sees no network and leaves no profile behind.
 

@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from thermid.arguments import takes_objects
 from thermid.qualify.correlation import Correlation
 from thermid.qualify.marks import weigh
 from thermid.qualify.programme import Qualification
@@ -23,6 +24,7 @@ from thermid.reporting.study_page import tile
 __all__ = ["correlation_report", "qualification_report"]
 
 
+@takes_objects
 def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Path:
     """Write a qualification as one HTML page and return its path. The page loads nothing and runs no script but its own.
 
@@ -69,6 +71,7 @@ def running(q: Qualification) -> str:
     return " · ".join(t for t in (d.number, f"issue {d.issue}" if d.issue else "", d.date, q.plan.title) if t)
 
 
+@takes_objects
 def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic: bool = False) -> Path:
     """Write a correlation as one HTML page - metrics, gates, overlays with the sensors' band - and return its path.
 

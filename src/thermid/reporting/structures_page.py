@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 
+from thermid.arguments import takes_objects
 from thermid.reporting import figures, origins
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, pretty, significant
 from thermid.reporting.extras import write_page
@@ -66,6 +67,7 @@ class Structure:
         return sum(medians) / len(medians) if medians else float("inf")
 
 
+@takes_objects
 def structures_report(
     title: str,
     structures: Sequence[Structure],

@@ -8,6 +8,7 @@ from pathlib import Path
 from urllib.parse import quote
 from xml.sax.saxutils import escape
 
+from thermid.arguments import takes_objects
 from thermid.identify.stages import Campaign
 from thermid.identify.study import Study
 from thermid.model.model import Model
@@ -22,6 +23,7 @@ from thermid.reporting.sections import Block, Facts, Heading, Notes, Section, Wo
 __all__ = ["parts", "provenance", "step_log", "steps", "study_report", "tile"]
 
 
+@takes_objects
 def study_report(
     study: Study,
     campaign: Campaign,

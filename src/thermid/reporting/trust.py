@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
 from thermid.identify.criticism import Criticism
 from thermid.identify.profile import Profile
@@ -35,6 +36,7 @@ LEVELS = {2.30: "68 %", 5.99: "95 %"}
 """Growth of the sum of squares that holds two parameters together with a probability: quantiles of chi-square, two degrees of freedom."""
 
 
+@takes_objects
 def picture(thing: Profile | Valley | Criticism | Hold | ProfileRun, to: str | os.PathLike[str]) -> Path:
     """Write the picture of a profile, a valley, a criticism, a hold or a profile's run, and return its path (png, svg, pdf).
 

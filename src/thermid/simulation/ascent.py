@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError, nearest
 from thermid.measure import read_plain
 from thermid.model.signal import Constant, Signal, Table, literal, signal
@@ -88,6 +89,7 @@ class Trajectory:
         return pressure, density
 
 
+@takes_objects
 def read_trajectory(path: str | os.PathLike[str], columns: Mapping[str, str] | None = None, *, time: str | None = None) -> Trajectory:
     """Return the trajectory of a table with a header: ``time``, ``altitude [km]``, ``speed [m/s]``, and pressure and density if known.
 
@@ -114,6 +116,7 @@ def read_trajectory(path: str | os.PathLike[str], columns: Mapping[str, str] | N
     return Trajectory(table.times, **{name: table.whole(column, UNITS[name]) for name, column in wanted.items()})
 
 
+@takes_objects
 def ascent_scenario(
     trajectory: Trajectory | None = None,
     *,

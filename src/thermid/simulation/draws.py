@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
 from thermid.expression import parse
 from thermid.model.signal import literal
@@ -26,6 +27,7 @@ FORMS = {"sd": {"sd", "mean"}, "log_sd": {"log_sd", "mean"}, "low": {"low", "hig
 """What names the form of a spread, and the keys that the form has."""
 
 
+@takes_objects
 def draw(model: Model, scenario: Scenario, spreads: Mapping[str, Any], members: int, *, seed: int) -> dict[str, Array]:
     """Return name -> value of every member (members,), independent of each other. [SI]
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Trace
@@ -176,6 +177,7 @@ def check_shares(shares: Array, where: str) -> None:
         raise ScenarioError("a quantile is a share between 0 and 1, such as 0.95.", where)
 
 
+@takes_objects
 def ensemble(
     model: Model,
     scenario: Scenario,

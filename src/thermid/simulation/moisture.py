@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
 from thermid.model.elements import HeatLoad
 from thermid.model.flat import Flat, FlatConductor
@@ -113,6 +114,7 @@ class Moisture:
         return "\n".join(["moisture", *lines])
 
 
+@takes_objects
 def moisture(
     model: Model,
     scenario: Scenario,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.measure import Weather
 from thermid.model.facing import Facing, degrees
@@ -43,6 +44,7 @@ WATER = 1000.0 * 4186.0
 """Heat that a cubic metre of rain takes up per kelvin. [J/(m^3 K)]"""
 
 
+@takes_objects
 def pad_scenario(
     site: Site | None = None,
     weather: Weather | None = None,

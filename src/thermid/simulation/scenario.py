@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, ThermidError, nearest
 from thermid.model.modelfile import read_toml, resolve_inside
 from thermid.model.signal import Constant, Signal, Table, literal, signal
@@ -64,6 +65,8 @@ class Scenario:
     def __post_init__(self) -> None:
         """Turn texts into signals, so that a mistake shows here and not in a run."""
         for name, slot in (("boundaries", TEMPERATURE), ("loads", "W"), ("commands", "1"), ("prescribed", TEMPERATURE)):
+            if not isinstance(getattr(self, name), Mapping):
+                raise ScenarioError(f"it takes a dictionary from names to values, not {getattr(self, name)!r}.", f"{self.title}, {name}")
             table = {k: signal(v, slot, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
             object.__setattr__(self, name, table)
             for key, given in table.items() if slot == TEMPERATURE else ():
@@ -166,6 +169,7 @@ def irradiation_of(table: Mapping[str, Any], folder: Path, where: str) -> Irradi
         raise error.located(where) from None
 
 
+@takes_objects
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """Return the scenario of a TOML file.
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.model.model import Model
@@ -72,6 +73,7 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
     return grid if np.isclose(grid[-1], scenario.seconds) else np.append(grid, scenario.seconds)
 
 
+@takes_objects
 def prepare(
     model: Model,
     scenario: Scenario,
@@ -198,6 +200,7 @@ class Simulator:
             self.title, self._wiring.scenario.title, self.times, run.all_nodes(), free, "ok", answer.statistics, self._remarks, run
         )
 
+    @takes_objects
     def ensemble(
         self, draws: Mapping[str, Any], *, nodes: Sequence[str] | None = None, quantiles: Any = None, threads: int = 1, simd: str = "auto"
     ) -> Ensemble:

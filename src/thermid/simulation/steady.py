@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.arguments import takes_objects
 from thermid.errors import SolverError
 from thermid.model.block import Block
 from thermid.model.model import Model
@@ -101,6 +102,7 @@ def steady(model: Model, scenario: Scenario, time: float = 0.0) -> dict[str, flo
 def steady(model: Block, scenario: Scenario, time: float = 0.0) -> BlockSolution: ...
 
 
+@takes_objects
 def steady(model: Model | Block, scenario: Scenario, time: float = 0.0) -> dict[str, float] | BlockSolution:
     """Return node -> steady temperature with the inputs of one time held, boundaries and massless nodes included. [K]
 

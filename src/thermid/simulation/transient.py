@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, overload
 
+from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.model.block import Block
 from thermid.model.model import Model
@@ -38,6 +39,7 @@ def simulate(
 ) -> BlockSolution: ...
 
 
+@takes_objects
 def simulate(
     model: Model | Block,
     scenario: Scenario,

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import thermid as td
 from thermid.cli.app import app
 from thermid.errors import DeckError, NameNotFoundError
+from thermid.identify.calibrate import fit
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
 from thermid.identify.touching import touching
@@ -138,6 +141,31 @@ def test_only_that_is_run(plan: RetunePlan, campaign: Campaign, tests_again: Pat
     assert above.fitted_model.at("b.skin.effective_htc").expression.literal.value == campaign["pair"]["b.skin.effective_htc"].value
     assert above.fitted_model.at(f"a.{HTC}").expression.literal.value == made["box"][HTC].value
     assert any("retuned locally for Light at a" in w for w in above.warnings)
+
+
+def test_totals_count_what_is_held(plan: RetunePlan, campaign: Campaign, tests_again: Path) -> None:
+    """Each direction in which held values may be wrong is tried by a fit of its own; the total has more by the squares of the moves."""
+    fitted, before = plan.run(tests_again)["pair"], campaign["pair"].values
+    request = fitted.request
+    assert request is not None
+    plain = fit(request)
+    held = [n for n in before if n.startswith("sensor ")] + ["b.skin.effective_htc"]
+    at = [list(before).index(n) for n in held]
+    sizes, vectors = np.linalg.eigh(before.covariance[np.ix_(at, at)])
+    extra = 0.0
+    for size, vector in zip(sizes, vectors.T, strict=True):
+        step = dict(zip(held, vector * np.sqrt(max(size, 0.0)), strict=True))
+        htc = before["b.skin.effective_htc"]
+        moved = replace(htc, value=htc.value * float(np.exp(step["b.skin.effective_htc"])))
+        bias = {s: b + step.get(f"sensor {s}", 0.0) for s, b in request.held_bias.items()}
+        again = fit(replace(request, model=request.model.with_values({"b.skin.effective_htc": moved}), held_bias=bias))
+        extra += np.log(again[JOINT].value / plain[JOINT].value) ** 2
+    k = list(fitted.values).index(JOINT)
+    assert fitted.values.covariance[k, k] == pytest.approx(plain.values.covariance[k, k] + extra, rel=0.05)
+    assert fitted[JOINT].error == pytest.approx(fitted[JOINT].value * fitted.values.covariance[k, k] ** 0.5)
+    assert fitted[JOINT].error > 2 * fitted[JOINT].error_random
+    assert plain[JOINT].error_random == fitted[JOINT].error_random
+    assert fitted.local[0].error > plain.local[0].error
 
 
 def test_everything_again_is_close(project: Path, tmp_path: Path, plan: RetunePlan, tests_again: Path) -> None:

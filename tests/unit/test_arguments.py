@@ -1,0 +1,77 @@
+"""A path where an object is expected, and the other way round, is refused in words, in every public function."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import thermid as td
+from thermid.arguments import MADE
+from thermid.errors import DeckError, ScenarioError
+
+PART = td.model_from_dict({"title": "Part", "needs": ["air"], "nodes": {"case": {"capacitance": "9 [J/K]"}}})
+BENCH = td.Scenario("bench", boundaries={"air": "20 [degC]"}, duration="1 [h]")
+LOG = td.Record.from_arrays("log", [0.0, 1.0, 2.0], {"T": td.Channel.of("T", [293.0, 293.1, 293.2], role="node", target="case")})
+ANY: Any = None
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (
+            lambda: td.calibrate(PART, ANY or "acc.csv", "x"),
+            r"calibrate: `records` takes Record, not the text 'acc.csv'. Make it",
+        ),
+        (lambda: td.calibrate(PART, ANY or ["acc.csv"], "x"), "takes Record, not the text 'acc.csv'"),
+        (lambda: td.calibrate(ANY or LOG, LOG, "x"), "`model` takes Model, not Record. Make it with td.load_model"),
+        (lambda: td.calibrate(PART, LOG, "x", scenario=ANY or {"log": "s.toml"}), "`scenario` takes Scenario, not the text 's.toml'"),
+        (
+            lambda: PART.replace("acc", ANY or "file.toml"),
+            r"replace: `new` takes Model, not the text 'file.toml'. Make it wi",
+        ),
+        (lambda: td.load_model(ANY or PART), "load_model: `path` takes the path of a file or folder, not Model. Give the file's name"),
+        (
+            lambda: td.simulate(PART, ANY or Path("winter.toml")),
+            r"takes Scenario, not the path 'winter.toml'. Make it with td.loa",
+        ),
+        (lambda: td.simulate(PART, ANY or {"air": 20}), "`scenario` takes Scenario, not a dictionary"),
+        (lambda: td.simulate(PART, ANY), "`scenario` takes Scenario, not None"),
+        (lambda: td.simulate(ANY or {}, BENCH), r"`model` takes Model or Block, not a dictionary. Make it with td.model_from_dict"),
+        (lambda: td.model_from_dict(ANY or "part.toml"), "`data` takes a dictionary, not the text 'part.toml'"),
+        (
+            lambda: td.validate(ANY or PART, LOG, td.Criteria("1 [K]")),
+            "`calibration` takes Calibration, not Model. Make it with td.c",
+        ),
+        (
+            lambda: td.report(ANY or "c.toml", to="page.html"),
+            r"`campaign` takes Campaign, not the text 'c.toml'. Make it with td.r",
+        ),
+        (lambda: LOG.joined(ANY or "b.csv"), "joined: `other` takes Record, not the text 'b.csv'"),
+    ],
+)
+def test_what_is_mixed_up_is_said(call: Any, words: str) -> None:
+    with pytest.raises(DeckError, match=words):
+        call()
+
+
+def test_every_public_function_that_takes_an_object_is_guarded() -> None:
+    for name in td.__all__:
+        function = getattr(td, name)
+        if inspect.isfunction(function):
+            told = [a for n, a in inspect.unwrap(function).__annotations__.items() if n != "return" and isinstance(a, str)]
+            if any(word in MADE for a in told for word in a.replace("[", " ").replace("]", " ").split()):
+                assert hasattr(function, "__wrapped__"), f"td.{name} takes an object; decorate it with takes_objects"
+
+
+def test_a_guarded_function_is_itself() -> None:
+    assert pickle.loads(pickle.dumps(td.steady)) is td.steady
+    assert list(inspect.signature(td.steady).parameters) == ["model", "scenario", "time"]
+
+
+def test_a_table_of_a_scenario_is_a_dictionary() -> None:
+    with pytest.raises(ScenarioError, match=r"bench, boundaries: it takes a dictionary from names to values, not 'air'"):
+        BENCH.with_(boundaries="air")
