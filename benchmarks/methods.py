@@ -81,9 +81,7 @@ def main() -> None:
     if asked.far:
         further = product((3, 12, 40, 80), ("noisy",), ("60 s", "drawn"), (0.3, 10.0, 100.0), (0.002, 0.05, 0.5), (HOUR, 10.0 * HOUR))
         cases += further
-    print(
-        f"{'nodes':>5}  {'room':8}  {'outputs':7}  {'slowness':>8}  {'noise':>7}  {'hours':>5}  {'modes':>9}  {'steps':>9}  {'chosen':10}  loss"
-    )
+    print(f"nodes  {'room':8}  outputs  slowness    noise  hours      modes      steps  {'chosen':10}  loss")
     worst = 0.0
     for size, kind, every, slowness, noise, duration in cases:
         c = compare(model(size, slowness), room(kind, noise, duration), outputs(every, duration), duration, asked.rounds)

@@ -1,17 +1,21 @@
-"""Finished stages kept in a results folder: the end of the minimisation, under the hash of everything that it depends on."""
+"""What a results folder keeps: the ends of finished stages, and logs as they were read, each under the hash of all that it depends on."""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["file_name", "in_full", "recall", "remember"]
+__all__ = ["code_digest", "file_name", "in_full", "recall", "remember"]
 
 Array = NDArray[np.float64]
 
@@ -23,6 +27,26 @@ def in_full(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: getattr(value, f.name) for f in fields(value)}
     return str(value)
+
+
+@cache
+def code_digest() -> str:
+    """Return the hash of what computes: this package as it lies on the disk, its kernel, Python, numpy and scipy.
+
+    A version number would not do: it stays as it is while somebody works on the code.
+    """
+    import scipy
+
+    total = hashlib.sha256(f"{sys.version} {np.__version__} {scipy.__version__}".encode())
+    for path in _code():
+        total.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()
+
+
+def _code() -> list[Path]:
+    """Return the files of this package, and its kernel, which may lie elsewhere."""
+    package, kernel = (Path(spec.origin) for name in ("thermid", "thermid._kernel") if (spec := find_spec(name)) and spec.origin)
+    return [*sorted(package.parent.rglob("*.py")), kernel]
 
 
 def file_name(stage: str) -> str:
@@ -38,7 +62,7 @@ def recall(folder: Path | None, stage: str, key: str) -> dict[str, float] | None
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
         fitted = {str(k): float(v) for k, v in kept["fitted"].items()}
-        return fitted if kept["key"] == key and np.isfinite(list(fitted.values())).all() else None
+        return fitted if (kept["key"], kept["code"]) == (key, code_digest()) and np.isfinite(list(fitted.values())).all() else None
     except (ValueError, KeyError, TypeError, AttributeError):
         return None  # a damaged file is as good as none: the stage runs again
 
@@ -48,5 +72,5 @@ def remember(folder: Path | None, stage: str, key: str, names: Sequence[str], fi
     if folder is None:
         return
     folder.mkdir(parents=True, exist_ok=True)
-    content = {"key": key, "fitted": dict(zip(names, map(float, fitted), strict=True))}
+    content = {"key": key, "code": code_digest(), "fitted": dict(zip(names, map(float, fitted), strict=True))}
     (folder / f"{file_name(stage)}.fit.json").write_text(json.dumps(content, indent=1), encoding="utf-8")

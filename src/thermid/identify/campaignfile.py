@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError, MissingDataError, RecordError, ThermidError, nearest
 from thermid.identify.cache import file_name
+from thermid.identify.kept_logs import log_kept
 from thermid.identify.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.model.model import Model
@@ -36,12 +37,14 @@ class CampaignSource:
     content : CampaignFile  Its content, checked against the grammar.
     lines : dict            Key path -> line.
     data : Path or None     A folder of logs outside the project, where one was given.
+    results : Path or None  A folder that keeps logs as they were read.
     """
 
     path: Path
     content: CampaignFile
     lines: Mapping[str, int]
     data: Path | None = None
+    results: Path | None = None
     _records: dict[str, Record] = field(default_factory=dict)
     _files: dict[str, tuple[Path, RecordTable]] = field(default_factory=dict)
 
@@ -136,20 +139,33 @@ class CampaignSource:
             path, table = self.names()[name]
             where = self.where(f"records.{name}")
             try:
-                raw = read_record(
-                    path, table.channels, time=table.time, name=name, separator=table.separator, decimal=table.decimal, clock=table.clock
-                )
-                known = self.content.checksums.get(name)
-                if known is not None and not raw.origin.sha256.startswith(known):
-                    raise RecordError(
-                        f"its samples have the checksum {raw.origin.sha256[:12]}..., not {known[:12]}...: "
-                        f"this is not the log that the campaign was made for.{f' {table.get}' if table.get else ''}",
-                        where,
-                    )
-                self._records[name] = self._joined(raw.prepare(table.prepare), table, where)
+                self._records[name] = self._joined(self._prepared(name, path, table, where), table, where)
             except ThermidError as error:
                 raise placed(error, where) from None
         return self._records[name]
+
+    def _prepared(self, name: str, path: Path, table: RecordTable, where: str) -> Record:
+        """Return a log, prepared, with the checksum that the campaign gives; as it is kept, where nothing has changed since."""
+        read: dict[str, Any] = {
+            "time": table.time,
+            "name": name,
+            "separator": table.separator,
+            "decimal": table.decimal,
+            "clock": table.clock,
+        }
+        known = self.content.checksums.get(name)
+
+        def make() -> Record:
+            raw = read_record(path, table.channels, **read)
+            if known is not None and not raw.origin.sha256.startswith(known):
+                raise RecordError(
+                    f"its samples have the checksum {raw.origin.sha256[:12]}..., not {known[:12]}...: "
+                    f"this is not the log that the campaign was made for.{f' {table.get}' if table.get else ''}",
+                    where,
+                )
+            return raw.prepare(table.prepare)
+
+        return log_kept(self.results, path, {**read, "channels": table.channels, "prepare": table.prepare, "checksum": known}, make)
 
     def _joined(self, record: Record, table: RecordTable, where: str) -> Record:
         """Return a record with the log beside it, where the campaign names one."""

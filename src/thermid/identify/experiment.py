@@ -14,6 +14,7 @@ from thermid.identify.sensor_parts import Seat, attached
 from thermid.identify.starts import first_reading, starts_of
 from thermid.identify.ticks import Ticks
 from thermid.measure import Channel, Record
+from thermid.measure.join import SecondClock
 from thermid.measure.part import SensorPart
 from thermid.model.model import Model
 from thermid.network.network import Network, compile_network
@@ -208,12 +209,15 @@ def meet(
         initial=initial,
         duration=duration,
     )
-    ticks = None
-    if second is not None:
-        tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
-        followed = tuple((name, p) for c, p in driven.items() if c in second.channels for name, held in tables if p in held)
-        ticks = Ticks(second, followed, zero, second.at)
+    ticks = None if second is None else _ticks(second, zero, driven, inputs)
     return Experiment(record, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy)
+
+
+def _ticks(second: SecondClock, zero: float, driven: Mapping[str, str], inputs: Inputs) -> Ticks:
+    """Return which inputs follow the clock that the fit has yet to find."""
+    tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
+    followed = tuple((name, p) for c, p in driven.items() if c in second.channels for name, held in tables if p in held)
+    return Ticks(second, followed, zero, second.at)
 
 
 def _timed(channel: Channel, record: Record) -> None:

@@ -31,8 +31,6 @@ FORCED = 25.0
 EMISSIVITY = (0.02, 0.98)
 BARE = (100.0, 5e4)
 """Contact of metal on metal: dry and hand-tight 100 to 1000, machined under 0.1 to 10 MPa 2000 to 50 000. [W/(m^2 K)]"""
-FILLED = 1e6
-"""Soft solder and metal foils. [W/(m^2 K)]"""
 CONTACTS = "Incropera, 6th ed., Tables 3.1 and 3.2; Yovanovich, IEEE Trans. CPT 28 (2005) 182"
 HEAT = (float(min(m.specific_heat for m in MATERIALS.values())), 1500.0)
 """Specific heats of what equipment is made of, copper to plastics. [J/(kg K)]"""

@@ -78,14 +78,7 @@ def predict(
     ready = prepare(base, scenario, names, every=every, times=times, options=options)
     spreads = [*own, *(s if isinstance(s, Spread) else Spread.stated(s, ready) for s in given)]
     _check_once(spreads, ready)
-    driven = {f"{path}.power": load for load in scenario.loads for path in (load, base.canonical(load))}
-    still = next((n for s in given for n in _names(s) if n in driven), "")
-    if still:
-        raise IdentificationError(
-            f"the scenario gives the power of '{driven[still]}', so that of the deck, '{still}', moves nothing. "
-            f"Spread 'scale.{driven[still]}' in per cent.",
-            base.title,
-        )
+    _check_moves(given, base, scenario)
     misfit = Further.of(fit, base, ready) if discrepancy and fit.problem is not None else Further(ready)
     run = misfit.ready.run(misfit.still, sensitivities=True)
     found = {n: run[n].path for n in (nodes if nodes is not None else run.nodes)}
@@ -139,6 +132,18 @@ def _names(spread: Mapping[str, Any] | Spread) -> list[str]:
     if not isinstance(spread, Spread):
         return list(spread)
     return [n for name in spread.names for n in (name, *spread.also.get(name, ()))]
+
+
+def _check_moves(given: Sequence[Mapping[str, Any] | Spread], model: Model, scenario: Scenario) -> None:
+    """Refuse the spread of a deck's power where the scenario gives that power."""
+    driven = {f"{path}.power": load for load in scenario.loads for path in (load, model.canonical(load))}
+    still = next((n for s in given for n in _names(s) if n in driven), "")
+    if still:
+        raise IdentificationError(
+            f"the scenario gives the power of '{driven[still]}', so that of the deck, '{still}', moves nothing. "
+            f"Spread 'scale.{driven[still]}' in per cent.",
+            model.title,
+        )
 
 
 def _check_once(spreads: Sequence[Spread], ready: Simulator) -> None:

@@ -132,7 +132,8 @@ def run_stages(
     campaign : path         The campaign file.
     data : path             A folder of logs outside the project.
     notice : callable       Called while stages run.
-    cache : path            A results folder; a stage whose model, records, request and version are as they were is not fitted again.
+    cache : path            A results folder; a log that is as it was is not parsed again, and a stage of which nothing changed, the code
+                            included, is not fitted again.
 
     Raises
     ------
@@ -140,6 +141,7 @@ def run_stages(
     """
     source = campaign if isinstance(campaign, CampaignSource) else read_campaign(campaign, data)
     folder = Path(cache) if cache is not None else None
+    source = replace(source, results=folder) if folder is not None else source
     done: dict[str, Calibration] = {}
     keys: dict[str, str] = {}
     requests: dict[str, Request] = {}

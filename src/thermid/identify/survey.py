@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from thermid.errors import NameNotFoundError, ThermidError, nearest
@@ -41,7 +42,8 @@ def survey(
     ------
     NameNotFoundError   When there is no such stage.
     """
-    source = read_campaign(campaign, data)
+    folder = Path(cache) if cache is not None else None
+    source = replace(read_campaign(campaign, data), results=folder)
     stages = source.content.stages
     names = [s.name for s in stages]
     if stage and stage not in names:
@@ -54,7 +56,6 @@ def survey(
     fits = {n for name in needed for n in below[name]} | (set(wanted) if after else set())
     done: dict[str, Calibration] = {}
     keys: dict[str, str] = {}
-    folder = Path(cache) if cache is not None else None
     out = {}
     for k, (name, table) in enumerate(zip(names, stages, strict=True)):
         if name not in needed:

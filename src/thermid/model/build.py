@@ -1,4 +1,4 @@
-"""Between the tables of a deck and the elements of a model, both ways."""
+"""The elements of a model from the tables of a deck; `written` goes the other way."""
 
 from __future__ import annotations
 
@@ -10,17 +10,15 @@ import numpy as np
 from thermid.errors import DeckError, nearest
 from thermid.model.curves import Curve, curve
 from thermid.model.elements import LOAD_SLOTS, Conductor, HeatLoad, Joint, Node, Surface
-from thermid.model.enclosures import enclosure_from, enclosure_to
-from thermid.model.facing import facing_from, facing_to
+from thermid.model.enclosures import enclosure_from
+from thermid.model.facing import facing_from
 from thermid.model.kinds import KINDS
-from thermid.model.model import Model
 from thermid.model.parameter import Parameter, parameter
 from thermid.model.signal import literal
 from thermid.model.stores import TABULATED, tabulated
 from thermid.physics.finishes import finish
-from thermid.units import unit
 
-__all__ = ["elements_from", "elements_to", "written"]
+__all__ = ["elements_from", "finish_emissivity", "slope_unit"]
 
 Where = Callable[[str], str]
 NODE_FIELDS = ("mass", "specific_heat", "capacitance")
@@ -67,7 +65,7 @@ def _points(table: Mapping[str, Any], slot: str, where: str) -> Curve | None:
     if given is None or isinstance(given, Curve):
         return given
     over = given.get("over", "temperature")
-    slots = ("temperature" if over == "temperature" else "K", slot, _slope_unit(slot))
+    slots = ("temperature" if over == "temperature" else "K", slot, slope_unit(slot))
     return curve(over, [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in given["points"]], where)
 
 
@@ -77,12 +75,12 @@ def _property(table: Mapping[str, Any], name: str, where: str) -> tuple[dict[str
     if not isinstance(given, Mapping) or "points" not in given:
         return dict(table), None
     slot = TABULATED[name]
-    slots = ("temperature", slot, _slope_unit(slot))
+    slots = ("temperature", slot, slope_unit(slot))
     points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in given["points"]]
     return {k: v for k, v in table.items() if k != name}, tabulated(name, curve("temperature", points, where), where)
 
 
-def _slope_unit(slot: str) -> str:
+def slope_unit(slot: str) -> str:
     """Return the unit of a slope over temperature."""
     return {"W/K": "W/K^2", "W": "W/K", "W/(m K)": "W/(m K^2)", "J/(kg K)": "J/(kg K^2)", "J/kg": "J/(kg K)"}[slot]
 
@@ -128,7 +126,7 @@ def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
             where(key),
         )
     if table["finish"]:
-        fields.setdefault("emissivity", _finished(table["finish"], where(f"{key}.finish")))
+        fields.setdefault("emissivity", finish_emissivity(table["finish"], where(f"{key}.finish")))
     if not {"htc", "htc.coefficient", "htc.length", "effective_htc", "emissivity"} & set(fields):
         raise DeckError("a surface exchanges nothing: give htc, effective_htc, emissivity or finish.", where(key))
     words = _words(table, KINDS["convection"].words)
@@ -136,7 +134,7 @@ def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
     return Surface(table["of"], table["to"], fields, table["radiates_to"], table["test_only"], table["finish"], words, facing)
 
 
-def _finished(name: str, where: str) -> Parameter:
+def finish_emissivity(name: str, where: str) -> Parameter:
     """Return the emissivity of a finish."""
     found = finish(name, where)
     return parameter({"value": found.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": found.basis}, where)
@@ -206,115 +204,3 @@ def _load(name: str, table: Mapping[str, Any], where: Where) -> HeatLoad:
         raise DeckError("scale belongs to a table of power; for a constant power change power itself.", where(key))
     sensor = next((table[c].get("sensor", "") for c in controls if c in ("thermostat", "proportional")), "")
     return HeatLoad(table["into"], fields, sensor, shape, table["test_only"])
-
-
-def written(given: Parameter) -> Any:
-    """Return what a deck writes for a parameter: a text, or a table where more is known."""
-    table: dict[str, Any] = {"value": _plain(given.text)}
-    of = given.expression.literal.unit if given.expression.literal else unit("1")
-    for key, bound in (("min", given.minimum), ("max", given.maximum)):
-        if bound is not None:
-            table[key] = _in_unit(bound, float(of.factor), float(of.offset))
-    table |= {k: v for k, v in (("source", given.source), ("note", given.note), ("basis", given.basis)) if v}
-    return table if len(table) > 1 else table["value"]
-
-
-def _plain(text: str) -> str | float:
-    """Return the number that a text without a unit is, or the text."""
-    try:
-        return float(text) if repr(float(text)) == text else text
-    except ValueError:
-        return text
-
-
-def _in_unit(value: float, factor: float, offset: float) -> float:
-    """Return an SI value in a unit, as the shortest number that converts back to the same float."""
-    plain = (value - offset) / factor
-    return next((short for digits in range(1, 18) if (short := float(f"{plain:.{digits}g}")) * factor + offset == value), plain)
-
-
-def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
-    """Return fields as a deck writes them, ``group.field`` as a table."""
-    out: dict[str, Any] = {}
-    for name, given in fields.items():
-        group, _, inner = name.partition(".")
-        if inner:
-            out.setdefault(group, {})[inner] = written(given)
-        else:
-            out[name] = written(given)
-    return out
-
-
-def _named(fields: dict[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
-    """Return fields with what is no number beside them."""
-    for name, word in words.items():
-        group, _, inner = name.partition(".")
-        if inner:
-            fields.setdefault(group, {})[inner] = word
-        else:
-            fields[name] = word
-    return fields
-
-
-def _curve_to(shape: Curve | None, slot: str) -> dict[str, Any]:
-    return {} if shape is None else {"table": {"over": shape.over, "points": _written_points(shape, slot)}}
-
-
-def _law_to(c: Conductor) -> dict[str, Any]:
-    """Return the table of a conductor: of conductance, or of a property."""
-    name = KINDS[c.kind].tabulated
-    return {name: {"points": _written_points(c.curve, TABULATED[name])}} if c.curve is not None and name else _curve_to(c.curve, "W/K")
-
-
-def _heat_to(node: Node) -> dict[str, Any]:
-    """Return the property over temperature by which a node stores heat."""
-    return {node.table[0]: {"points": _written_points(node.table[1], TABULATED[node.table[0]])}} if node.table else {}
-
-
-def _written_points(shape: Curve, slot: str) -> list[list[str]]:
-    columns = [(shape.x, "K"), (shape.y, slot)] + ([(shape.d, _slope_unit(slot))] if shape.d is not None else [])
-    texts = [[f"{v!r} [{of}]" for v in column.tolist()] for column, of in columns]
-    return [list(point) for point in zip(*texts, strict=True)]
-
-
-def elements_to(model: Model) -> dict[str, dict[str, Any]]:
-    """Return the element tables of a deck."""
-    flag: Callable[[Any], dict[str, bool]] = lambda e: {"test_only": True} if e.test_only else {}  # noqa: E731
-    nodes = {
-        n: _grouped(e.fields) | _heat_to(e) | ({"reference_point": True} if e.reference_point else {}) | flag(e)
-        for n, e in model.nodes.items()
-    }
-    surfaces = {
-        n: {"of": e.of, "to": e.to}
-        | _named(
-            _grouped({f: p for f, p in e.fields.items() if f != "emissivity" or not e.finish or p != _finished(e.finish, "")}), e.words
-        )
-        | ({"finish": e.finish} if e.finish else {})
-        | ({"facing": facing_to(e.facing)} if e.facing else {})
-        | ({"radiates_to": e.radiates_to} if e.radiates_to else {})
-        | flag(e)
-        for n, e in model.surfaces.items()
-    }
-    conductors = {
-        n: {"kind": e.kind, "between": list(e.between)}
-        | _named(_grouped(e.fields), e.words)
-        | _law_to(e)
-        | ({"takes": list(e.takes)} if e.takes else {})
-        | flag(e)
-        for n, e in model.conductors.items()
-    }
-    joints = {}
-    for n, joint in model.joints.items():
-        table = {"between": list(joint.between)} | _grouped(joint.fields) | ({"mid": joint.mid} if joint.mid else {}) | flag(joint)
-        if joint.gap_to:
-            table["gap"]["to"] = joint.gap_to
-        joints[n] = table
-    enclosures = {n: enclosure_to(e) | flag(e) for n, e in model.enclosures.items()}
-    loads = {}
-    for n, load in model.loads.items():
-        table = {"into": load.into} | _grouped(load.fields) | _curve_to(load.curve, "W") | flag(load)
-        for control in ("thermostat", "proportional"):
-            if control in table and load.sensor:
-                table[control]["sensor"] = load.sensor
-        loads[n] = table
-    return {"nodes": nodes, "surfaces": surfaces, "conductors": conductors, "joints": joints, "enclosures": enclosures, "loads": loads}

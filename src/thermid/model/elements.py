@@ -50,11 +50,6 @@ class Node:
     test_only: bool = False
     table: tuple[str, Curve] | None = None
 
-    @property
-    def is_arithmetic(self) -> bool:
-        """Whether it stores no heat."""
-        return not self.fields
-
 
 @dataclass(frozen=True)
 class Conductor:

@@ -250,7 +250,7 @@ def _alias_in(model: Model, path: str) -> str | None:
 
 def to_dict(model: Model) -> dict[str, Any]:
     """Return the dictionary that describes a model, without its layers; submodels stand as dictionaries under `use`."""
-    from thermid.model.build import elements_to
+    from thermid.model.written import elements_to
 
     out: dict[str, Any] = {"title": model.title, "box": model.box}
     for key, value in (("use", model.use), ("needs", list(model.needs)), ("offers", list(model.offers))):
@@ -268,7 +268,7 @@ def to_dict(model: Model) -> dict[str, Any]:
 
 def value_to(given: Parameter) -> Any:
     """Return what a deck writes for a parameter."""
-    from thermid.model.build import written
+    from thermid.model.written import written
 
     return written(given)
 

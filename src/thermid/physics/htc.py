@@ -191,10 +191,7 @@ def compare_htc(
     effective = effective_htc(q, a, rise)
     error = effective_htc_error(q, a, rise, power_error=errors[1], area_error=errors[2], rise_error=errors[0] * math.sqrt(2.0))
     faces = tuple(_number(x, "m", "box") for x in box) if box is not None else None
-    if isinstance(air, tuple) and not min(air) > 0.0:
-        raise ThermidError("conductivity, viscosity and Prandtl number of the air must be above zero.", "air")
-    gas = Gas(*air) if isinstance(air, tuple) else air or dry_air((hot + cold) / 2)
-    correlations, remarks = _heard(hot, cold, tall, faces, gas)
+    correlations, remarks = _heard(hot, cold, tall, faces, _gas(air, (hot + cold) / 2))
     for text in remarks:
         warnings.warn(text, ThermidWarning, stacklevel=2)
     radiation = None if emissivity is None else float(linearised_htc(emissivity, hot, cold))
@@ -204,6 +201,13 @@ def compare_htc(
     settling = _settling(capacitance, settled_after, effective * a, remarks)
     shift = effective * _number(drift, "K", "drift") / abs(rise)
     return HtcComparison(effective, error, shift, correlations, rise, tuple(remarks), radiation, biot, settling)
+
+
+def _gas(air: Gas | tuple[float, float, float] | None, temperature: float) -> Gas:
+    """Return the air of a comparison: as given, or dry air at a temperature [K]."""
+    if isinstance(air, tuple) and not min(air) > 0.0:
+        raise ThermidError("conductivity, viscosity and Prandtl number of the air must be above zero.", "air")
+    return Gas(*air) if isinstance(air, tuple) else air or dry_air(temperature)
 
 
 def _heard(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[tuple[Correlation, ...], list[str]]:

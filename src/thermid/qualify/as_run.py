@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.measure import Record
 from thermid.measure.amounts import duration_text
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.correlation import Overlay
+from thermid.qualify.overlay import Overlay
 from thermid.simulation.solution import Solution
 
 __all__ = ["LEVEL", "exchanged", "not_covered", "not_reached"]

@@ -18,12 +18,13 @@ from thermid.physics.constants import ICE_POINT
 from thermid.qualify.as_run import exchanged, not_covered, not_reached
 from thermid.qualify.assumptions import extrapolations
 from thermid.qualify.conduct import run_profile
-from thermid.qualify.correlation import Exclusions, Overlay, correlate, overlays, paired
+from thermid.qualify.correlation import Exclusions, correlate
 from thermid.qualify.diagnosis import diagnose
 from thermid.qualify.foresight import Known, foresee
 from thermid.qualify.heaters import heater_duty
 from thermid.qualify.limit_checks import LimitCheck, check_limits, check_readings
 from thermid.qualify.limits import Limits
+from thermid.qualify.overlay import Overlay, overlays, paired
 from thermid.qualify.plan import Plan
 from thermid.qualify.profile_run import ProfileRun
 from thermid.qualify.profiles import ThermalProfile

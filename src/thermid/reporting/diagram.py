@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
-import numpy as np
-
 from thermid.dual import value_of
-from thermid.model.kinds import law_conductance
 from thermid.model.model import Model
-from thermid.network.network import Network, Numbers, compile_network
-from thermid.physics.constants import ICE_POINT
+from thermid.network.network import Numbers, compile_network
+from thermid.reporting.diagram_values import conductances, notes, pooled, quantity, watts
 from thermid.reporting.folding import Folded, fold
 from thermid.reporting.layout import LOAD_PORT, LOAD_WIDTH, MARGIN, PORT, Layout, Row, Wire, arrange, clipped, width_of
 
-__all__ = ["diagram", "quantity"]
+__all__ = ["diagram"]
 
 Point = tuple[float, float]
 
@@ -30,9 +27,6 @@ STYLES: Mapping[str, tuple[str, str]] = {
     "flow": ("flow", "one-way flow"),
     "table": ("mixed", "table"),
 }
-NOMINAL = (308.15, 298.15)
-"""End temperatures at which a conductance is shown that depends on them, where none are given. [K]"""
-
 STYLE = """
 .thermid-diagram{--d-ink:#1c2430;--d-soft:#5a6675;--d-paper:#fff;--d-box:#eef2f6;--d-edge:#b5c0cc;--d-mass:#dbe7f3;--d-mass-edge:#4a6f96;
 --d-solid:#1c2430;--d-dashed:#0072b2;--d-dotted:#c04a00;--d-flow:#00795a;--d-mixed:#8a4a7d;--d-load:#c04a00;--d-rail:#7d8a99;
@@ -65,15 +59,6 @@ font-family:system-ui,-apple-system,"Segoe UI",Roboto,"Liberation Sans",sans-ser
 """
 
 
-def quantity(value: float, unit: str, digits: int = 3) -> str:
-    """Return a number with its unit, without an exponent where a person would write none."""
-    if not np.isfinite(value):
-        return f"\u2013 {unit}"
-    size = abs(value)
-    text = f"{value:.{digits}g}" if size < 10**digits or size >= 1e6 else f"{value:.0f}"
-    return f"{text} {unit}"
-
-
 def diagram(
     model: Model,
     *,
@@ -102,17 +87,17 @@ def diagram(
     given = {network.find(name): float(value) for name, value in (temperatures or {}).items()}
     numbers = network.numbers()
     plain = fold(network.flat, folded)
-    values = {drawn: _sum(found) for drawn, found in _members(plain, _conductances(network, numbers, given)).items()}
-    at = _pooled(plain, numbers, given)
-    notes = _notes(_capacities(plain, numbers), at)
+    values = conductances(plain, network, numbers, given)
+    at = pooled(plain, numbers, given)
+    under = notes(plain, numbers, at)
     if flows:
-        values = {drawn: _watts(plain, drawn, flows) or text for drawn, text in values.items()}
-    plan = arrange(plain.flat, values, notes, plain.parts)
-    watts = {drawn: sum(sign * flows.get(c, 0.0) for c, sign in found) for drawn, found in plain.members.items()} if flows else {}
+        values = {drawn: watts(plain, drawn, flows) or text for drawn, text in values.items()}
+    plan = arrange(plain.flat, values, under, plain.parts)
+    flowing = {drawn: sum(sign * flows.get(c, 0.0) for c, sign in found) for drawn, found in plain.members.items()} if flows else {}
     parts = [f'<rect class="paper" width="{plan.width:.0f}" height="100%"/>', *_boxes(plan, marked)]
-    parts += [part for k, wire in enumerate(plan.wires) for part in _wire(plan, k, wire, watts, marked)]
-    parts += _rails(plan, notes)
-    parts += [part for row in plan.rows.values() for part in _node(plan, row, notes, at, marked, row.path + "." in plain.parts)]
+    parts += [part for k, wire in enumerate(plan.wires) for part in _wire(plan, k, wire, flowing, marked)]
+    parts += _rails(plan, under)
+    parts += [part for row in plan.rows.values() for part in _node(plan, row, under, at, marked, row.path + "." in plain.parts)]
     parts += _loads(plan, plain, numbers)
     parts += [part for k, wire in enumerate(plan.wires) for part in _label(plan, k, wire)]
     signs = [("≈", "≈ at 35 and 25 °C"), (" *<", "* changes with temperature or time")]
@@ -122,59 +107,6 @@ def diagram(
         f'<svg class="thermid-diagram" xmlns="http://www.w3.org/2000/svg" role="img" width="{plan.width:.0f}" height="{bottom:.0f}" '
         f'viewBox="0 0 {plan.width:.0f} {bottom:.0f}"><title>{label}</title><style>{STYLE}</style>' + "".join([*parts, *legend]) + "</svg>"
     )
-
-
-def _conductances(network: Network, numbers: Numbers, given: Mapping[str, float]) -> dict[str, tuple[float, bool]]:
-    """Return conductor -> its conductance [W/K], and whether it is sure: not where it depends on temperatures that nobody gave."""
-    totals: dict[str, tuple[float, bool]] = {}
-    for row in numbers.conductors:
-        ends = [given.get(end, nominal) for end, nominal in zip(row.ends, NOMINAL, strict=True)]
-        fixed = row.form in ("linear", "flow") or all(end in given for end in row.ends)
-        found = law_conductance(row.form, [value_of(c) for c in row.coefficients], row.curve, *(np.array([t]) for t in ends))
-        total, sure = totals.get(row.name, (0.0, True))
-        totals[row.name] = (total + float(found[0]), sure and fixed)
-    return totals
-
-
-def _members(plain: Folded, found: Mapping[str, tuple[float, bool]]) -> dict[str, list[tuple[float, bool]]]:
-    """Return conductor drawn -> the conductances of those that it stands for."""
-    return {drawn: [found[c] for c, _ in members if c in found] for drawn, members in plain.members.items()}
-
-
-def _sum(found: Sequence[tuple[float, bool]]) -> str:
-    return ("" if all(sure for _, sure in found) else "≈") + quantity(sum(v for v, _ in found), "W/K")
-
-
-def _watts(plain: Folded, drawn: str, flows: Mapping[str, float]) -> str:
-    """Return the heat flow of a conductor drawn, as text; empty where none of its members has one."""
-    members = [(c, sign) for c, sign in plain.members[drawn] if c in flows]
-    return quantity(abs(sum(sign * flows[c] for c, sign in members)), "W") if members else ""
-
-
-def _capacities(plain: Folded, numbers: Numbers) -> dict[str, float]:
-    """Return node drawn -> capacitance, massless ones left out. [J/K]"""
-    own = {n: value_of(c) for n, c in numbers.capacitances.items() if c is not None}
-    return {drawn: sum(own[n] for n in nodes if n in own) for drawn, nodes in plain.nodes.items() if any(n in own for n in nodes)}
-
-
-def _pooled(plain: Folded, numbers: Numbers, given: Mapping[str, float]) -> dict[str, float]:
-    """Return node or boundary drawn -> temperature, of a folded part the mean by capacitance. [K]"""
-    weight = {n: value_of(c) if c is not None else 0.0 for n, c in numbers.capacitances.items()}
-    out = {n: t for n, t in given.items() if all(n not in nodes for nodes in plain.nodes.values())}
-    for drawn, nodes in plain.nodes.items():
-        known = [n for n in nodes if n in given]
-        total = sum(weight[n] for n in known)
-        if known:
-            out[drawn] = sum(weight[n] * given[n] for n in known) / total if total > 0 else given[known[0]]
-    return out
-
-
-def _notes(capacities: Mapping[str, float], given: Mapping[str, float]) -> dict[str, str]:
-    """Return node or boundary -> what stands under its name."""
-    shown = {n: [quantity(c, "J/K")] for n, c in capacities.items()}
-    for node, kelvin in given.items():
-        shown.setdefault(node, []).append(f"{kelvin - ICE_POINT:.1f} °C")
-    return {n: " · ".join(parts) for n, parts in shown.items()}
 
 
 def _text(x: float, y: float, text: str, kind: str = "", anchor: str = "start", tip: str = "") -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.correlation import Overlay
+from thermid.qualify.overlay import Overlay
 from thermid.qualify.trial import Trial
 from thermid.reporting.curves import Band, Curve, curves
 from thermid.reporting.figures import Drawn, compared

@@ -12,7 +12,8 @@ import pytest
 import thermid as td
 from thermid.errors import NameNotFoundError
 from thermid.model.flat import flatten
-from thermid.reporting.diagram import diagram, quantity
+from thermid.reporting.diagram import diagram
+from thermid.reporting.diagram_values import quantity
 from thermid.reporting.layout import arrange, clipped, width_of
 
 SVG = "{http://www.w3.org/2000/svg}"

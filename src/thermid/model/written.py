@@ -1,0 +1,132 @@
+"""The tables of a deck from the elements of a model; `build` goes the other way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from thermid.model.build import finish_emissivity, slope_unit
+from thermid.model.curves import Curve
+from thermid.model.elements import Conductor, Node
+from thermid.model.enclosures import enclosure_to
+from thermid.model.facing import facing_to
+from thermid.model.kinds import KINDS
+from thermid.model.model import Model
+from thermid.model.parameter import Parameter
+from thermid.model.stores import TABULATED
+from thermid.units import unit
+
+__all__ = ["elements_to", "written"]
+
+
+def written(given: Parameter) -> Any:
+    """Return what a deck writes for a parameter: a text, or a table where more is known."""
+    table: dict[str, Any] = {"value": _plain(given.text)}
+    of = given.expression.literal.unit if given.expression.literal else unit("1")
+    for key, bound in (("min", given.minimum), ("max", given.maximum)):
+        if bound is not None:
+            table[key] = _in_unit(bound, float(of.factor), float(of.offset))
+    table |= {k: v for k, v in (("source", given.source), ("note", given.note), ("basis", given.basis)) if v}
+    return table if len(table) > 1 else table["value"]
+
+
+def _plain(text: str) -> str | float:
+    """Return the number that a text without a unit is, or the text."""
+    try:
+        return float(text) if repr(float(text)) == text else text
+    except ValueError:
+        return text
+
+
+def _in_unit(value: float, factor: float, offset: float) -> float:
+    """Return an SI value in a unit, as the shortest number that converts back to the same float."""
+    plain = (value - offset) / factor
+    return next((short for digits in range(1, 18) if (short := float(f"{plain:.{digits}g}")) * factor + offset == value), plain)
+
+
+def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
+    """Return fields as a deck writes them, ``group.field`` as a table."""
+    out: dict[str, Any] = {}
+    for name, given in fields.items():
+        group, _, inner = name.partition(".")
+        if inner:
+            out.setdefault(group, {})[inner] = written(given)
+        else:
+            out[name] = written(given)
+    return out
+
+
+def _named(fields: dict[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
+    """Return fields with what is no number beside them."""
+    for name, word in words.items():
+        group, _, inner = name.partition(".")
+        if inner:
+            fields.setdefault(group, {})[inner] = word
+        else:
+            fields[name] = word
+    return fields
+
+
+def _curve_to(shape: Curve | None, slot: str) -> dict[str, Any]:
+    return {} if shape is None else {"table": {"over": shape.over, "points": _written_points(shape, slot)}}
+
+
+def _law_to(c: Conductor) -> dict[str, Any]:
+    """Return the table of a conductor: of conductance, or of a property."""
+    name = KINDS[c.kind].tabulated
+    return {name: {"points": _written_points(c.curve, TABULATED[name])}} if c.curve is not None and name else _curve_to(c.curve, "W/K")
+
+
+def _heat_to(node: Node) -> dict[str, Any]:
+    """Return the property over temperature by which a node stores heat."""
+    return {node.table[0]: {"points": _written_points(node.table[1], TABULATED[node.table[0]])}} if node.table else {}
+
+
+def _written_points(shape: Curve, slot: str) -> list[list[str]]:
+    columns = [(shape.x, "K"), (shape.y, slot)] + ([(shape.d, slope_unit(slot))] if shape.d is not None else [])
+    texts = [[f"{v!r} [{of}]" for v in column.tolist()] for column, of in columns]
+    return [list(point) for point in zip(*texts, strict=True)]
+
+
+def elements_to(model: Model) -> dict[str, dict[str, Any]]:
+    """Return the element tables of a deck."""
+    flag: Callable[[Any], dict[str, bool]] = lambda e: {"test_only": True} if e.test_only else {}  # noqa: E731
+    nodes = {
+        n: _grouped(e.fields) | _heat_to(e) | ({"reference_point": True} if e.reference_point else {}) | flag(e)
+        for n, e in model.nodes.items()
+    }
+    surfaces = {
+        n: {"of": e.of, "to": e.to}
+        | _named(
+            _grouped({f: p for f, p in e.fields.items() if f != "emissivity" or not e.finish or p != finish_emissivity(e.finish, "")}),
+            e.words,
+        )
+        | ({"finish": e.finish} if e.finish else {})
+        | ({"facing": facing_to(e.facing)} if e.facing else {})
+        | ({"radiates_to": e.radiates_to} if e.radiates_to else {})
+        | flag(e)
+        for n, e in model.surfaces.items()
+    }
+    conductors = {
+        n: {"kind": e.kind, "between": list(e.between)}
+        | _named(_grouped(e.fields), e.words)
+        | _law_to(e)
+        | ({"takes": list(e.takes)} if e.takes else {})
+        | flag(e)
+        for n, e in model.conductors.items()
+    }
+    joints = {}
+    for n, joint in model.joints.items():
+        table = {"between": list(joint.between)} | _grouped(joint.fields) | ({"mid": joint.mid} if joint.mid else {}) | flag(joint)
+        if joint.gap_to:
+            table["gap"]["to"] = joint.gap_to
+        joints[n] = table
+    enclosures = {n: enclosure_to(e) | flag(e) for n, e in model.enclosures.items()}
+    loads = {}
+    for n, load in model.loads.items():
+        table = {"into": load.into} | _grouped(load.fields) | _curve_to(load.curve, "W") | flag(load)
+        for control in ("thermostat", "proportional"):
+            if control in table and load.sensor:
+                table[control]["sensor"] = load.sensor
+        loads[n] = table
+    return {"nodes": nodes, "surfaces": surfaces, "conductors": conductors, "joints": joints, "enclosures": enclosures, "loads": loads}
