@@ -155,8 +155,9 @@ class Modal:
     def _roughness(self, name: str, a: Assembled, capacity: Array, own: Array) -> float:
         """Return how many steps a second an input's noise asks of the integrator. [1/s]
 
-        12 (b k^2 r sqrt(d))^(2/5), where a node of rate k is moved by the input at a rate b, r is the size of the noise [K] and d the time
-        between samples: fitted to steps counted over noises from 2 mK to 0.5 K, right within 2.5 times (docs/decisions/022-modal-solution.md).
+        12 (b k^2 r sqrt(d))^(2/5), where a node of rate k is moved by the input at a rate b, r is the size of the noise [K] and d the
+        time between samples: fitted to steps counted over noises from 2 mK to 0.5 K, right within 2.5 times
+        (docs/decisions/022-modal-solution.md).
         """
         signal, s = self.wiring.signals[name], self.wiring.structure()
         if not isinstance(signal, Table) or signal.times.size <= (5000 if signal.hold else 500):
