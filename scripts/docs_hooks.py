@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import thermid as td
 from thermid import errors
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.append(str(Path(__file__).parent))
 
 from formulas import mathml
 

@@ -6,7 +6,7 @@ import sys
 
 from .pages import ROOT
 
-sys.path.insert(0, str(ROOT / "scripts"))
+sys.path.append(str(ROOT / "scripts"))
 
 from docs_hooks import PICTURES, commands, rooms, turned, virtual_pages
 from formulas import mathml
