@@ -6,8 +6,11 @@
 namespace thermid {
 
 constexpr int LANES = 8;
+constexpr int KEPT = 8;  // numbers kept of a piece of a table
 
-struct LaneTable { const double *x, *y, *d; int m; };
+struct LanePiece { double x, c0, c1, c2, c3; };  // c0 + c1 t + ... of t = at - x
+// As thermid::Table: `first`, of equal buckets, the knots before each. The last pieces are those beyond the last knot and before the first.
+struct LaneTable { const LanePiece* pieces; const int* first; double low, high, per_kelvin; int buckets, knots; };
 
 // A conductor; `from` and `to`: nodes whose balance counts the heat (-1: a boundary, or the upstream end of a flow).
 // jac: places of df_from/dTa, df_from/dTb, df_to/dTa, df_to/dTb among the matrix entries (-1: none).
@@ -50,6 +53,7 @@ struct LaneGroup {
     double *J0, *J1, *lu, *inv;
     double *F, *d0, *dd0, *ddd0, *d1, *g, *base, *guess, *bend, *delta, *err;
     double *fu, *poly, *b, *ab, *aab, *db, *c;  // of each input: fu, b to c
+    double* kept;         // pieces of tables that conductors, then loads, stand on: (rows, KEPT, LANES)
     const char* quarter;  // conductors whose exponent is 1/4 in all lanes
     const double* u;      // inputs at hand
     const double *slopes, *bends;  // their first and second derivatives in time

@@ -41,7 +41,7 @@ LaneNetwork::LaneNetwork(const Problem& p) {
         for (int k = 0; k < 4; ++k) x.c[k] = p.load.c[k][r];
         loads_.push_back(x);
     }
-    for (const Table& t : p.tables) tables_.push_back({t.x.data(), t.y.data(), t.d.data(), static_cast<int>(t.x.size())});
+    for (const Table& t : p.tables) tables_.push_back(t.view());
     std::vector<int> place;
     for (const Input& in : p.inputs) {
         const bool varies = in.sampled() || (in.kind == SINE && in.amplitude != 0.0);

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "ensemble_lanes.hpp"
+
 namespace thermid {
 
 struct Dual {
@@ -47,6 +49,8 @@ struct Table {
             const double w = x[i] - x[i - 1], jump = (y[i] - y[i - 1]) / w;
             pieces_.push_back({x[i - 1], y[i - 1], d[i - 1], (3.0 * jump - 2.0 * d[i - 1] - d[i]) / w, (d[i - 1] + d[i] - 2.0 * jump) / (w * w)});
         }
+        pieces_.push_back({x.back(), y.back(), 0.0, 0.0, 0.0});  // beyond the last knot, and before the first
+        pieces_.push_back({x.front(), y.front(), 0.0, 0.0, 0.0});
         if (m > 1) per_kelvin_ = buckets / (x.back() - x.front());
         if (!std::isfinite(per_kelvin_)) per_kelvin_ = 0.0;  // knots so close that one bucket serves
         first_.assign(buckets + 2, 0);
@@ -54,23 +58,32 @@ struct Table {
         for (int k = 1; k < buckets + 2; ++k) first_[k] += first_[k - 1];
     }
 
+    LaneTable view() const {
+        return {pieces_.data(), first_.data(), x.front(), x.back(), per_kelvin_, static_cast<int>(first_.size()) - 2, static_cast<int>(x.size())};
+    }
+
     void eval(double at, double& g, double& g1, double& g2) const {
         g1 = g2 = 0.0;
         if (!(at > x.front())) { g = y.front(); return; }
         if (at >= x.back()) { g = y.back(); return; }
-        const int k = bucket(at);
-        int lo = std::max(first_[k] - 1, 0), hi = std::min(first_[k + 1], static_cast<int>(pieces_.size()));
-        while (hi - lo > 1) {
-            const int mid = (lo + hi) / 2;
-            (pieces_[mid].x <= at ? lo : hi) = mid;
-        }
-        const Piece& p = pieces_[lo];
+        const LanePiece& p = pieces_[find(at)];
         const double t = at - p.x;
         g = p.c0 + t * (p.c1 + t * (p.c2 + t * p.c3));
         g1 = p.c1 + t * (2.0 * p.c2 + 3.0 * t * p.c3);
         g2 = 2.0 * p.c2 + 6.0 * t * p.c3;
     }
     void eval(double at, double& g, double& g1) const { double g2; eval(at, g, g1, g2); }
+    // The same, first on the piece of the time before.
+    void eval(double at, double& g, double& g1, int& piece) const {
+        if (!(at > pieces_[piece].x && at < pieces_[piece + 1].x)) {
+            if (!(at > x.front() && at < x.back())) return eval(at, g, g1);
+            piece = find(at);
+        }
+        const LanePiece& p = pieces_[piece];
+        const double t = at - p.x;
+        g = p.c0 + t * (p.c1 + t * (p.c2 + t * p.c3));
+        g1 = p.c1 + t * (2.0 * p.c2 + 3.0 * t * p.c3);
+    }
     void eval(Dual at, Dual& g, Dual& g1) const {
         double a, b, c;
         eval(at.v, a, b, c);
@@ -79,11 +92,19 @@ struct Table {
     }
 
   private:
-    struct Piece { double x, c0, c1, c2, c3; };
-    std::vector<Piece> pieces_;
+    std::vector<LanePiece> pieces_;
     std::vector<int> first_;  // bucket -> knots in the buckets before it
     double per_kelvin_ = 0.0;
 
+    int find(double at) const {  // between the first knot and the last
+        const int k = bucket(at);
+        int lo = std::max(first_[k] - 1, 0), hi = std::min(first_[k + 1], static_cast<int>(x.size()) - 1);
+        while (hi - lo > 1) {
+            const int mid = (lo + hi) / 2;
+            (pieces_[mid].x <= at ? lo : hi) = mid;
+        }
+        return lo;
+    }
     int bucket(double at) const { return std::min(static_cast<int>((at - x.front()) * per_kelvin_), static_cast<int>(first_.size()) - 2); }
 };
 

@@ -159,6 +159,7 @@ Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&
     power.assign(l, 0.0);
     slope.assign(l, 0.0);
     on.assign(l, 0);
+    piece.assign(m, 0);
     f.assign(p->nodes(), 0.0);
     quarter = true;
     for (int r = p->kind_begin[POWER]; r < p->kind_begin[POWER + 1]; ++r) {

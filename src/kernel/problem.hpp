@@ -91,6 +91,7 @@ struct Evaluation {
     std::vector<double> power, slope;   // loads
     std::vector<uint8_t> on;            // thermostat states (loads)
     std::vector<double> f;              // heat into each unknown node
+    std::vector<int> piece;             // of its table that each conductor stands on
     bool quarter = false;               // the exponent of every power law is 1/4, always
 
     Evaluation(const Problem& problem, const double* coefficients);

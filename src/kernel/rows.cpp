@@ -65,6 +65,19 @@ THERMID_CLONES void radiation_rows(const Rows x, int first, int last) {
     }
 }
 
+void table_rows(const Rows& x, const int* table, const Table* tables, int* piece, bool mean, int first, int last) {
+    for (int r = first; r < last; ++r) {
+        const double ta = x.t[x.a[r]], tb = x.t[x.b[r]], d = ta - tb, c = x.c[x.c0[r]];
+        double g, g1;
+        tables[table[r]].eval(mean ? (ta + tb) * 0.5 : d, g, g1, piece[r]);
+        const double bend = (mean ? 0.5 : 1.0) * g1 * d;
+        x.phi[r] = g * d;
+        x.qa[r] = c * (bend + g);
+        x.qb[r] = mean ? c * (bend - g) : -x.qa[r];
+        x.q[r] = c * x.phi[r];
+    }
+}
+
 THERMID_CLONES void shifted_rows(const int* THERMID_RESTRICT a, const int* THERMID_RESTRICT b, const double* THERMID_RESTRICT q,
                                  const double* THERMID_RESTRICT qa, const double* THERMID_RESTRICT qb, const double* THERMID_RESTRICT delta,
                                  double w, double* THERMID_RESTRICT out, int m) {
@@ -91,7 +104,10 @@ void Evaluation::rows() {
     if (quarter) quarter_rows(x, first[POWER], first[RADIATION]);
     else power_rows(x, first[POWER], first[RADIATION]);
     radiation_rows(x, first[RADIATION], first[FLOW]);
-    for (int r = first[FLOW]; r < c.size(); ++r) {
+    table_rows(x, c.table.data(), p->tables.data(), piece.data(), true, first[TABLE_MEAN], first[TABLE_DIFF]);
+    table_rows(x, c.table.data(), p->tables.data(), piece.data(), false, first[TABLE_DIFF], first[GAS]);
+    linear_rows(x, first[FLOW], first[TABLE_MEAN]);
+    for (int r = first[GAS]; r < c.size(); ++r) {
         const auto y = conductor<double>(c.kind[r], t[c.a[r]], t[c.b[r]], ceff[c.c0[r]], ceff[c.c1[r]], c.table[r] >= 0 ? &p->tables[c.table[r]] : nullptr);
         q[r] = y.q;
         phi[r] = y.phi;
