@@ -45,8 +45,11 @@ def settle(
     from thermid.cli.app import _with_unit
     from thermid.cli.output import clean
     from thermid.errors import RecordError
+    from thermid.measure.amounts import amount
     from thermid.qualify.stabilisation import stability
 
+    if not amount(_with_unit(within, "K"), "K", "--within") > 0.0:
+        raise RecordError(f"half of an interval is above zero, not '{within}'.", "--within")
     record = _read(log, channel, reference, time)
     names = [n for n in record.channels if n != reference]
     begin, end = _with_unit(since, "s"), _with_unit(at, "s")

@@ -43,6 +43,7 @@ class RecordTable(_Strict):
     separator: str | None = None
     decimal: str | None = None
     clock: str | None = None
+    units: dict[str, str] = {}
     get: str = ""
 
 

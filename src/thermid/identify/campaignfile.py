@@ -148,6 +148,7 @@ class CampaignSource:
         """Return a log, prepared, with the checksum that the campaign gives; as it is kept, where nothing has changed since."""
         read: dict[str, Any] = {
             "time": table.time,
+            "units": table.units,
             "name": name,
             "separator": table.separator,
             "decimal": table.decimal,

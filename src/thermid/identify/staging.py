@@ -18,6 +18,7 @@ from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.selection import freed, priors_of
 from thermid.identify.steady_points import steady_points
 from thermid.identify.values import FittedValues
+from thermid.measure import Channel
 from thermid.model.model import Model
 from thermid.model.resolve import parameter_table
 from thermid.model.signal import literal
@@ -153,6 +154,12 @@ def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
     return replace(values, items_=items, provenance={**values.provenance, "conditions": conditions, "misfit": misfit})
 
 
+def _channel_key(c: Channel) -> list[Any]:
+    """Return what a fit depends on of a channel beside its numbers in the file, whose hash is of them as they are written."""
+    known = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction]
+    return [*known, *([repr(c.part)] if c.part else [])]
+
+
 def key_of(request: Request, below: list[str]) -> str:
     """Return the hash of everything that a stage's result depends on.
 
@@ -167,7 +174,7 @@ def key_of(request: Request, below: list[str]) -> str:
                 r.origin.sha256,
                 list(r.steps),
                 *([repr(r.second)] if r.second else []),
-                {n: [c.role, c.target, c.gain, c.noise, c.accuracy, *([repr(c.part)] if c.part else [])] for n, c in r.channels.items()},
+                {n: _channel_key(c) for n, c in r.channels.items()},
             ]
             for r in request.records
         },

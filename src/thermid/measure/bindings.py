@@ -15,7 +15,7 @@ from thermid.units import TEMPERATURE, describe, require, unit
 __all__ = ["Binding", "bindings", "channel_schema", "find_column", "sd", "unit_and_quantity"]
 
 _ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
-_KEYS: Final = (*_ROLE_KEYS, "gain", "noise", "accuracy", "resolution", "unit", *KEYS)
+_KEYS: Final = (*_ROLE_KEYS, "gain", "noise", "accuracy", "resolution", "unit", "prompt", *KEYS)
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,7 @@ class Binding:
     accuracy: str | float | None = None
     resolution: str | float | None = None
     unit: str | None = None
+    prompt: bool = False
     part: SensorPart | None = None
     certificate: SensorCertificate | None = None
 
@@ -83,7 +84,11 @@ def _one(key: str, given: object, where: str) -> Binding:
     role = roles[0] if roles else "auto"
     if "gain" in given and role not in ("load", "command"):
         raise RecordError("a gain turns a command into a power, so it needs load = '...' or command = '...' beside it.", where)
-    rest = {word: given[word] for word in ("gain", "noise", "accuracy", "resolution", "unit") if word in given}
+    if not isinstance(given.get("prompt", False), bool):
+        raise RecordError(f"prompt = {given['prompt']!r} is neither true nor false.", where)
+    if given.get("prompt") and role not in ("load", "command"):
+        raise RecordError("prompt says that a power or command was logged whenever it changed; it needs a load or command.", where)
+    rest = {word: given[word] for word in ("gain", "noise", "accuracy", "resolution", "unit", "prompt") if word in given}
     certificate = SensorCertificate.read(given["certificate"], f"{where}, certificate") if "certificate" in given else None
     return Binding(key, key, role, given[role] if roles else None, **rest, part=SensorPart.read(given, where), certificate=certificate)
 
@@ -159,6 +164,7 @@ def channel_schema() -> dict[str, Any]:
         return {"type": "object", "properties": dict.fromkeys(keys, amount_), "required": list(required), "additionalProperties": False}
 
     nested = {
+        "prompt": {"type": "boolean"},
         "lead": table(("conductance", "to"), ("conductance", "to")),
         "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),
         "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},

@@ -12,14 +12,26 @@ import numpy as np
 
 from thermid.errors import RecordError
 from thermid.measure import windows
-from thermid.measure.amounts import positive_seconds, seconds
+from thermid.measure.amounts import duration_text, positive_seconds, seconds
 from thermid.measure.channel import BoolArray, Channel, FloatArray
 from thermid.units import format_value
 
 if TYPE_CHECKING:
     from thermid.measure.record import Record
 
-__all__ = ["filtered", "gap_limit", "low_pass_filter", "median", "noted", "resample", "shift_start", "stretch", "trim", "window_of"]
+__all__ = [
+    "filtered",
+    "gap_limit",
+    "low_pass_filter",
+    "median",
+    "noted",
+    "resample",
+    "shift_start",
+    "stretch",
+    "trim",
+    "window_of",
+    "within_log",
+]
 
 
 def noted(record: Record, text: str, *changed: Channel) -> Record:
@@ -56,6 +68,18 @@ def stretch(record: Record, start: object, end: object, what: str) -> tuple[Bool
         axis = f"{format_value(record.times[0], 's')} to {format_value(record.times[-1], 's')}"
         raise RecordError(f"no sample lies from {text}; record '{record.name}' runs from {axis}.", what)
     return inside, text
+
+
+def within_log(record: Record, time: object, what: str) -> None:
+    """Refuse the time of a question that lies beyond the end of a log.
+
+    Raises
+    ------
+    RecordError   With where the log ends.
+    """
+    asked, last = _moment(record, time, what), float(record.times[-1])
+    if asked > last + windows.usual_step(record.times):
+        raise RecordError(f"nothing was logged at {duration_text(asked)}; the log ends at {duration_text(last)}. Ask for 'end'.", what)
 
 
 def trim(record: Record, start: str | float, end: str | float) -> Record:

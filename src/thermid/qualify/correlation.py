@@ -11,6 +11,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.identify.calibration import Calibration
+from thermid.identify.grouping import listed
 from thermid.measure import Record
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.criteria import CRITERIA, CriteriaSet, Gate, judge
@@ -231,7 +232,7 @@ def _named(criteria: str | CriteriaSet) -> CriteriaSet:
     if isinstance(criteria, CriteriaSet):
         return criteria
     if criteria not in CRITERIA:
-        raise NameNotFoundError(f"no criteria '{criteria}'; there are {', '.join(CRITERIA)}.{nearest(criteria, CRITERIA)}", "criteria")
+        raise NameNotFoundError(f"no criteria '{criteria}'; there are {listed(list(CRITERIA))}.{nearest(criteria, CRITERIA)}", "criteria")
     return CRITERIA[criteria]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError
 from thermid.measure.amounts import amount, duration_text, positive_seconds
-from thermid.measure.prepare import stretch
+from thermid.measure.prepare import stretch, within_log
 from thermid.measure.stability import StabilityRule, resolution_of, rule_of
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.approach import Approach, approach
@@ -72,6 +72,7 @@ def forecast(
     ScenarioError   When a model comes without a scenario.
     """
     name = channel or _only(record)
+    within_log(record, until, f"{record.name}, forecast")
     inside, _ = stretch(record, since, until, f"{record.name}, forecast")
     times, kelvin = _readings(record, name, inside, level)
     span = float(times[-1] - times[0])
@@ -91,6 +92,8 @@ def forecast(
     trusted = bool(known) or slowest is not None
     guard = found if trusted else approach(times, kelvin, limit, known, room, GUARD)
     asked, wanted = amount(within, "K", "within"), rule_of(rule)
+    if not asked > 0.0:
+        raise RecordError(f"half of an interval is above zero, not {asked:g} K.", f"{record.name}, within")
     step = resolution_of(record.channel(name))
     final, slow = estimate(with_step(guard.at(float("inf")), step), level), guard.slowest(SLOW_SHARE)
     return Forecast(

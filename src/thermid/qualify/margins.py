@@ -137,12 +137,11 @@ class Margin:
         """Return the sum as a line."""
         p = self.policy
         word = f"not decided: {self.undecided}" if self.undecided else "met" if self.passed else "NOT met"
-        less = f"; not counted: {'; '.join(self.not_counted)}" if self.not_counted else ""
         return (
             f"{self.point}, {self.side} ({self.run}, {self.time / 3600:.2f} h, {self.state}): {self.predicted - ICE_POINT:.1f} degC, "
             f"uncertainty {self.uncertainty:.1f} + acceptance {p.acceptance.value:g} [{p.acceptance.mark}] + qualification "
             f"{p.qualification.value:g} [{p.qualification.mark}], limit {self.limit - ICE_POINT:.1f} degC: {self.margin:+.1f} K, {word}; "
-            f"by the flat {self.flat.value:g} K: {self.flat_left:+.1f} K{less}"
+            f"by the flat {self.flat.value:g} K: {self.flat_left:+.1f} K"
         )
 
 

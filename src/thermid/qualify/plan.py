@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
 from thermid.qualify.basis import basis
 from thermid.qualify.criteria import CRITERIA, CriteriaSet, read_criteria
@@ -79,6 +79,12 @@ class Plan:
     @cached_property
     def known(self) -> Known:
         """The model with what is known of its values; a campaign is run when this is first asked for."""
+        try:
+            return self._known()
+        except ThermidError as error:
+            raise error.within(self.path.name) from None
+
+    def _known(self) -> Known:
         source, folder = self.content.model, self.path.parent
         if source.campaign:
             from thermid.identify.stages import run_stages
@@ -162,11 +168,7 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
         raise DeckError(
             "the model is a deck, with a values file if there is one, or a stage of a campaign: campaign and stage.", where("model")
         )
-    given = content.limits
-    if isinstance(given, str):
-        limits = load_limits(resolve_inside(target.parent, given, where("limits")))
-    else:
-        limits = read_limits(given, where("limits"))
+    limits = _limits(content.limits, target.parent, where("limits"))
     own = {name: read_criteria(name, table, where(f"criteria.{name}")) for name, table in content.criteria.items()}
     criteria = CRITERIA | own
     check_parts(content, where)
@@ -180,6 +182,16 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
         )
     logs = Path(data) if data is not None else None
     return Plan(target, content, limits, criteria, basis(target, content, logs, where), logs)
+
+
+def _limits(given: str | Mapping[str, Any], folder: Path, where: str) -> tuple[Limits, ...]:
+    """Return the limits of a plan; errors of a file of their own name the plan too."""
+    if not isinstance(given, str):
+        return read_limits(given, where)
+    try:
+        return load_limits(resolve_inside(folder, given, where))
+    except ThermidError as error:
+        raise error.within(where) from None
 
 
 def _not_empty(raw: Mapping[str, Any], name: str) -> None:

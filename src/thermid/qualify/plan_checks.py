@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.identify.grouping import listed
 from thermid.measure.stability import rule_of
 from thermid.model.signal import literal
 from thermid.qualify.criteria import CriteriaSet
@@ -64,7 +65,7 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
     for name in test.criteria:
         if name not in criteria:
             raise NameNotFoundError(
-                f"there are no criteria '{name}'; there are {', '.join(criteria)}.{nearest(name, criteria)}", where("criteria")
+                f"there are no criteria '{name}'; there are {listed(list(criteria))}.{nearest(name, criteria)}", where("criteria")
             )
     rule_of(test.stable)
     steady = [n for n in test.criteria if "steady" in criteria[n].kinds]

@@ -130,6 +130,14 @@ class Qualification:
             "assumptions": [{"path": a.path, "effect_K": a.effect, "point": a.point, "test": a.run} for a in self.assumptions],
         }
 
+    def _left_out(self) -> dict[str, str]:
+        """Return what the uncertainty of margins does not hold -> which margins."""
+        found: dict[str, list[str]] = {}
+        for m in self.margins:
+            for what in m.not_counted:
+                found.setdefault(what, []).append(f"{m.point} ({m.side})")
+        return {what: "any margin" if len(those) == len(self.margins) else ", ".join(those) for what, those in found.items()}
+
     def __str__(self) -> str:
         """Return the verdicts as text."""
         words = {True: "PASSED", False: "FAILED", None: "NOT DECIDED"}
@@ -143,6 +151,7 @@ class Qualification:
             left = f"{room:.1f} K left" if room >= 0 else f"{-room:.1f} K beyond its limit"
             lines.append(f"  worst: {point} in {test} at {time / 3600:.2f} h, {left}")
         lines += [f"  margin: {m}" for m in self.margins]
+        lines += [f"  not counted in {who}: {what}" for what, who in self._left_out().items()]
         lines += [f"  open: {o}" for o in self.open]
         lines += [f"  assumed: {a.path} = {a.text} moves {a.point} by {a.effect:.2g} K ({a.run})" for a in self.assumptions[:5]]
         return "\n".join(lines)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError
 from thermid.measure.amounts import duration_text, positive_seconds
-from thermid.measure.prepare import stretch
+from thermid.measure.prepare import stretch, within_log
 from thermid.measure.record import Record
 from thermid.measure.stability import SURE, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.qualify.approach import approach
@@ -196,6 +196,7 @@ def _of_record(
     run: Solution | None,
     unit: str,
 ) -> Stability:
+    within_log(record, at, f"{record.name}, stability")
     inside, _ = stretch(record, since, at, f"{record.name}, stability")
     times = record.times[inside]
     asked = names or tuple(c.name for c in record.channels.values() if c.quantity == "temperature" and c.role != "boundary")

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import NameNotFoundError, nearest
+from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
@@ -59,9 +60,20 @@ class Trace:
         """The last temperature less the first. [K]"""
         return float(self.kelvin[-1] - self.kelvin[0])
 
-    def at(self, time: float | Array) -> Array:
-        """Temperature at times within the run, straight lines between stored times. [degC]"""
-        return np.asarray(np.interp(time, self.times, self.celsius))
+    def at(self, time: float | str | Array) -> Array:
+        """Temperature at times within the run [s] or at a text such as ``10 [min]``, straight lines between stored times. [degC]
+
+        Raises
+        ------
+        ScenarioError   When a time lies outside the run.
+        """
+        asked = literal(time, "s", f"{self.path}, at") if isinstance(time, str) else time
+        first, last = float(self.times[0]), float(self.times[-1])
+        near = 1e-9 * (last - first)
+        outside = [t for t in np.ravel(asked) if not first - near <= t <= last + near]
+        if outside:
+            raise ScenarioError(f"the run goes from {first:g} s to {last:g} s and says nothing of {outside[0]:g} s.", f"{self.path}, at")
+        return np.asarray(np.interp(asked, self.times, self.celsius))
 
     def __str__(self) -> str:
         """One line: end, span and how many times."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -100,6 +101,27 @@ def test_settle_without_a_temperature_or_with_a_wrong_rule(tmp_path):
         CliRunner().invoke(app, ["settle", str(file)], catch_exceptions=False)
     with pytest.raises(td.ThermidError, match="no rule of stability"):
         CliRunner().invoke(app, ["settle", str(log(tmp_path, 1.0)), "--rule", "slow"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (["--at", "2 [h]"], "log, stability: nothing was logged at 2 h; the log ends at 59.83 min. Ask for 'end'."),
+        (["--within", "-1 [K]"], "half of an interval is above zero, not '-1 [K]'"),
+        (["--within", "0"], "half of an interval is above zero"),
+    ],
+)
+def test_settle_refuses_what_no_log_can_answer(tmp_path, asked, words):
+    with pytest.raises(td.ThermidError, match=re.escape(words)):
+        CliRunner().invoke(app, ["settle", str(log(tmp_path, 1.0)), *asked], catch_exceptions=False)
+
+
+def test_a_forecast_needs_a_stretch_that_was_logged_and_a_width(tmp_path):
+    record = td.read_record(log(tmp_path, 1.0), {"T_CASE": {"node": "case"}})
+    with pytest.raises(td.ThermidError, match="nothing was logged at 2 h"):
+        td.forecast(record, until="2 [h]")
+    with pytest.raises(td.ThermidError, match="above zero, not 0 K"):
+        td.forecast(record, within="0 [K]")
 
 
 def test_stored_heat_is_judged_with_a_model_and_refused_without(tmp_path, deck):

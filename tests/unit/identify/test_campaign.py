@@ -535,3 +535,38 @@ def test_a_range_that_is_none_says_where(project: Path) -> None:
     error = refused(project)
     assert re.search(r"the range of 'stack\.contact_conductance' is no prior", str(error))
     assert f"priors.{JOINT}" in error.where
+
+
+def test_a_corrected_unit_runs_a_finished_stage_again(project: Path, tmp_path: Path) -> None:
+    """The hash of a log is of its numbers as they are written, so what makes temperatures of them belongs to the key of a stage."""
+    from dataclasses import replace
+
+    from thermid.identify.staging import key_of
+
+    request = run_stages(project).requests["box"]
+    (record,) = request.records
+    first = key_of(request, [])
+    channel = record.channels["T_A"]
+    for field, other in (("unit", "K"), ("resolution", 0.1), ("correction", 0.5)):
+        changed_ = record.with_channels(replace(channel, **{field: other}))
+        assert key_of(replace(request, records=(changed_,)), []) != first, field
+
+
+def test_a_record_says_the_unit_of_its_time(project: Path) -> None:
+    plain = run_stages(project)["box"]
+    log = project.parent / "logs" / "box_bench.csv"
+    lines = log.read_text().splitlines()
+    rows = [[str(float(row[0]) / 60.0), *row[1:]] for row in (line.split(",") for line in lines[1:])]
+    log.write_text("\n".join([lines[0].replace("time_s", "when"), *(",".join(row) for row in rows)]), encoding="utf-8")
+    text = project.read_text().replace('time     = "time_s"', 'time     = "when"\nunits    = { when = "min" }', 1)
+    project.write_text(text, encoding="utf-8")
+    again = run_stages(project)["box"]
+    assert again[HTC].value == pytest.approx(plain[HTC].value, rel=1e-6)
+    project.write_text(text.replace('when = "min"', 'wen = "min"'), encoding="utf-8")
+    assert "unit is given for 'wen', which is no channel" in str(refused(project))
+
+
+def test_a_channel_says_that_it_was_logged_at_every_change(project: Path) -> None:
+    text = project.read_text().replace('ROOM = { boundary = "air" }', 'ROOM = { boundary = "air", prompt = true }', 1)
+    project.write_text(text, encoding="utf-8")
+    assert "it needs a load or command" in str(refused(project))

@@ -141,11 +141,16 @@ def test_arguments(log, arguments, message):
         (
             {"T1": {"nod": "a"}},
             "bench.csv, channels.T1: no key 'nod'; there are node, boundary, load, command, prescribed, gain, noise, "
-            "accuracy, resolution, unit, gain_accuracy, gain_about, correlation_time, lag, lag_accuracy, capacitance, mass, specific_heat, "
-            "lead, certificate, range. "
+            "accuracy, resolution, unit, prompt, gain_accuracy, gain_about, correlation_time, lag, lag_accuracy, capacitance, mass, "
+            "specific_heat, lead, certificate, range. "
             "Did you mean 'node'?",
         ),
         ({"T1": {"node": "a", "boundary": "b"}}, "bench.csv, channels.T1: it has the roles node and boundary; a channel has one."),
+        ({"T1": {"load": "a", "prompt": "yes"}}, "bench.csv, channels.T1: prompt = 'yes' is neither true nor false."),
+        (
+            {"T1": {"node": "a", "prompt": True}},
+            "bench.csv, channels.T1: prompt says that a power or command was logged whenever it changed; it needs a load or command.",
+        ),
         ({"T1": {"node": ""}}, "bench.csv, channels.T1: node = '' is no text."),
         (
             {"T1": {"node": "a", "gain": "b"}},

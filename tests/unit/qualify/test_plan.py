@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+import thermid as td
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError
 from thermid.qualify.lock import lock_plan, lock_status, note_look
 from thermid.qualify.plan import load_plan
@@ -251,3 +253,43 @@ def test_a_scenario_beside_a_profile_gives_what_else_is_done(tmp_path: Path) -> 
 def test_a_scenario_beside_a_profile_does_not_say_what_the_profile_says(tmp_path: Path, scenario: str, words: str) -> None:
     with pytest.raises(ScenarioError, match=words):
         run_plan(beside(tmp_path, scenario))
+
+
+def test_errors_of_a_plan_s_limits_and_model_name_the_plan(tmp_path: Path) -> None:
+    limits = PLAN[PLAN.index("[limits.processor]") : PLAN.index("[sensors]")]
+    text = PLAN.replace(limits, "").replace("objectives", 'limits = "limits.toml"\nobjectives')
+    file = project(tmp_path, text)
+    (tmp_path / "limits.toml").write_text('[processor]\nnode = "proc"\noperating = ["-20 [degC]"]\n', encoding="utf-8")
+    with pytest.raises(td.ThermidError, match=r"^plan.toml:3, limits, limits.toml, processor.operating: a limit is a pair"):
+        td.load_plan(file)
+    (tmp_path / "limits.toml").unlink()
+    with pytest.raises(td.ThermidError, match=r"^plan.toml:3, limits"):
+        td.load_plan(file)
+    gone = project(tmp_path, PLAN.replace('deck = "unit.toml"', 'deck = "unit.toml"\nvalues = "none.toml"'))
+    with pytest.raises(td.ThermidError, match=r"^plan.toml.*none.toml"):
+        assert td.load_plan(gone).known
+
+
+def test_a_stage_that_a_campaign_does_not_have_is_named_with_the_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from thermid.identify import stages
+
+    plan = td.load_plan(project(tmp_path))
+    source = plan.content.model.model_copy(update={"deck": "", "campaign": "unit.toml", "stage": "unti"})
+    other = replace(plan, content=plan.content.model_copy(update={"model": source}))
+    monkeypatch.setattr(stages, "run_stages", lambda *a, **k: stages.Campaign("c", {"unit": None}, (), {}))  # type: ignore[dict-item]
+    with pytest.raises(td.ThermidError, match=r"^plan.toml, model.stage: the campaign has no stage 'unti'. Did you mean 'unit'\?"):
+        assert other.known
+
+
+def test_criteria_are_listed_in_quotes(tmp_path: Path) -> None:
+    file = project(tmp_path, PLAN.replace('criteria = ["ECSS", "ours"]', 'criteria = ["ECS"]'))
+    with pytest.raises(td.ThermidError, match=r"there are .*'MIL-HDBK-340, transient'.* and 'ours'. Did you mean 'ECSS'"):
+        td.load_plan(file)
+
+
+def test_what_margins_leave_out_is_said_once_below(tmp_path: Path) -> None:
+    text = str(td.run_plan(project(tmp_path)))
+    said = [line for line in text.splitlines() if "not counted in" in line]
+    assert len([line for line in said if "discrepancy: no log of the fit" in line]) == 1
+    assert not [line for line in text.splitlines() if line.startswith("  margin: ") and "not counted" in line]
+    assert text.index(said[0]) > text.rindex("  margin: ")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError, NameNotFoundError
+from thermid.errors import DeckError, NameNotFoundError, ScenarioError
 
 DECK = {
     "title": "pair",
@@ -95,3 +95,14 @@ def test_models_and_traces_print_as_one_line() -> None:
     assert str(model) == "pair: 3 nodes, 3 conductors, 1 surface, 1 load; needs room"
     trace = td.simulate(model, ROOM)["room"]
     assert str(trace) == "room: 20.000 degC at 3600 s, 20.000 .. 20.000 degC at 301 times"
+
+
+def test_a_trace_is_asked_with_a_unit_and_within_its_run() -> None:
+    trace = td.simulate(td.model_from_dict(DECK), ROOM, every=60.0)["hot"]
+    assert trace.at("10 [min]") == trace.at(600.0)
+    assert trace.at([0.0, 3600.0]).tolist() == [trace.celsius[0], trace.celsius[-1]]
+    for wrong in (3601.0, -1.0, "2 [h]", [60.0, 7200.0]):
+        with pytest.raises(ScenarioError, match=r"hot, at: the run goes from 0 s to 3600 s and says nothing of"):
+            trace.at(wrong)
+    with pytest.raises(td.ThermidError, match="min"):
+        trace.at("10 min")
