@@ -50,9 +50,7 @@ def calibrate(options: Namespace) -> dict[str, Any]:
         "results": rows,
         "missing": missing | silent,
         "versions": {m.NAME: m.version() for m in present},
-        "remarks": [
-            "max_error_K: temperatures of the fitted unit against those of the true one; off: largest, in standard errors and in log"
-        ],
+        "remarks": ["error: temperatures of the fitted unit against those of the true one; off: largest, in standard errors and in log"],
     }
 
 

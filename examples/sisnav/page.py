@@ -260,7 +260,8 @@ LIMITS = (
     "The second structure shares the laboratory's form (exponent 1/4, grey radiation), which is textbook physics; its values are hidden. "
     "Real air and real finishes can differ from both.",
     "In vacuum joints keep the conductance that they had in air; gas in the joints is not taken apart.",
-    "Actions 8 to 12 come with qualification; their places are kept.",
+    "Actions 8 to 12 are not judged here; with an assumed host, fixture and limits they are shown in examples/sisnav/macro and "
+    "examples/sisnav/qualification.",
 )
 
 

@@ -16,7 +16,7 @@ from typing import Final
 from thermid._units_table import TABLE
 from thermid.errors import UnitError, nearest
 
-__all__ = ["DIMENSIONLESS", "TEMPERATURE", "Dimension", "Unit", "describe", "format_value", "require", "to_si", "unit"]
+__all__ = ["DIMENSIONLESS", "TEMPERATURE", "Dimension", "Unit", "counted", "describe", "format_value", "require", "to_si", "unit"]
 
 Dimension = tuple[Fraction, ...]
 """Exponents of metre, kilogram, second, ampere and kelvin."""
@@ -215,6 +215,15 @@ def require(dimension: Dimension, slot: str, given: str = "", absolute: bool = F
 def to_si(value: Fraction, of: Unit) -> float:
     """Return an exact number of some unit as an SI float, rounded once."""
     return float(value * of.factor + of.offset)
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number of things in words.
+
+    >>> counted(1, "test"), counted(3, "test")
+    ('1 test', '3 tests')
+    """
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def format_value(value: float, text: str, digits: int = 6) -> str:

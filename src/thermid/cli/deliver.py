@@ -70,4 +70,6 @@ def _mark(record: dict[str, Any]) -> str:
 
 
 def _met(runs: dict[str, Any]) -> str:
-    return f"{len(runs)} scenario{'s' if len(runs) > 1 else ''} met"
+    from thermid.units import counted
+
+    return f"{counted(len(runs), 'scenario')} met"

@@ -41,6 +41,7 @@ def plan(
     from thermid.qualify.lock import lock_plan, lock_status
     from thermid.qualify.plan import load_plan
     from thermid.qualify.predictions import pre_test
+    from thermid.units import counted
 
     given = load_plan(file, data)
     told = pre_test(given)
@@ -57,7 +58,8 @@ def plan(
         }
         typer.echo(json.dumps(clean({"schema": 1, "status": "ok", "title": given.title, "plan": shown, "predictions": told})))
         return
-    typer.echo(f"{given.title}: {len(given.tests)} tests, {len(given.content.sensors)} sensors, {len(given.limits)} reference points")
+    many = ((given.tests, "test"), (given.content.sensors, "sensor"), (given.limits, "reference point"))
+    typer.echo(f"{given.title}: {', '.join(counted(len(several), noun) for several, noun in many)}")
     for test, sensors in told.items():
         typer.echo(f"  {test}")
         for sensor, p in sensors.items():

@@ -18,6 +18,7 @@ from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.measure.amounts import short
 from thermid.model.model import Model
+from thermid.units import counted
 
 if TYPE_CHECKING:
     from thermid.identify.experiment import Experiment
@@ -171,11 +172,9 @@ class Calibration:
         fitted = {p: v for p, v in self.values.items() if v.kind in ("parameter", "level")}
         samples = sum(s.samples for s in self.sensors.values())
         kind = " (synthetic data)" if self.synthetic else ""
-        count = f"{len(fitted)} free parameter{'s' if len(fitted) != 1 else ''}"
+        free, channels = counted(len(fitted), "free parameter"), counted(len(self.sensors), "channel")
         records = f" in {len(self.records)} records" if len(self.records) > 1 else ""
-        lines = [
-            f"{self.stage}: {count}, {samples} samples of {len(self.sensors)} channel{'s' if len(self.sensors) != 1 else ''}{records}{kind}"
-        ]
+        lines = [f"{self.stage}: {free}, {samples} samples of {channels}{records}{kind}"]
         lines += [f"  {w}" for w in self.warnings if w.startswith(LOUD)]
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]

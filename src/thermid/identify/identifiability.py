@@ -24,7 +24,7 @@ from thermid.identify.unknowns import Unknown
 from thermid.measure import Record
 from thermid.model.model import Model
 from thermid.simulation.scenario import Scenario
-from thermid.units import unit
+from thermid.units import counted, unit
 
 __all__ = ["Identifiability", "Known", "cause", "identifiability", "identifiability_of"]
 
@@ -153,9 +153,9 @@ class Identifiability:
         """Return the findings as text."""
         when = {"planned": "what this test would tell", "before": "what these readings can tell", "after": "what the readings told"}
         free = len(self.parameters)
-        lines = [f"{self.title}: {when[self.stage]} of {free} parameter{'s' if free != 1 else ''} ({self.samples} readings)"]
+        lines = [f"{self.title}: {when[self.stage]} of {counted(free, 'parameter')} ({self.samples} readings)"]
         if self.rank < free:
-            lines.append(f"  The readings hold {self.rank} independent fact{'s' if self.rank != 1 else ''} about {free} parameters.")
+            lines.append(f"  The readings hold {counted(self.rank, 'independent fact')} about {free} parameters.")
         lines += [f"  Whatever is measured so: {g}.{self._split_by(g)}" for g in self.structural if g.form != "unseen"]
         lines += [f"  No reading depends on {listed(g.names)}." for g in self.structural if g.form == "unseen"]
         lines += [f"  With this log: {g}." for g in self.practical]

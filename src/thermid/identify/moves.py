@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.measure.amounts import short
-from thermid.units import unit
+from thermid.units import counted, unit
 
 __all__ = ["Group", "Move", "Moves"]
 
@@ -94,7 +94,7 @@ class Group:
         """Return one line."""
         if not self.directions:
             return f"{self.name}: not tested"
-        many = f"{self.directions} direction{'s' if self.directions > 1 else ''}"
+        many = counted(self.directions, "direction")
         return f"{self.name}: {self.verdict}, chi-square {short(self.chi_square, 3)} in {many} (chance {short(self.chance)})"
 
 
@@ -129,8 +129,8 @@ class Moves:
     def warnings(self) -> list[str]:
         """Return a remark where a whole part, or all parts together, had to move."""
         return [
-            f"what the stage below handed on for {_listed(g.paths)} had to move: chi-square {short(g.chi_square, 3)} in {g.directions} "
-            f"direction{'s' if g.directions > 1 else ''}, chance {short(g.chance)}. The parts do not behave in the assembly as they did "
+            f"what the stage below handed on for {_listed(g.paths)} had to move: chi-square {short(g.chi_square, 3)} in "
+            f"{counted(g.directions, 'direction')}, chance {short(g.chance)}. The parts do not behave in the assembly as they did "
             "alone, or the stage below missed something."
             for g in self.groups[-1:]
             if g.verdict == "had to move"

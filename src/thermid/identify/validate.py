@@ -18,6 +18,7 @@ from thermid.identify.statistics import SensorStatistics
 from thermid.measure import Record
 from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario
+from thermid.units import counted
 
 __all__ = ["Check", "Criteria", "Verdict", "validate"]
 
@@ -140,7 +141,7 @@ class Verdict:
         if self.failed_before:
             first = self.failed_before[0]
             lines.append(
-                f"  no longer unseen: {len(self.failed_before)} failed verdict{'s' if len(self.failed_before) > 1 else ''} on it since "
+                f"  no longer unseen: {counted(len(self.failed_before), 'failed verdict')} on it since "
                 f"{first.date}, and a new fit since; what passes now may have been made to. Judge on another record."
             )
         for c in self.checks:

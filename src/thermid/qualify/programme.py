@@ -24,6 +24,7 @@ from thermid.qualify.marks import weigh
 from thermid.qualify.plan import Plan, load_plan
 from thermid.qualify.trial import Trial
 from thermid.qualify.trying import tried
+from thermid.units import counted
 
 if TYPE_CHECKING:
     from thermid.qualify.foresight import Known
@@ -142,7 +143,7 @@ class Qualification:
         """Return the verdicts as text."""
         words = {True: "PASSED", False: "FAILED", None: "NOT DECIDED"}
         head = f"{self.plan.title}: {words[self.passed]}"
-        head += f", {len(self.waived)} tests waived: {', '.join(self.waived)}" if self.waived else ""
+        head += f", {counted(len(self.waived), 'test')} waived: {', '.join(self.waived)}" if self.waived else ""
         lines = [head + (f"  ({self.demonstration})" if self.demonstration else ""), f"  {self.lock}"]
         for t in self.trials:
             lines += [f"  {line}" for line in str(t).splitlines()]

@@ -22,7 +22,7 @@ MOST = 6
 
 
 def draw_hold(figure: Figure, found: Hold) -> None:
-    """Draw the curves of the limits that are passed first, with the safe time of the first, and what drives it."""
+    """Draw the curves of the limits that are passed first, with the hold time of the first, and what drives it."""
     axis: Axes = figure.subplots()
     length, name = time_unit(float(found.times[-1]))
     passed = [p for p in found.points[:MOST] if p.exceedance[-1] > 0.0] or [found.points[0]]

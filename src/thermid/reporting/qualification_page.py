@@ -20,6 +20,7 @@ from thermid.reporting.qualification_figures import course
 from thermid.reporting.qualification_sections import all_overlays, sections
 from thermid.reporting.sections import Block, Facts, Figures, Notes, Plot, Section, Words, as_block
 from thermid.reporting.study_page import tile
+from thermid.units import counted
 
 __all__ = ["correlation_report", "qualification_report"]
 
@@ -41,7 +42,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     watermark = q.demonstration.upper()
     found = [t.passed for t in q.trials] + [m.passed for m in q.margins]
     failed, open_ = found.count(False), found.count(None)
-    summary = f"{len(q.trials)} tests, {len(q.margins)} margins" + (f"; {open_} not decided" if open_ else "")
+    summary = f"{counted(len(q.trials), 'test')}, {counted(len(q.margins), 'margin')}" + (f"; {open_} not decided" if open_ else "")
     summary += f"; {len(q.waived)} waived" if q.waived else ""
     if worst is not None:
         left = f"{worst[3]:.1f} K left" if worst[3] >= 0 else f"{-worst[3]:.1f} K beyond its limit"
@@ -94,7 +95,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
     found = list(c.verdicts.values())
     watermark = "SYNTHETIC DATA" if synthetic else ""
     banner = [(watermark, "The readings were made, not measured.")] if synthetic else []
-    said = f"{len(c.gates)} gate{'s' if len(c.gates) != 1 else ''}, {len(c.failed)} not met"
+    said = f"{counted(len(c.gates), 'gate')}, {len(c.failed)} not met"
     return _write(
         to,
         title=c.title,
