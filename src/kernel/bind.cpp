@@ -52,14 +52,19 @@ void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints
     new (self) Problem(std::move(*p));
 }
 
+bool increase(const double* t, size_t m, double t0, double t_end) {
+    int bad = 0;
+    for (size_t i = 1; i < m; ++i) bad |= !(t[i] >= t[i - 1]);
+    return m == 0 || (!bad && t[0] >= t0 && t[m - 1] <= t_end);
+}
+
 PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_end, Reals times, Ints nodes, std::optional<Csr> dcoef,
                    std::optional<In<double, 2>> dT0, bool energy, std::optional<Ints> on, nb::kwargs options) {
     need(coef.size() == static_cast<size_t>(p.nc), "coef: wrong length");
     need(T0.size() == static_cast<size_t>(p.n), "T0: wrong length");
     need(std::isfinite(t0) && std::isfinite(t_end) && t_end >= t0, "t_end must not lie before t0");
     Options o = options_of(options);
-    for (size_t i = 0; i < times.size(); ++i)
-        need(times(i) >= (i ? times(i - 1) : t0) && times(i) <= t_end, "output_times must increase and lie in [t0, t_end]");
+    need(increase(times.data(), times.size(), t0, t_end), "output_times must increase and lie in [t0, t_end]");
     for (size_t i = 0; i < nodes.size(); ++i) need(nodes(i) >= 0 && nodes(i) < p.nodes(), "output_nodes: no such node");
     CoefJacobian d = jacobian_of(p, dcoef);
     if (dT0) {

@@ -114,7 +114,7 @@ void Integrator::dense(bool inside) {
     for (int i = 0; i < n_; ++i) d1_[i] = cap_[i] > 0.0 ? F_[(STAGES - 1) * n + i] / cap_[i] : 0.0;
     std::fill(g_.begin(), g_.end(), 0.0);
     if (nk_ > 0) {
-        e_.input_slopes(con_u_, load_u_, fu_.data());
+        e_.input_slopes(pushes_, other_u_, load_u_, fu_.data());
         for (int k = 0; k < nk_; ++k) {
             uder1_[k] = p_.inputs[k].sampled() ? in_[k].slope(h_) : p_.inputs[k].slope(t_ + h_);
             if (uder1_[k] != 0.0) axpy(g_.data(), uder1_[k], fu_.data() + k * n, n_);
@@ -163,10 +163,7 @@ void Integrator::slope_sensitivity(int stage, const std::vector<double>& slope, 
     const size_t np = np_, m = static_cast<size_t>(n_) * np;
     std::copy(FS_.data() + stage * m, FS_.data() + (stage + 1) * m, out.data());
     capacity_term(out.data(), slope.data(), -1.0);
-    for (int i = 0; i < n_; ++i) {
-        const double c = cap_[i] > 0.0 ? 1.0 / cap_[i] : 0.0;
-        for (size_t q = i * np; q < (i + 1) * np; ++q) out[q] *= c;
-    }
+    scale_rows(out.data(), inv_cap_.data(), n_, np_);
 }
 
 void Integrator::move_cursors(double s, double time) {

@@ -158,6 +158,23 @@ struct Stand {
 THERMID_CLONES void march(const Input::Segment* seg, int m, Stand& at, const double* t, int rows, double* sums, int stride) {
     Stand x = at;
     for (int r = 0; r < rows; ++r) {
+        // From knot to knot as long as every time is the next one.
+        const Input::Segment* g = seg + x.k + 1;
+        const int most = std::min(rows - r, m - 2 - x.k);
+        int run = 0;
+        while (run < most && g[run].t == t[r + run]) ++run;
+        for (const int last = r + run; r < last; ++r, ++g) {
+            x.base.append_line(g->t - x.from, x.u, x.s);
+            x.from = g->t;
+            x.u = g->u;
+            x.s = g->s;
+            sums[r] = x.base.i1;
+            sums[stride + r] = x.base.i2;
+            sums[2 * stride + r] = x.base.i3;
+        }
+        x.k += run;
+        if (run > 0) x.next = g->t;
+        if (r == rows) break;
         while (x.next <= t[r]) {
             x.base.append_line(x.next - x.from, x.u, x.s);
             x.from = x.next;

@@ -15,7 +15,10 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     auto moves = [&](int c) { return p.coef_input[c] >= 0 && p.inputs[p.coef_input[c]].kind != CONSTANT; };
     for (const Entry& e : p.con_entry) {
         if (d.any(e.coef)) parameters_.con.push_back(e);
-        if (moves(e.coef)) con_u_.push_back(e);
+        if (!moves(e.coef)) continue;
+        con_u_.push_back(e);
+        if (e.what >= 4) e_.pushes_of(e, pushes_);
+        else other_u_.push_back(e);
     }
     for (const Entry& e : p.load_entry) {
         // Thresholds act through the switching instant only.
@@ -32,8 +35,9 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         if (p.capacity[i] >= 0) {
             cap_[i] = coef[p.capacity[i]];
             inv_cap_[i] = 1.0 / cap_[i];
+            if (d.any(p.capacity[i])) sought_.push_back(i);
         }
-    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &bend_, &drift_, &drift_next_, &guess_, &err_, &shed_[0], &shed_[1], &g_, &dir_, &bb_, &xa_}) v->assign(n, 0.0);
+    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &bend_, &drift_, &drift_next_, &guess_, &err_, &shed_[0], &shed_[1], &g_, &dir_, &bb_, &xa_, &weight_}) v->assign(n, 0.0);
     for (auto* v : {&S_, &S1_, &CS_, &comb_, &sd0_, &sd1_, &sdd0_, &sdd1_, &G_, &dirS_, &fp_, &SO_}) v->assign(m, 0.0);
     delta_.assign(p.nodes(), 0.0);  // boundaries stay where they are
     for (auto* v : {&F_, &beyond_}) v->assign(STAGES * n, 0.0);
@@ -52,6 +56,11 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         for (auto* v : {&noise_[k].sb, &noise_[k].sc}) v->assign(m, 0.0);
     }
     lu_.resize(p.pattern, p.elimination);
+    for (auto* v : {&cap_at_, &free_at_}) v->assign(p.pattern.size(), 0.0);
+    for (int i = 0; i < n_; ++i) {
+        if (cap_[i] > 0.0) std::fill(free_at_.begin() + p.pattern.begin[i], free_at_.begin() + p.pattern.begin[i + 1], 1.0);
+        cap_at_[p.pattern.diag[i]] = cap_[i];
+    }
     for (auto* v : {&acc_con_, &E_con_}) v->assign(rows, 0.0);
     for (auto* v : {&acc_load_, &E_load_}) v->assign(loads, 0.0);
     when_.assign(np, 0.0);

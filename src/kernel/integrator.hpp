@@ -73,7 +73,11 @@ class Integrator {
     int n_, np_, nk_;
     Scatter parameters_;
     std::vector<Entry> con_u_, load_u_;  // entries of inputs
+    std::vector<int> sought_;            // nodes whose capacity depends on parameters
+    std::vector<Entry> other_u_;         // those of conductors that are not of boundaries
+    std::vector<Push> pushes_;           // and what the boundaries' become
     std::vector<double> cap_, inv_cap_;      // 0 for massless nodes
+    std::vector<double> cap_at_, free_at_, weight_;  // by places of the pattern: capacities, 1 in rows that have one; h gamma or 1
     Evaluation e_, eo_;  // for the stages; for the outputs
     SecondOrder second_;
 

@@ -22,6 +22,11 @@ THERMID_CLONES void combine(double* THERMID_RESTRICT out, const double* const* r
         std::memcpy(out + i + 8, &c, sizeof c);
         std::memcpy(out + i + 12, &d, sizeof d);
     }
+    for (; i + 4 <= m; i += 4) {
+        Four a = {};
+        for (int r = 0; r < k; ++r) a += w[r] * *reinterpret_cast<const Four*>(rows[r] + i);
+        std::memcpy(out + i, &a, sizeof a);
+    }
     for (; i < m; ++i) {
         double sum = 0.0;
         for (int r = 0; r < k; ++r) sum += w[r] * rows[r][i];
@@ -30,8 +35,20 @@ THERMID_CLONES void combine(double* THERMID_RESTRICT out, const double* const* r
 }
 
 THERMID_CLONES void scale_rows(double* THERMID_RESTRICT b, const double* THERMID_RESTRICT a, int n, int m) {
-    for (int i = 0; i < n; ++i, b += m)
-        for (int q = 0; q < m; ++q) b[q] *= a[i];
+    for (int i = 0; i < n; ++i, b += m) {
+        const double s = a[i];
+        int q = 0;
+        for (; q + 20 <= m; q += 20) {
+            Four* y = reinterpret_cast<Four*>(b + q);
+            for (int v = 0; v < 5; ++v) y[v] = s * y[v];
+        }
+        for (; q + 4 <= m; q += 4) *reinterpret_cast<Four*>(b + q) = s * *reinterpret_cast<Four*>(b + q);
+        for (; q < m; ++q) b[q] *= s;
+    }
+}
+
+THERMID_CLONES void add(double* THERMID_RESTRICT y, double a, const double* THERMID_RESTRICT x, int m) {
+    for (int i = 0; i < m; ++i) y[i] += a * x[i];
 }
 
 THERMID_CLONES void largest(double* THERMID_RESTRICT to, const double* THERMID_RESTRICT b, const char* counts, int n, int m) {
@@ -48,7 +65,13 @@ THERMID_CLONES void difference(double* THERMID_RESTRICT y, const double* THERMID
                                const double* THERMID_RESTRICT b, const double* THERMID_RESTRICT z, int n, int m) {
     for (int i = 0; i < n; ++i, y += m, x += m, z += m) {
         const double s = a[i], t = b[i];
-        for (int q = 0; q < m; ++q) y[q] = s * x[q] - t * z[q];
+        int q = 0;
+        for (; q + 20 <= m; q += 20) {
+            Four* to = reinterpret_cast<Four*>(y + q);
+            const Four *from = reinterpret_cast<const Four*>(x + q), *less = reinterpret_cast<const Four*>(z + q);
+            for (int v = 0; v < 5; ++v) to[v] = s * from[v] - t * less[v];
+        }
+        for (; q < m; ++q) y[q] = s * x[q] - t * z[q];
     }
 }
 

@@ -44,6 +44,8 @@ inline void axpy(double* y, double a, const double* x, int m) {
     for (int i = 0; i < m; ++i) y[i] += a * x[i];
 }
 
+void add(double* y, double a, const double* x, int m);  // the same for long rows
+
 class Lu {
   public:
     void resize(int n);

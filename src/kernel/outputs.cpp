@@ -2,7 +2,9 @@
 // times what the step knows of a node; many outputs are one matrix product. They are stored, or collected as least squares.
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
+#include "four.hpp"
 #include "integrator.hpp"
 #include "traces.hpp"
 
@@ -12,8 +14,7 @@ namespace thermid {
 void Integrator::weigh(const double* times, int m) {
     double s[CHUNK], sums[3 * CHUNK];
     shares_.resize((POWERS + 4 * static_cast<size_t>(nk_)) * CHUNK);
-    for (int r = 0; r < m; ++r) s[r] = times[r] == end_ ? h_ : times[r] - t_;
-    powers(shares_.data(), s, h_, m);
+    powers(shares_.data(), s, times, t_, end_, h_, m);
     if (s[0] < at_) move_cursors(s[0], times[0]);
     double *w = shares_.data() + POWERS * CHUNK, *more = shares_.data() + static_cast<size_t>(slope_count_) * CHUNK;
     for (int k = 0; k < nk_; ++k) {
@@ -49,19 +50,35 @@ namespace {
 // Values, first and second derivatives at both ends of a step.
 struct Ends { const double *y0, *y1, *d0, *d1, *e0, *e1; };
 
+// Coefficients of one column, or of four side by side.
+template <class V>
+THERMID_INLINE void quintic_of(double* c, size_t stride, const Ends& x, double h, int q) {
+    V y0, y, a, b, p, z;
+    const auto get = [q](V& v, const double* from) { std::memcpy(&v, from + q, sizeof v); };
+    get(y0, x.y0);
+    get(y, x.y1);
+    get(a, x.d0);
+    get(b, x.d1);
+    get(p, x.e0);
+    get(z, x.e1);
+    y = y - y0;
+    a = h * a;
+    b = h * b;
+    p = 0.5 * h * h * p;
+    z = 0.5 * h * h * z;
+    const auto put = [c, stride, q](int k, const V& v) { std::memcpy(c + k * stride + q, &v, sizeof v); };
+    put(0, y0);
+    put(1, a);
+    put(2, p);
+    put(3, 10.0 * y - 6.0 * a - 4.0 * b - 3.0 * p + z);
+    put(4, 8.0 * a - 15.0 * y + 7.0 * b + 3.0 * p - 2.0 * z);
+    put(5, 6.0 * y - 3.0 * (a + b) - p + z);
+}
+
 THERMID_CLONES void quintic(double* c, size_t stride, const Ends x, double h, int m) {
-    const double h2 = 0.5 * h * h;
-    double *THERMID_RESTRICT c0 = c, *THERMID_RESTRICT c1 = c + stride, *THERMID_RESTRICT c2 = c1 + stride;
-    double *THERMID_RESTRICT c3 = c2 + stride, *THERMID_RESTRICT c4 = c3 + stride, *THERMID_RESTRICT c5 = c4 + stride;
-    for (int q = 0; q < m; ++q) {
-        const double y = x.y1[q] - x.y0[q], a = h * x.d0[q], b = h * x.d1[q], p = h2 * x.e0[q], z = h2 * x.e1[q];
-        c0[q] = x.y0[q];
-        c1[q] = a;
-        c2[q] = p;
-        c3[q] = 10.0 * y - 6.0 * a - 4.0 * b - 3.0 * p + z;
-        c4[q] = -15.0 * y + 8.0 * a + 7.0 * b + 3.0 * p - 2.0 * z;
-        c5[q] = 6.0 * y - 3.0 * (a + b) - p + z;
-    }
+    int q = 0;
+    for (; q + 4 <= m; q += 4) quintic_of<Four>(c, stride, x, h, q);
+    for (; q < m; ++q) quintic_of<double>(c, stride, x, h, q);
 }
 
 THERMID_CLONES void cubic(double* c, size_t stride, const Ends x, double h, int m) {
@@ -209,8 +226,7 @@ void Integrator::collect(const double* times, long last) {
 }
 
 void Integrator::emit(Outputs& out) {
-    long last = out.next;
-    while (last < out.n && out.t[last] <= end_) ++last;
+    const long last = std::upper_bound(out.t + out.next, out.t + out.n, end_) - out.t;
     if (last == out.next) return;
     const int active = static_cast<int>(std::count_if(noise_.begin(), noise_.end(), [](const Noise& z) { return z.active; }));
     count_ = POWERS + 4 * active;

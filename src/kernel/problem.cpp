@@ -64,13 +64,11 @@ void Problem::prepare() {
             if (meets(r, i)) ++meet_begin[i + 1];
     for (int i = 0; i < n; ++i) meet_begin[i + 1] += meet_begin[i];
     meet_row.resize(meet_begin[n]);
-    meet_sign.resize(meet_begin[n]);
     std::vector<int> filled(meet_begin.begin(), meet_begin.end() - 1);
     for (int r = 0; r < m; ++r)
         for (int i : {con.a[r], con.b[r]}) {
             if (!meets(r, i)) continue;
-            meet_sign[filled[i]] = con.b[r] == i ? 1.0 : -1.0;
-            meet_row[filled[i]++] = r;
+            meet_row[filled[i]++] = con.b[r] == i ? r : m + r;
         }
 
     auto boundary_entries = [&](std::vector<Entry>& list, int row, int node, int what) {
@@ -135,9 +133,14 @@ void Problem::find_pattern() {
     }
     slope_begin.assign(1, 0);
     for (const auto& list : parts) {
+        const int entry = static_cast<int>(slope_first.size());
+        if (list.empty()) slope_first.push_back(4 * con.size());
         for (const Part& x : list) {
-            slope_at.push_back(x.row + x.end * con.size());
+            const int at = x.row + x.end * con.size(), among = x.sign > 0.0 ? at : at + 2 * con.size();
+            slope_at.push_back(at);
             slope_sign.push_back(x.sign);
+            if (&x == list.data()) slope_first.push_back(among);
+            else slope_further.insert(slope_further.end(), {entry, among});
         }
         slope_begin.push_back(static_cast<int>(slope_at.size()));
     }
@@ -152,8 +155,9 @@ Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&
     ceff.push_back(0.0);
     ceff.push_back(std::numeric_limits<double>::infinity());
     t.assign(p->nodes(), 0.0);
-    for (auto* v : {&q, &phi}) v->assign(m, 0.0);
-    qab.assign(2 * m, 0.0);
+    q.assign(2 * m, 0.0);
+    phi.assign(m, 0.0);
+    qab.assign(4 * m + 1, 0.0);
     qa = qab.data();
     qb = qa + m;
     power.assign(l, 0.0);
@@ -202,41 +206,46 @@ double Evaluation::load_slope(const Entry& e) const {
 }
 
 void Scatter::build(const Problem& p, const CoefJacobian& d) {
-    place_.clear();
-    from_.clear();
-    factor_.clear();
-    value.assign(con.size() + load.size(), 0.0);
-    int entry = 0;
-    auto put = [&](int node, int coef, double sign) {
+    plain_.clear();
+    parts_.clear();
+    other.clear();
+    exponents = false;
+    auto put = [&](std::vector<Part>& to, int from, int node, int coef, double sign) {
         if (node >= p.n) return;
-        for (int k = d.indptr[coef]; k < d.indptr[coef + 1]; ++k) {
-            place_.push_back(node * d.np + d.indices[k]);
-            from_.push_back(entry);
-            factor_.push_back(sign * d.data[k]);
-        }
+        for (int k = d.indptr[coef]; k < d.indptr[coef + 1]; ++k) to.push_back({node * d.np + d.indices[k], from, sign * d.data[k]});
     };
     for (const Entry& e : con) {
-        put(p.con.b[e.row], e.coef, 1.0);
-        if (p.con.kind[e.row] != FLOW) put(p.con.a[e.row], e.coef, -1.0);
-        ++entry;
+        const bool plain = e.what == 0 && p.coef_input[e.coef] < 0;
+        const int from = plain ? e.row : static_cast<int>(other.size());
+        put(plain ? plain_ : parts_, from, p.con.b[e.row], e.coef, 1.0);
+        if (p.con.kind[e.row] != FLOW) put(plain ? plain_ : parts_, from, p.con.a[e.row], e.coef, -1.0);
+        if (!plain) other.push_back(e);
+        exponents = exponents || e.what == 1;
     }
-    for (const Entry& e : load) {
-        put(p.load.node[e.row], e.coef, 1.0);
-        ++entry;
-    }
+    int entry = static_cast<int>(other.size());
+    for (const Entry& e : load) put(parts_, entry++, p.load.node[e.row], e.coef, 1.0);
+    value.assign(entry, 0.0);
 }
 
 void Evaluation::add_parameters(Scatter& s, double* fp, double scale) const {
     double* v = s.value.data();
     auto factor = [&](const Entry& e) { return p->coef_input[e.coef] < 0 ? scale : scale * u[p->coef_input[e.coef]]; };
-    for (const Entry& e : s.con) *v++ = con_slope(e) * factor(e);
+    s.add_plain(phi.data(), scale, fp);
+    for (const Entry& e : s.other) *v++ = con_slope(e) * factor(e);
     for (const Entry& e : s.load) *v++ = load_slope(e) * factor(e);
     s.add(fp);
 }
 
-void Evaluation::input_slopes(const std::vector<Entry>& con, const std::vector<Entry>& load, double* fu) const {
+void Evaluation::pushes_of(const Entry& e, std::vector<Push>& out) const {
+    const int n = p->n, first = p->coef_input[e.coef] * n, a = p->con.a[e.row], b = p->con.b[e.row], at = e.what == 4 ? e.row : e.row + p->con.size();
+    if (b < n) out.push_back({first + b, at, coef[e.coef]});
+    if (p->con.kind[e.row] != FLOW && a < n) out.push_back({first + a, at, -coef[e.coef]});
+}
+
+void Evaluation::input_slopes(const std::vector<Push>& pushes, const std::vector<Entry>& con, const std::vector<Entry>& load, double* fu) const {
     const int n = p->n;
     std::fill(fu, fu + p->inputs.size() * n, 0.0);
+    for (const Push& x : pushes) fu[x.place] += x.factor * qa[x.at];
     for (const Entry& e : con) {
         double* to = fu + static_cast<size_t>(p->coef_input[e.coef]) * n;
         const double v = con_slope(e) * coef[e.coef];

@@ -38,16 +38,18 @@ struct Problem {
     bool proportional = false;                   // some load is a proportional heater, whose power has two knees
     std::vector<int> moving, moved;              // inputs that are not constant, and the coefficients that follow these
     int kind_begin[CONDUCTOR_KINDS + 1] = {};  // conductors of a kind stand together
-    std::vector<int> meet_begin, meet_row;       // conductors that bring heat to (sign 1) or take it from (-1) a node
-    std::vector<double> meet_sign;
+    // Conductors that bring heat to a node (r), or take it away (their number + r: the place of -q in Evaluation::q).
+    std::vector<int> meet_begin, meet_row;
     // The Jacobian's pattern; each entry is a signed sum of row slopes (those of qa, then those of qb), and loads add their own.
     Pattern pattern;
     Elimination elimination;
     std::vector<int> slope_begin, slope_at, load_place;
     std::vector<double> slope_sign;
+    // The same as places among qa, qb, -qa, -qb and a zero: the first of each entry, then for further ones the entry and the place.
+    std::vector<int> slope_first, slope_further;
 
-    // Values of the pattern from the slopes of the rows.
-    void sum_slopes(const double* qab, const double* loads, double* v) const;
+    // Values of the pattern from the slopes of the rows (qa, qb, room for as many again, 0).
+    void sum_slopes(double* qab, const double* loads, double* v) const;
 
     int nodes() const { return n + nb; }
     static constexpr int LARGEST = 5000;  // unknowns that the small integrator and a dense Jacobian are meant for
@@ -69,16 +71,25 @@ struct CoefJacobian {
 struct Scatter {
     std::vector<Entry> con, load;
     void build(const Problem& p, const CoefJacobian& d);
-    // y[place] += factor * the value of its entry, conductors first
-    void add(double* y) const {
-        for (size_t k = 0; k < place_.size(); ++k) y[place_[k]] += factor_[k] * value[from_[k]];
+    // y[place] += factor * scale * the heat per coefficient, phi, of constant coefficients of conductors: most entries are such
+    void add_plain(const double* phi, double scale, double* y) const {
+        for (const Part& x : plain_) y[x.place] += x.factor * (scale * phi[x.from]);
     }
-    std::vector<double> value;  // of each entry
+    // y[place] += factor * the value of its entry: the other conductors', then loads'
+    void add(double* y) const {
+        for (const Part& x : parts_) y[x.place] += x.factor * value[x.from];
+    }
+    std::vector<Entry> other;   // conductors' entries that are not plain
+    std::vector<double> value;  // of each of these, and of each load's
+    bool exponents = false;     // some are
 
   private:
-    std::vector<int> place_, from_;
-    std::vector<double> factor_;
+    struct Part { int place, from; double factor; };
+    std::vector<Part> plain_, parts_;
 };
+
+// An input that moves a boundary: fu[place] += factor * (qa, qb)[at].
+struct Push { int place, at; double factor; };
 
 // State of one evaluation: effective coefficients, temperatures of all nodes, and what the rows say about them.
 struct Evaluation {
@@ -86,8 +97,8 @@ struct Evaluation {
     const double* coef;                 // as passed
     std::vector<double> u, ceff;        // inputs; effective coefficients, then a zero and an infinity for unused slots
     std::vector<double> t;              // (nodes)
-    std::vector<double> q, phi, qab;    // conductors
-    double *qa, *qb;                    // the two halves of qab
+    std::vector<double> q, phi, qab;    // conductors; q, then -q; qa, qb, room for their negatives, 0
+    double *qa, *qb;                    // the first two quarters of qab
     std::vector<double> power, slope;   // loads
     std::vector<uint8_t> on;            // thermostat states (loads)
     std::vector<double> f;              // heat into each unknown node
@@ -104,14 +115,15 @@ struct Evaluation {
     // Adds w times what heats gain, to first order, when all temperatures rise by dir.
     void lean(double w, const double* dir, double* conductors, double* loads) const;
     void jacobian(double* j) const;  // d f / d t, (n, n)
-    void slopes(double* v) const;    // the same as values of the pattern
+    void slopes(double* v);          // the same as values of the pattern
     // Derivative of row quantity in the coefficient of an entry.
     double con_slope(const Entry& e) const;
     double load_slope(const Entry& e) const;
     // fp[i*np + p] += scale * df_i/dp by coefficients, boundaries and inputs held.
     void add_parameters(Scatter& s, double* fp, double scale) const;
-    // fu[k*n + i] = df_i/du_k
-    void input_slopes(const std::vector<Entry>& con, const std::vector<Entry>& load, double* fu) const;
+    // fu[k*n + i] = df_i/du_k, by boundaries that move and by other entries
+    void input_slopes(const std::vector<Push>& pushes, const std::vector<Entry>& con, const std::vector<Entry>& load, double* fu) const;
+    void pushes_of(const Entry& e, std::vector<Push>& out) const;  // what becomes of an entry of a boundary
 };
 
 // Second derivatives, for a direction of (t, u): that of the Jacobian (values of the pattern) and, added to g (n, np), that of df/dp.
@@ -123,7 +135,7 @@ class SecondOrder {
 
   private:
     std::vector<double> dt_, dc_, dab_, d0_, d1_, dl_;
-    double *da_, *db_;  // the two halves of dab_
+    double *da_, *db_;  // the first two quarters of dab_
     void conductors(const Evaluation& at, bool exponents);
     void loads(const Evaluation& at);
     std::vector<double> dlc_;  // of the loads' own coefficients (loads, 4)

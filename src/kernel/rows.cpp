@@ -78,6 +78,13 @@ void table_rows(const Rows& x, const int* table, const Table* tables, int* piece
     }
 }
 
+// Behind m numbers, what each of them is less than zero.
+THERMID_CLONES void negatives(double* x, int m) {
+    const double* THERMID_RESTRICT from = x;
+    double* THERMID_RESTRICT to = x + m;
+    for (int i = 0; i < m; ++i) to[i] = -from[i];
+}
+
 THERMID_CLONES void shifted_rows(const int* THERMID_RESTRICT a, const int* THERMID_RESTRICT b, const double* THERMID_RESTRICT q,
                                  const double* THERMID_RESTRICT qa, const double* THERMID_RESTRICT qb, const double* THERMID_RESTRICT delta,
                                  double w, double* THERMID_RESTRICT out, int m) {
@@ -115,10 +122,11 @@ void Evaluation::rows() {
         qb[r] = y.qb;
     }
     const int *begin = p->meet_begin.data(), *row = p->meet_row.data();
-    const double *sign = p->meet_sign.data(), *heat = q.data();
+    const double* heat = q.data();
+    negatives(q.data(), c.size());
     for (int i = 0, k = 0; i < p->n; ++i) {
         double s = 0.0;
-        for (const int end = begin[i + 1]; k < end; ++k) s += sign[k] * heat[row[k]];
+        for (const int end = begin[i + 1]; k < end; ++k) s += heat[row[k]];
         f[i] = s;
     }
     const Loads& ld = p->load;
@@ -136,19 +144,17 @@ void Evaluation::rows() {
     }
 }
 
-void Problem::sum_slopes(const double* qab, const double* loads, double* v) const {
-    const int *begin = slope_begin.data(), *at = slope_at.data();
-    const double* sign = slope_sign.data();
-    for (int i = 0, k = 0, m = pattern.size(); i < m; ++i) {
-        double s = 0.0;
-        for (const int last = begin[i + 1]; k < last; ++k) s += sign[k] * qab[at[k]];
-        v[i] = s;
-    }
+void Problem::sum_slopes(double* qab, const double* loads, double* v) const {
+    negatives(qab, 2 * con.size());
+    const int* first = slope_first.data();
+    for (int i = 0, m = pattern.size(); i < m; ++i) v[i] = qab[first[i]];
+    const int *k = slope_further.data(), *end = k + slope_further.size();
+    for (; k != end; k += 2) v[k[0]] += qab[k[1]];
     for (int r = 0; r < load.size(); ++r)
         if (load_place[r] >= 0) v[load_place[r]] += loads[r];
 }
 
-void Evaluation::slopes(double* v) const { p->sum_slopes(qab.data(), slope.data(), v); }
+void Evaluation::slopes(double* v) { p->sum_slopes(qab.data(), slope.data(), v); }
 
 void Evaluation::jacobian(double* j) const {
     const int n = p->n;

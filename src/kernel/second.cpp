@@ -10,7 +10,7 @@ SecondOrder::SecondOrder(const Problem& p) {
     dt_.assign(p.nodes(), 0.0);
     dc_.assign(p.nc + 2, 0.0);
     for (auto* v : {&d0_, &d1_}) v->assign(p.con.size(), 0.0);
-    dab_.assign(2 * static_cast<size_t>(p.con.size()), 0.0);
+    dab_.assign(4 * static_cast<size_t>(p.con.size()) + 1, 0.0);
     da_ = dab_.data();
     db_ = da_ + p.con.size();
     dl_.assign(p.load.size(), 0.0);
@@ -112,7 +112,7 @@ bool SecondOrder::add(const Evaluation& at, const double* dir_t, const double* d
     for (int j : p.timed) dc_[j] = dir_u ? at.coef[j] * dir_u[p.coef_input[j]] : 0.0;
     std::copy(dir_t, dir_t + p.n, dt_.begin());
     for (int k = 0; k < p.nb; ++k) dt_[p.n + k] = dc_[p.gain[k]] + dc_[p.offset[k]];
-    conductors(at, std::any_of(s.con.begin(), s.con.end(), [](const Entry& e) { return e.what == 1; }));
+    conductors(at, s.exponents);
     loads(at);
     double* value = s.value.data();
     auto by_input = [&](const Entry& e, double second, auto slope) {
@@ -121,7 +121,8 @@ bool SecondOrder::add(const Evaluation& at, const double* dir_t, const double* d
         return second * at.u[in] + (dir_u ? slope(e) * dir_u[in] : 0.0);
     };
     const double* of[2] = {da_, db_};
-    for (const Entry& e : s.con) {
+    s.add_plain(d0_.data(), 1.0, g);
+    for (const Entry& e : s.other) {
         const double second = e.what == 0 ? d0_[e.row] : e.what == 1 ? d1_[e.row] : of[e.what - 4][e.row];
         *value++ = by_input(e, second, [&](const Entry& x) { return at.con_slope(x); });
     }
@@ -131,7 +132,7 @@ bool SecondOrder::add(const Evaluation& at, const double* dir_t, const double* d
     }
     s.add(g);
     const auto moves = [](double v) { return v != 0.0; };
-    if (std::none_of(dab_.begin(), dab_.end(), moves) && std::none_of(dl_.begin(), dl_.end(), moves)) return false;
+    if (std::none_of(da_, da_ + 2 * static_cast<size_t>(p.con.size()), moves) && std::none_of(dl_.begin(), dl_.end(), moves)) return false;
     p.sum_slopes(dab_.data(), dl_.data(), jacobian);
     return true;
 }

@@ -171,9 +171,8 @@ void Integrator::rate(Slaved& s, const double* j, const double* g, double* dir, 
 
 // y[i] += scale * v[i] * dC_i/dp
 void Integrator::capacity_term(double* y, const double* v, double scale) const {
-    for (int i = 0; i < n_; ++i) {
+    for (int i : sought_) {
         const int c = p_.capacity[i];
-        if (c < 0 || !d_.any(c)) continue;
         for (int k = d_.indptr[c]; k < d_.indptr[c + 1]; ++k) y[static_cast<size_t>(i) * np_ + d_.indices[k]] += scale * v[i] * d_.data[k];
     }
 }

@@ -211,16 +211,21 @@ int SparseLu::factor() {
     return lu_.factor();
 }
 
+namespace {
+struct Halves { const int *low_row, *low_col, *up_row, *up_col; const double *low, *up, *inv; int n, lows, ups; };
+}
+
+THERMID_CLONES static void substitute(const Halves f, double* b) {
+    for (int k = 0; k < f.lows; ++k) b[f.low_row[k]] -= f.low[k] * b[f.low_col[k]];
+    for (int i = 0; i < f.n; ++i) b[i] *= f.inv[i];
+    for (int k = f.ups - 1; k >= 0; --k) b[f.up_row[k]] -= f.up[k] * b[f.up_col[k]];
+}
+
 void SparseLu::solve(double* b) const {
     if (dense_) return lu_.solve(b);
-    const int n = p_->n, lows = static_cast<int>(low_.size()), ups = static_cast<int>(up_.size());
-    const int *row = e_->low_row.data(), *col = e_->low_col.data();
-    const double *low = low_.data(), *up = up_.data(), *inv = inv_.data();
-    for (int k = 0; k < lows; ++k) b[row[k]] -= low[k] * b[col[k]];
-    for (int i = 0; i < n; ++i) b[i] *= inv[i];
-    row = e_->up_row.data();
-    col = e_->up_col.data();
-    for (int k = ups - 1; k >= 0; --k) b[row[k]] -= up[k] * b[col[k]];
+    substitute({e_->low_row.data(), e_->low_col.data(), e_->up_row.data(), e_->up_col.data(), low_.data(), up_.data(), inv_.data(), p_->n,
+                static_cast<int>(low_.size()), static_cast<int>(up_.size())},
+               b);
 }
 
 // Rows of b (n, m): minus x times another row, for each entry, first to last or last to first.

@@ -12,6 +12,25 @@ namespace {
 constexpr double BEYOND[STAGES][STAGES] = {{0.0}, {0.0}, {0.0, 0.440896}, {0.0, 2.636, -2.4911}, {0.0, 0.0, -5.2349, 3.3805}, {0.0, 0.0, 0.0, -1.6966, 2.2859}};
 }
 
+// a = capacities on the diagonal - (length where a row has one, else 1) j
+THERMID_CLONES static void shifted(double* THERMID_RESTRICT a, const double* THERMID_RESTRICT cap, const double* THERMID_RESTRICT free, double length,
+                                   const double* THERMID_RESTRICT j, int m) {
+    for (int k = 0; k < m; ++k) a[k] = cap[k] - (free[k] * length + (1.0 - free[k])) * j[k];
+}
+
+// What a stage leaves to be solved for: cap (t - t0) - base - weight f.
+THERMID_CLONES static void residual(double* THERMID_RESTRICT r, const double* THERMID_RESTRICT cap, const double* THERMID_RESTRICT t,
+                                    const double* THERMID_RESTRICT t0, const double* THERMID_RESTRICT base, const double* THERMID_RESTRICT weight,
+                                    const double* THERMID_RESTRICT f, int n) {
+    for (int i = 0; i < n; ++i) r[i] = cap[i] * (t[i] - t0[i]) - base[i] - weight[i] * f[i];
+}
+
+// The heats that a stage has found; none into nodes without capacity.
+THERMID_CLONES static void heats(double* THERMID_RESTRICT F, const double* THERMID_RESTRICT cap, const double* THERMID_RESTRICT t,
+                                 const double* THERMID_RESTRICT t0, const double* THERMID_RESTRICT base, double hg, int n) {
+    for (int i = 0; i < n; ++i) F[i] = (cap[i] * (t[i] - t0[i]) - base[i]) / hg;
+}
+
 void Integrator::project() {
     leftover_ = false;
     for (int k = 0; k < nk_; ++k) {
@@ -49,7 +68,7 @@ void Integrator::start(bool first) {
     std::copy(e_.u.begin(), e_.u.end(), u0_.begin());
     std::fill(g_.begin(), g_.end(), 0.0);
     if (nk_ > 0) {
-        e_.input_slopes(con_u_, load_u_, fu_.data());
+        e_.input_slopes(pushes_, other_u_, load_u_, fu_.data());
         for (int k : p_.moving) {
             uder0_[k] = p_.inputs[k].sampled() ? in_[k].slope(0.0) : p_.inputs[k].slope(t_);
             if (uder0_[k] != 0.0) axpy(g_.data(), uder0_[k], fu_.data() + static_cast<size_t>(k) * n_, n_);
@@ -59,11 +78,10 @@ void Integrator::start(bool first) {
 }
 
 void Integrator::start_sensitivity() {
-    const size_t np = np_;
     slaved_sensitivity(massless_, e_, S_.data());
     heat_sensitivity(J0_.data(), S_.data(), FS_.data());
-    for (int i = 0; i < n_; ++i)
-        for (size_t q = 0; q < np; ++q) CS_[i * np + q] = cap_[i] * S_[i * np + q];
+    CS_ = S_;
+    scale_rows(CS_.data(), cap_.data(), n_, np_);
 }
 
 // Derivatives of the heats into nodes with capacity, where the evaluation stands.
@@ -74,13 +92,7 @@ void Integrator::heat_sensitivity(const double* j, const double* S, double* fs) 
 }
 
 void Integrator::iteration_matrix(const double* j) {
-    double* a = lu_.data();
-    const double hg = h_ * GAMMA;
-    for (int i = 0; i < n_; ++i) {
-        const double s = cap_[i] > 0.0 ? -hg : -1.0;
-        for (int k = p_.pattern.begin[i]; k < p_.pattern.begin[i + 1]; ++k) a[k] = s * j[k];
-        a[p_.pattern.diag[i]] += cap_[i];
-    }
+    shifted(lu_.data(), cap_at_.data(), free_at_.data(), h_ * GAMMA, j, p_.pattern.size());
     ++r_->factorisations;
     const int bad = lu_.factor();
     if (bad >= 0) throw Failure{cap_[bad] > 0.0 ? NEWTON_FAILED : SINGULAR_NODE, bad};
@@ -90,7 +102,6 @@ void Integrator::iteration_matrix(const double* j) {
 // (C - h gamma J) (T - T_n) = base + h gamma (f_0 + f_u du + beyond).
 void Integrator::guess(int s) {
     const size_t n = n_;
-    const double hg = h_ * GAMMA;
     double* beyond = beyond_.data() + s * n;
     std::fill(beyond, beyond + n, 0.0);
     for (int j = 1; j < s; ++j)
@@ -98,13 +109,12 @@ void Integrator::guess(int s) {
     std::copy(beyond, beyond + n, guess_.begin());
     for (int k : p_.moving)
         if (const double du = e_.u[k] - u0_[k]; du != 0.0) axpy(guess_.data(), du, fu_.data() + k * n, n_);
-    for (int i = 0; i < n_; ++i) guess_[i] = cap_[i] > 0.0 ? base_[i] + hg * (F_[i] + guess_[i]) : guess_[i];
+    for (int i = 0; i < n_; ++i) guess_[i] = base_[i] + weight_[i] * (F_[i] + guess_[i]);
     lu_.solve(guess_.data());
     for (int i = 0; i < n_; ++i) e_.t[i] = T_[i] + guess_[i];
 }
 
 bool Integrator::newton(int s) {
-    const double hg = h_ * GAMMA;
     // Well below what a step may err, since the heat balance and the derivatives see it too. [K]
     const double close = std::min(1e-7, std::max(2e-10, 1e-2 * tolerance()));
     const double* f = e_.f.data();
@@ -114,13 +124,11 @@ bool Integrator::newton(int s) {
         e_.rows();
         ++r_->newton;
         double check = 0.0;
-        for (int i = 0; i < n_; ++i) {
-            delta_[i] = cap_[i] > 0.0 ? cap_[i] * (e_.t[i] - T_[i]) - base_[i] - hg * f[i] : -f[i];
-            check += delta_[i];
-        }
+        residual(delta_.data(), cap_.data(), e_.t.data(), T_.data(), base_.data(), weight_.data(), f, n_);
+        for (int i = 0; i < n_; ++i) check += delta_[i];
         if (!std::isfinite(check)) return false;
         if (it == 0)
-            for (int i = 0; i < n_; ++i) beyond[i] -= cap_[i] > 0.0 ? delta_[i] / hg : delta_[i];
+            for (int i = 0; i < n_; ++i) beyond[i] -= delta_[i] / weight_[i];
         if (fresh) {
             e_.slopes(J1_.data());
             iteration_matrix(J1_.data());
@@ -172,7 +180,7 @@ void Integrator::stage_sensitivity(int s) {
     combine(comb_.data(), from, w, k, static_cast<int>(m));
     for (int i = 0; i < n_; ++i) guess_[i] = cap_[i] > 0.0 ? e_.t[i] - T_[i] : 0.0;
     capacity_term(comb_.data(), guess_.data(), -1.0);
-    std::copy(comb_.begin(), comb_.end(), S1_.begin());
+    S1_ = comb_;
     for (int i : massless_.nodes) std::fill(S1_.begin() + i * np, S1_.begin() + (i + 1) * np, 0.0);
     e_.add_parameters(parameters_, S1_.data(), hg);
     for (int i : massless_.nodes)
@@ -192,17 +200,19 @@ bool Integrator::stages() {
     std::fill(acc_load_.begin(), acc_load_.end(), 0.0);
     if (o_.energy) add_energy(0, false);
     iteration_matrix(J0_.data());
+    for (int i = 0; i < n_; ++i) weight_[i] = cap_[i] > 0.0 ? h_ * GAMMA : 1.0;
     for (int s = 1; s < STAGES; ++s) {
-        const double hg = h_ * GAMMA;
-        for (int i = 0; i < n_; ++i) {
-            double b = 0.0;
-            for (int j = 0; j < s; ++j) b += A[s][j] * F_[j * n + i];
-            base_[i] = cap_[i] > 0.0 ? h_ * b : 0.0;
+        const double* from[STAGES];
+        double w[STAGES];
+        for (int j = 0; j < s; ++j) {
+            from[j] = F_.data() + j * n;  // none into nodes without capacity
+            w[j] = h_ * A[s][j];
         }
+        combine(base_.data(), from, w, s, n_);
         set_stage_inputs(NODE[s] * h_);
         guess(s);
         if (!newton(s)) return false;
-        for (int i = 0; i < n_; ++i) F_[s * n + i] = cap_[i] > 0.0 ? (cap_[i] * (e_.t[i] - T_[i]) - base_[i]) / hg : 0.0;
+        heats(F_.data() + s * n, cap_.data(), e_.t.data(), T_.data(), base_.data(), h_ * GAMMA, n_);
         // The rows stand at the last iterate; heats and derivatives are wanted at the solution.
         const bool again = last_size_ > (np_ == 0 ? 1e-5 : leftover_ ? 0.02 * tolerance() : 1e-9) && (np_ > 0 || (o_.energy && curved_));
         if (again) e_.rows();

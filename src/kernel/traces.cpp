@@ -16,7 +16,7 @@ THERMID_INLINE void tile(double* out, const double* w, const double* x, int k, i
     Four sum[R][V];
     const Four* from = reinterpret_cast<const Four*>(x);
     for (int r = 0; r < R; ++r)
-        for (int v = 0; v < V; ++v) sum[r][v] = w[r] * from[v];
+        for (int v = 0; v < V; ++v) sum[r][v] = from[v];  // 1 comes first
     for (int i = 1; i < k; ++i) {
         w += CHUNK;
         x += stride;
@@ -51,8 +51,10 @@ THERMID_CLONES void weighted(double* out, const double* w, int rows, const doubl
     for (; r < rows; ++r) line<1>(out + static_cast<size_t>(r) * m, w + r, x, k, m);
 }
 
-THERMID_CLONES void powers(double* THERMID_RESTRICT w, const double* THERMID_RESTRICT s, double h, int rows) {
+THERMID_CLONES void powers(double* THERMID_RESTRICT w, double* THERMID_RESTRICT s, const double* THERMID_RESTRICT times, double t, double end, double h,
+                           int rows) {
     for (int r = 0; r < rows; ++r) {
+        s[r] = times[r] == end ? h : times[r] - t;
         const double x = s[r] / h, x2 = x * x;
         w[r] = 1.0;
         w[CHUNK + r] = x;
