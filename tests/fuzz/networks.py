@@ -127,6 +127,19 @@ class Draw:
         times, parts = np.cumsum(self.rng.uniform(1.0, 2000.0, 4)), np.exp(self.rng.uniform(-8.0, 0.0, 4))
         return self.net.input(self.pick(k.SAMPLED_LINEAR, k.SAMPLED_HOLD), times, parts)
 
+    def course(self) -> int:
+        """What a power or a conductance follows, never below zero: switched, a pulse, a ramp to and fro, a wave."""
+        kind, level = self.pick("switched", "switched", "pulse", "ramps", "wave"), float(self.rng.uniform(0.1, 1.0))
+        if kind == "wave":
+            return self.net.input(k.SINE, [1.0, level, self.log(50.0, 5000.0), self.rng.uniform(0, 6)])
+        if kind == "pulse":
+            begin = self.log(1.0, 3000.0)
+            return self.net.input(k.SAMPLED_HOLD, [0.0, begin, begin + self.log(1e-3, 100.0)], [level, 1.0, 0.0])
+        times = np.cumsum(self.rng.uniform(1.0, 600.0, int(self.rng.integers(2, 40)))) - 100.0
+        switched = kind == "switched"
+        values = self.rng.integers(0, 2, times.size) if switched else self.rng.uniform(0.0, 1.0, times.size)
+        return self.net.input(k.SAMPLED_HOLD if switched else k.SAMPLED_LINEAR, times, values.astype(float))
+
     def heater(self, watts: float, node: int | None = None) -> None:
         n = len(self.net.capacity)
         self.net.load(k.SIGNAL, int(self.rng.integers(n)) if node is None else node, self.net.coef(watts))
@@ -287,15 +300,27 @@ def nonsense(d: Draw) -> dict[str, Any]:
     return {"broken": True, **strange}
 
 
+def driven(d: Draw) -> dict[str, Any]:
+    """Powers that step, pulse and ramp, and now and then a conductance that does."""
+    d.nodes(int(d.rng.integers(2, 7)))
+    d.tree((k.LINEAR, k.LINEAR, k.POWER, k.RADIATION) if d.chance(0.6) else (k.LINEAR,))
+    net, n = d.net, len(d.net.capacity)
+    for _ in range(int(d.rng.integers(1, 4))):
+        net.load(k.SIGNAL, int(d.rng.integers(n)), net.coef(d.log(0.1, 30.0), d.course()))
+    if d.chance(0.4):
+        net.link(k.LINEAR, int(d.rng.integers(n)), -1, net.coef(d.log(0.05, 5.0), d.course()))
+    return {"benign": True}
+
+
 FAMILIES: dict[str, Callable[[Draw], dict[str, Any]]] = {
-    f.__name__: f for f in (plain, extreme, stiff, runaway, switching, repeated, disconnected, steep, poisoned, nonsense)
+    f.__name__: f for f in (plain, extreme, stiff, runaway, switching, repeated, disconnected, steep, poisoned, nonsense, driven)
 }
 
 
-def draw(seed: int) -> Case:
-    """Return the case of a seed; seeds go through the families in turn."""
+def draw(seed: int, family: str = "") -> Case:
+    """Return the case of a seed; seeds go through the families in turn, unless one is named."""
     d = Draw(np.random.default_rng([20, seed]))
-    family = list(FAMILIES)[seed % len(FAMILIES)]
+    family = family or list(FAMILIES)[seed % len(FAMILIES)]
     more = FAMILIES[family](d)
     times = more.pop("times") if "times" in more else _on_jumps(d, _span(d))
     options = {"max_steps": 20_000} | more.pop("options", {})

@@ -57,8 +57,25 @@ Data = Annotated[Path | None, typer.Option("--data", help="Folder of logs outsid
 Pairs = list[str]
 
 
+INTERRUPTED = 130
+"""Exit code after the interrupt key, as shells have it."""
+
+
 def main() -> None:
     """Run the command line and leave with its exit code."""
+    try:
+        _run()
+    except KeyboardInterrupt:
+        pass
+    except SystemExit as left:  # typer turns the interrupt key into this exit, without a word
+        if left.code != INTERRUPTED:
+            raise
+    typer.echo("stopped by the interrupt key; files that were complete before remain.", err=True)
+    raise SystemExit(INTERRUPTED)
+
+
+def _run() -> None:
+    """Run a command; every error is one line, or one object."""
     from thermid.errors import ThermidError
 
     as_json = "--json" in sys.argv[1:]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, nearest
 from thermid.measure.amounts import short
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation.wholefile import whole
 
 __all__ = ["Band", "Estimate", "Prediction"]
 
@@ -176,7 +177,8 @@ class Prediction:
             low, high = band.interval()
             header += [f"{name} [degC]", f"{name} low [degC]", f"{name} high [degC]"]
             columns += [band.celsius, low, high]
-        np.savetxt(path, np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
+        with whole(path) as half:
+            np.savetxt(half, np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
 
     def __str__(self) -> str:
         """Return the end of the run as a table, and what the variance comes from."""

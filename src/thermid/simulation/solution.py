@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation.wholefile import whole
 
 if TYPE_CHECKING:
     import xarray
@@ -217,14 +218,15 @@ class Solution:
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
         """Write the data set as netCDF; MATLAB and Octave open it."""
-        with self.to_xarray() as data:
-            data.to_netcdf(path, engine="h5netcdf")
+        with self.to_xarray() as data, whole(path) as half:
+            data.to_netcdf(half, engine="h5netcdf")
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write times and temperatures in Celsius, a column per node."""
         header = ",".join(["time_s", *(f"{n} [degC]" for n in self.nodes)])
         table = np.column_stack((self.times, self.temperatures - ICE_POINT))
-        np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
+        with whole(path) as half:
+            np.savetxt(half, table, delimiter=",", header=header, comments="", fmt="%.9g")
 
     def __str__(self) -> str:
         """Return the end of the run as a short table."""

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -65,6 +65,30 @@ def test_the_interrupt_key_ends_a_run_and_the_next_one_is_right() -> None:
         assert time.monotonic() - sent[-1] < SOON
         timer.join()
         np.testing.assert_array_equal(td.simulate(model, room).temperatures, expected)
+
+
+def long_ensemble() -> None:
+    model, room = plate()
+    td.prepare(model, room, ["skin.htc"], options=LONG).ensemble({"skin.htc": np.linspace(3.0, 6.0, 64)}, threads=2)
+
+
+def long_transient_of_a_block() -> None:
+    block = td.Block((0.1, 0.1, 0.1), (8, 8, 8), conductivity="15 [W/(m K)]", density="3900 [kg/m^3]", specific_heat="1000 [J/(kg K)]")
+    scenario = td.Scenario("day", boundaries={"air": "20 [degC]"}, start=300.0, duration=1e6)
+    td.simulate(block.exchanging("all", "air", htc="5 [W/(m^2 K)]"), scenario, options=td.Options(max_step=1e-2, max_steps=10**9))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are sent as POSIX has them")
+@pytest.mark.usefixtures("default_handler")
+@pytest.mark.parametrize("work", [long_ensemble, long_transient_of_a_block])
+def test_the_interrupt_key_ends_ensembles_and_large_runs(work: Callable[[], None]) -> None:
+    expected = td.simulate(*plate()).temperatures
+    timer = threading.Timer(0.4, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    timer.join()
+    np.testing.assert_array_equal(td.simulate(*plate()).temperatures, expected)
 
 
 SCRIPT = """
