@@ -18,7 +18,7 @@ from thermid.model.lines import line_numbers
 from thermid.model.model import Model, Submodel
 from thermid.model.parameter import Parameter, parameter
 
-__all__ = ["load_model", "model_from_dict", "project_root", "resolve_inside", "save_model", "to_dict"]
+__all__ = ["load_model", "model_from_dict", "project_root", "refuse_another_kind", "resolve_inside", "save_model", "to_dict"]
 
 MARKER = "thermid.toml"
 LARGEST_FILE = 4_000_000
@@ -29,6 +29,18 @@ _OTHERS = (
     ({"boundaries"}, "this is a scenario, not a deck. It is laid over a deck with --scenario."),
 )
 """Keys by which a file of another kind is known."""
+
+
+def refuse_another_kind(content: Mapping[str, Any], wanted: str, where: str) -> None:
+    """Refuse a deck or a campaign where a file of another kind is read.
+
+    Raises
+    ------
+    DeckError   Says what it is.
+    """
+    campaign = {"records", "stages"} <= set(content)
+    if campaign or {"nodes", "submodels"} & set(content):
+        raise DeckError(f"this is a {'campaign' if campaign else 'deck'}, not {wanted}.", where)
 
 
 def project_root(start: Path) -> Path:

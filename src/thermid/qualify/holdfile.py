@@ -12,7 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.identify.values import FittedValues, load_values
 from thermid.model.model import Model
-from thermid.model.modelfile import load_model, read_toml, resolve_inside
+from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
 from thermid.qualify.hold import Hold, check_members, hold, limits_of
 from thermid.qualify.macro import macro_model
 from thermid.qualify.uncertain import Progress, UncertainRuns, uncertain_runs
@@ -105,6 +105,8 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     """
     target = Path(path)
     data, lines = read_toml(target)
+
+    refuse_another_kind(data, "a hold question, which names the deck under 'model'", target.name)
 
     def where(key: str) -> str:
         return f"{target.name}:{lines[key]}, {key}" if key in lines else f"{target.name}, {key}"

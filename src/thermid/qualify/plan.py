@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
-from thermid.model.modelfile import load_model, read_toml, resolve_inside
+from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
 from thermid.qualify.basis import basis
 from thermid.qualify.criteria import CRITERIA, CriteriaSet, read_criteria
 from thermid.qualify.foresight import Known
@@ -152,6 +152,7 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
 
     target = Path(path)
     raw, lines = read_toml(target)
+    refuse_another_kind(raw, "a qualification plan, which names it under [model] beside objectives, limits and tests", target.name)
     _not_empty(raw, target.name)
 
     def where(key: str) -> str:

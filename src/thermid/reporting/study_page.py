@@ -64,7 +64,7 @@ def study_report(
         banners=banners,
         failed=len(failed),
         judged=len(campaign.verdicts),
-        summary=f"on records that no fit has seen; {tightest(campaign)}",
+        summary=f"on records that no fit has seen; {tightest(campaign)}" if campaign.verdicts else "no record was held out",
         outcome=[as_block(b) for b in outcome],
         sections=shown,
         seen=glance(campaign, {}),

@@ -11,7 +11,7 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, ThermidError, nearest
-from thermid.model.modelfile import read_toml, resolve_inside
+from thermid.model.modelfile import read_toml, refuse_another_kind, resolve_inside
 from thermid.model.signal import Constant, Signal, Table, literal, signal
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.medium import Environment, Media
@@ -183,6 +183,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """
     target = Path(path)
     data, lines = read_toml(target)
+    refuse_another_kind(data, "a scenario: boundaries, loads, start, duration", target.name)
     fields = {*Scenario.__dataclass_fields__, *SURROUNDINGS}
     for key in data:
         if key not in fields:

@@ -13,6 +13,7 @@ from thermid.identify.inherit import handed_on
 from thermid.identify.request import Request
 from thermid.identify.unknowns import Unknown
 from thermid.identify.values import load_values
+from thermid.identify.wander import _beside, _correlation, _leaning, binned
 from thermid.measure import Channel, Record
 from thermid.model.modelfile import load_model
 from thermid.simulation import simulate
@@ -151,3 +152,51 @@ def test_a_massless_node_and_a_robust_loss_work_too() -> None:
     found = fit(Request(model, (data,), ("stack.contact_conductance",), {"*": Scenario("s", boundaries={"cv": "24 [degC]"})}, loss="huber"))
     assert found.sensors["T1"].effective_samples < 60
     assert found.values.weights is not None
+
+
+def test_the_level_of_white_residuals_counts_what_the_fit_has_taken() -> None:
+    """With as few readings as 21 of 3 unknowns, samples in place of freedom would make the variance a seventh too small."""
+    found = fit(Request(box(), (wandering(2, slow=0.1, samples=21),), (HTC, MASS)))
+    assert found.wander is not None
+    assert not any(t.slow for t in found.wander.traces)
+    assert found.wander.level == pytest.approx(found.chi_square / (21 - len(found.fitted)), rel=1e-6)
+    assert found.wander.level > 1.5
+
+
+def test_the_score_of_white_residuals_is_standard_normal_beside_what_a_trace_decides() -> None:
+    rng = np.random.default_rng(0)
+    times = np.arange(60.0)
+    decided, free = _beside(rng.standard_normal((60, 3)) * 10.0)
+    assert decided.shape == (60, 3)
+    like = _correlation(times, 8.0)
+    found = []
+    for _ in range(300):
+        y = free.T @ rng.standard_normal(60)
+        found.append(_leaning([like], decided, free @ y, float(y @ y) / free.shape[1])[0])
+    assert abs(np.mean(found)) < 4.0 / 300**0.5  # four standard errors
+    assert 0.7 < np.std(found) < 1.2  # the variance is estimated from the same residuals, which takes some of the scatter
+
+
+def test_a_trace_decides_a_direction_by_more_than_half_of_what_is_known() -> None:
+    """A singular value of 0.6 is a share of 0.36, one of 0.8 a share of 0.64."""
+    slopes = np.zeros((20, 2))
+    slopes[0, 0], slopes[1, 1] = 0.6, 0.8
+    decided, free = _beside(slopes)
+    assert decided.shape == (20, 1)
+    assert abs(decided[1, 0]) == pytest.approx(1.0)
+    assert free.shape == (20, 19)
+
+
+def test_stretches_of_a_robust_loss_hold_weighed_residuals() -> None:
+    record = wandering(3)
+    channel = record.channels["T"]
+    struck = np.array(channel.values)
+    struck[100] += 3.0
+    made = record.with_channels(replace(channel, values=struck))
+    found = fit(Request(box(), (made,), (HTC, MASS), loss="cauchy"))
+    assert found.problem is not None
+    at = np.array(list(found.fitted.values()))
+    (block,) = found.problem.blocks(at)
+    (piece,) = binned(found.problem, at, "cauchy", 1.0).values()
+    z = block.residuals / block.noise
+    assert float(piece.mean @ piece.count) == pytest.approx(float(np.sum(z / (1.0 + z**2))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -293,3 +294,11 @@ def test_what_margins_leave_out_is_said_once_below(tmp_path: Path) -> None:
     assert len([line for line in said if "discrepancy: no log of the fit" in line]) == 1
     assert not [line for line in text.splitlines() if line.startswith("  margin: ") and "not counted" in line]
     assert text.index(said[0]) > text.rindex("  margin: ")
+
+
+@pytest.mark.parametrize("read", [td.load_plan, td.load_scenario, td.load_hold])
+@pytest.mark.parametrize(("text", "kind"), [("[nodes]\na = {}\n", "deck"), ("stages = []\n[records]\n", "campaign")])
+def test_a_file_of_another_kind_is_told_by_what_it_is(tmp_path: Path, read: Callable[[Path], object], text: str, kind: str) -> None:
+    (tmp_path / "x.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(td.ThermidError, match=rf"^x.toml: this is a {kind}, not a (qualification plan|scenario|hold question)"):
+        read(tmp_path / "x.toml")

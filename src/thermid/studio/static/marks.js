@@ -49,6 +49,21 @@ export function drawUnder(g, chart, inner, style) {
   g.restore();
 }
 
+// Where the label of a limit hides the least: beside its left end, further right, or on its other side; no label lies on another.
+function freest(chart, inner, taken, width, x0, y, side) {
+  const into = side === "upper" ? 10 : -10, last = inner.x + inner.w - width - 2;
+  let best = [x0 + 4, y + into], least = Infinity;
+  for (const up of [y + into, y - into]) for (let n = 0; n <= 12; n++) {
+    const x = x0 + 4 + (n / 12) * Math.max(last - x0 - 4, 0);
+    if (up < inner.y + 8 || up > inner.y + inner.h - 8) continue;
+    let hidden = taken.some((t) => Math.abs(t.y - up) < 15 && x < t.x + t.w && x + width > t.x) ? 1e4 : 0;
+    for (const s of chart.shown()) for (let k = 0; k < s.x.length; k++) { const at = chart.toX(s.x[k]); if (at > x - 4 && at < x + width + 4 && Math.abs(chart.toY(s.y[k]) - up) < 12) hidden++; }
+    if (hidden < least) { least = hidden; best = [x, up]; }
+    if (!hidden) return best;
+  }
+  return best;
+}
+
 export function drawMarks(g, chart, inner, style) {
   const { limits = [], levels = [], flags = [], ends = [] } = chart.marks, bad = style.getPropertyValue("--bad"), taken = [];
   g.font = "12px system-ui, sans-serif";
@@ -67,7 +82,7 @@ export function drawMarks(g, chart, inner, style) {
     g.lineWidth = 0.8; g.beginPath(); // short strokes on the forbidden side
     for (let x = x0 + 4; x < x1; x += 14) { g.moveTo(x, y); g.lineTo(x + 5, y + (l.side === "upper" ? -6 : 6)); }
     g.stroke();
-    if (l.label) label(l.label, x0 + 4, y + (l.side === "upper" ? 10 : -10), bad);
+    if (l.label) label(l.label, ...freest(chart, inner, taken, g.measureText(l.label).width + 6, x0, y, l.side), bad);
   }
   for (const l of levels) { const y = chart.toY(l.value); g.strokeStyle = style.color; g.lineWidth = 1; g.setLineDash([1, 3]); g.beginPath(); g.moveTo(inner.x, y); g.lineTo(inner.x + inner.w, y); g.stroke(); g.setLineDash([]); label(l.label, inner.x + inner.w, y, style.color, true); }
   for (const e of ends) {
