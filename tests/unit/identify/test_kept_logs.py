@@ -12,6 +12,7 @@ import pytest
 
 from thermid.errors import RecordError
 from thermid.identify import cache, kept_logs
+from thermid.identify.campaign_schema import RecordTable
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.kept_logs import log_kept
 from thermid.measure import Channel, Record, read_record
@@ -103,6 +104,8 @@ CHANGES: dict[str, Callable[[str], str]] = {
     "the time column": lambda text: text.replace("channels =", 'time = "time_s"\nchannels ='),
     "the separator": lambda text: text.replace("channels =", 'separator = ","\nchannels ='),
     "the decimal sign": lambda text: text.replace("channels =", 'decimal = "."\nchannels ='),
+    "the unit of a column": lambda text: text.replace("channels =", 'units = { T_B = "degF" }\nchannels ='),
+    "a power logged at every change": lambda text: text.replace('load = "heater"', 'load = "heater", prompt = true'),
     "the file": lambda text: text.replace('"one.csv"', '"two.csv"'),
 }
 
@@ -117,6 +120,19 @@ def test_a_change_of_how_it_is_read_reads_it_again(campaign: Path, readings: lis
     found = source(campaign).record("one")
     assert len(readings) == 2
     assert same(found, read_campaign(campaign).record("one"))
+
+
+def test_whatever_a_campaign_says_of_a_log_enters_the_key(campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: dict[str, Any] = {}
+
+    def looked(folder: Path, path: Path, how: dict[str, Any], make: Callable[[], Record]) -> Record:
+        seen.update(how)
+        return make()
+
+    monkeypatch.setattr("thermid.identify.campaignfile.log_kept", looked)
+    source(campaign).record("one")
+    elsewhere = {"file", "files", "joined", "local", "get"}  # the log itself; what is done after it was kept; words
+    assert set(seen) == set(RecordTable.model_fields) - elsewhere | {"name", "checksum"}
 
 
 def test_one_digit_of_the_log_reads_it_again(campaign: Path, readings: list[str]) -> None:
