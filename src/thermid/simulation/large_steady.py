@@ -133,7 +133,9 @@ def _preconditioner(matrix: Any, where: str) -> tuple[Any, str]:
         return diags_array(1.0 / matrix.diagonal()), "Jacobi (pyamg is not installed)"
     from scipy.sparse import csr_matrix
 
-    levels = pyamg.smoothed_aggregation_solver(csr_matrix(matrix), symmetry="symmetric", max_coarse=500)
+    # weights from the rows: pyamg's own come from a random start, and no two answers would agree in their last digits
+    smooth = ("jacobi", {"weighting": "local"})
+    levels = pyamg.smoothed_aggregation_solver(csr_matrix(matrix), symmetry="symmetric", smooth=smooth, max_coarse=500)
     return levels.aspreconditioner(cycle="V"), "algebraic multigrid"
 
 

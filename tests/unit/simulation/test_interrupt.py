@@ -72,10 +72,15 @@ def long_ensemble() -> None:
     td.prepare(model, room, ["skin.htc"], options=LONG).ensemble({"skin.htc": np.linspace(3.0, 6.0, 64)}, threads=2)
 
 
+def block() -> tuple[td.Block, td.Scenario]:
+    cube = td.Block((0.1, 0.1, 0.1), (12, 12, 12), conductivity="15 [W/(m K)]", density="3900 [kg/m^3]", specific_heat="1000 [J/(kg K)]")
+    scenario = td.Scenario("days", boundaries={"air": "20 [degC]"}, start=300.0, duration=1e6)
+    core = (slice(2, 5), slice(2, 5), slice(2, 5))
+    return cube.exchanging("all", "air", htc="5 [W/(m^2 K)]").heated("heater", "5 [W]", cells=core), scenario
+
+
 def long_transient_of_a_block() -> None:
-    block = td.Block((0.1, 0.1, 0.1), (8, 8, 8), conductivity="15 [W/(m K)]", density="3900 [kg/m^3]", specific_heat="1000 [J/(kg K)]")
-    scenario = td.Scenario("day", boundaries={"air": "20 [degC]"}, start=300.0, duration=1e6)
-    td.simulate(block.exchanging("all", "air", htc="5 [W/(m^2 K)]"), scenario, options=td.Options(max_step=1e-2, max_steps=10**9))
+    td.simulate(*block(), options=td.Options(max_step=1e-2, max_steps=10**9))
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent as POSIX has them")
@@ -132,6 +137,11 @@ def test_other_threads_go_on_during_a_run() -> None:
         now = time.monotonic()
         longest, last = max(longest, now - last), now
     assert longest < 0.5 * (last - begin)  # with the lock held the run would be one single pause
+
+
+def test_a_steady_state_by_multigrid_has_the_same_bits_again() -> None:
+    one = td.steady(*block()).temperatures
+    np.testing.assert_array_equal(one, td.steady(*block()).temperatures)
 
 
 def test_threads_one_after_the_other_and_again_give_the_same_bits() -> None:
