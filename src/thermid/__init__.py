@@ -81,11 +81,11 @@ if TYPE_CHECKING:
     from thermid.model.modelfile import load_model as load_model
     from thermid.model.modelfile import model_from_dict as model_from_dict
     from thermid.model.modelfile import save_model as save_model
+    from thermid.network.environment import Environment as Environment
     from thermid.network.irradiation import Irradiation as Irradiation
     from thermid.network.irradiation import OpenSky as OpenSky
     from thermid.network.linear import modes as modes
     from thermid.network.linear import state_space as state_space
-    from thermid.network.medium import Environment as Environment
     from thermid.network.network import compile_network as compile_network
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
@@ -177,7 +177,7 @@ _PUBLIC = {
     "compile_network": "network.network",
     "state_space": "network.linear",
     "modes": "network.linear",
-    "Environment": "network.medium",
+    "Environment": "network.environment",
     "Irradiation": "network.irradiation",
     "OpenSky": "network.irradiation",
     "Scenario": "simulation.scenario",

@@ -110,7 +110,8 @@ def wandering(pieces: Mapping[tuple[str, str], Binned], found: Fit, worth: float
     """Return the same of traces in stretches of time, which are worth so many independent samples by what is said of their noise."""
     size = found.fitted.size
     root = _root(covariances(found)[2])
-    parts = {key: _parts(b, root) for key, b in pieces.items()}
+    alike: dict[bytes, list[Array]] = {}  # sensors of one log share their stretches, and with them what is tried there
+    parts = {key: _parts(b, root, alike) for key, b in pieces.items()}
     calm = [key for key, (own, _, _) in parts.items() if own == 0.0]
     level = 1.0
     if calm:
@@ -151,15 +152,15 @@ def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 
         for k, o in enumerate(experiment.observations):
             block = next(blocks)
             z = block.residuals / o.sigma(problem.noise)
-            w = loss_of(z**2, loss, knee)[1]
-            place = np.searchsorted(edges, times[o.index], side="right") - 1
-            count = np.bincount(place, minlength=edges.size).astype(float)
-            mean = np.bincount(place, w * z, minlength=edges.size) / np.maximum(count, 1.0)
-            inside = w * z - mean[place]
+            counts = np.diff(np.append(np.searchsorted(times[o.index], edges), z.size))  # times rise
+            place, count = np.repeat(np.arange(edges.size), counts), counts.astype(float)
+            weighed = z if loss == "linear" else loss_of(z**2, loss, knee)[1] * z
+            mean = np.bincount(place, weighed, minlength=edges.size) / np.maximum(count, 1.0)
+            inside = weighed - np.repeat(mean, counts)
             full = count > 0
             spare = z.size - int(full.sum())
             within = float(inside @ inside) / max(spare, 1)
-            squares = float(w @ z**2)
+            squares = float(weighed @ z)
             out[block.record, o.sensor] = Binned(
                 mean[full], count[full], centres[full], slopes[full, k, :], within, spare, squares, o.share
             )
@@ -184,8 +185,11 @@ def _root(covariance: Array) -> Array:
     return np.asarray(vectors * np.sqrt(np.maximum(sizes, 0.0)))
 
 
-def _parts(b: Binned, known: Array) -> tuple[float, float, float]:
-    """Return the variances of the independent and the wandering part of a trace, and the time of the latter; zeros where it is white."""
+def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]]) -> tuple[float, float, float]:
+    """Return the variances of the independent and the wandering part of a trace, and the time of the latter; zeros where it is white.
+
+    `alike` keeps the correlations that were tried on some stretches, for the next trace on the same ones.
+    """
     root = np.sqrt(b.count)
     decided, free = _beside(root[:, None] * b.slopes @ known)
     spare = free.shape[1]
@@ -197,7 +201,10 @@ def _parts(b: Binned, known: Array) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
     spacing, span = float(np.median(np.diff(b.times))), float(b.times[-1] - b.times[0])
     times = np.geomspace(spacing, max(0.5 * span, 2.0 * spacing), TIMES)
-    likes = [root[:, None] * _correlation(b.times, time) * root for time in times]
+    key = b.times.tobytes()
+    if key not in alike:
+        alike[key] = [_correlation(b.times, time) for time in times]
+    likes = [root[:, None] * like * root for like in alike[key]]
     lean = _leaning(likes, decided, free @ y, calm)
     tried: dict[int, tuple[float, float, float]] = {}
     at = int(lean.argmax())

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,103 +15,24 @@ from thermid.dual import Number
 from thermid.errors import ScenarioError
 from thermid.model.flat import FlatConductor
 from thermid.model.kinds import Law
-from thermid.model.signal import Constant, Signal, Sine, Table, literal, signal
+from thermid.model.signal import Constant, Signal, Table
+from thermid.network.environment import GROUND, Environment, extremes
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.pressure import levels_of, sampled, shares, stream, vented
 from thermid.network.rarefied import GasState, correlated, gap, thinned
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
-from thermid.physics.gas import GASES, gas_named
+from thermid.physics.gas import gas_named
 from thermid.physics.radiation import radiation_coefficient
 
-__all__ = ["VACUUM_LIMIT", "Environment", "Media"]
+__all__ = ["VACUUM_LIMIT", "Media"]
 
 Array = NDArray[np.float64]
 
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
-ONE_ATMOSPHERE = Constant(ATMOSPHERE)
-CALM = Constant(0.0)
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
-HIGHEST = 10.0 * ATMOSPHERE
-"""Pressure up to which the gas laws, of dilute gases, are used. [Pa]"""
-
-
-@dataclass(frozen=True)
-class Environment:
-    """The state of one gas.
-
-    Parameters
-    ----------
-    pressure : Signal       A text with unit, a table or a signal. [Pa]
-    humidity : float        Relative, 0 to 1; no law uses it and it is kept for the record; `moisture` is given its own. [-]
-    gravity : float, str    A number or a text with unit, as the wind and the time constant. [m/s^2]
-    gas : str               air, N2, He, Ar, CO2 or H2.
-    wind : Signal           Speed along surfaces with a correlation; given as the pressure is. [m/s]
-    sealed : bool           Whether the volume keeps its gas when the surroundings lose theirs.
-    vented : str            Gas node that this volume is vented to; its own pressure is then that at the start.
-    time_constant : float   Of the venting. [s]
-    """
-
-    pressure: Any = ONE_ATMOSPHERE
-    humidity: float = 0.5
-    gravity: float = STANDARD_GRAVITY
-    gas: str = "air"
-    wind: Any = CALM
-    sealed: bool = False
-    vented: str = ""
-    time_constant: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Turn a text into a signal, and refuse states that do not exist."""
-        object.__setattr__(self, "pressure", signal(self.pressure, "Pa", "environment, pressure"))
-        wind = Constant(float(self.wind)) if isinstance(self.wind, int | float) else signal(self.wind, "m/s", "environment, wind")
-        object.__setattr__(self, "wind", wind)
-        for name, slot in (("humidity", "1"), ("gravity", "m/s^2"), ("time_constant", "s")):
-            given: Any = getattr(self, name)
-            if isinstance(given, str):
-                object.__setattr__(self, name, literal(given, slot, f"environment, {name}"))
-        if not 0.0 <= self.humidity <= 1.0:
-            raise ScenarioError(f"a relative humidity of {self.humidity:g} does not exist; give 0 to 1.")
-        if self.lowest() < 0.0:
-            raise ScenarioError("a pressure below zero does not exist.")
-        if not self.samples().max() <= HIGHEST:
-            raise ScenarioError(f"a pressure of {float(self.samples().max()):.4g} Pa lies beyond {HIGHEST:.4g} Pa, where gases are dilute.")
-        if not (self.gravity >= 0.0 and _extremes(self.wind).min() >= 0.0):
-            raise ScenarioError("gravity and wind are sizes; give them without a sign.")
-        if self.gas not in GASES:
-            gas_named(self.gas, "environment")
-        if self.sealed and self.vented:
-            raise ScenarioError("a volume is sealed or vented, not both.")
-        if bool(self.vented) != (self.time_constant > 0.0):
-            raise ScenarioError("a vented volume has the gas node that it is vented to, and a time constant above zero.")
-
-    @property
-    def windy(self) -> bool:
-        """Whether there is wind at any time."""
-        return bool(_extremes(self.wind).max() > 0.0)
-
-    def samples(self) -> Array:
-        """Return the pressures that occur. [Pa]"""
-        return _extremes(self.pressure)
-
-    def lowest(self) -> float:
-        """Return the lowest pressure that occurs. [Pa]"""
-        return float(self.samples().min())
-
-    def natural(self, pressure: Any) -> Any:
-        """Return how strong natural convection is beside that on the ground, (p/p0)^(1/2) (g/g0)^(1/4) [-]."""
-        return (pressure / ATMOSPHERE) ** 0.5 * (self.gravity / STANDARD_GRAVITY) ** 0.25
-
-
-def _extremes(given: Signal) -> Array:
-    """Return values of a signal, its lowest and highest among them."""
-    if isinstance(given, Table):
-        return given.values
-    if isinstance(given, Sine):
-        return np.array([given.mean - abs(given.amplitude), given.mean + abs(given.amplitude)])
-    return np.array([given.value])
 
 
 @dataclass(frozen=True)
@@ -130,6 +50,7 @@ class Media:
     as_printed: bool = False
     irradiation: Mapping[str, Irradiation | OpenSky] = field(default_factory=dict)
     _streams: dict[str, tuple[Table, Array]] = field(default_factory=dict, repr=False, compare=False)
+    _states: dict[str, str] = field(default_factory=dict, repr=False, compare=False)
 
     def signals(self) -> dict[str, Signal]:
         """Return what rows of gases that change in time are multiplied by."""
@@ -165,7 +86,7 @@ class Media:
         return gas if gas in self.environments else "*"
 
     def _environment(self, gas: str) -> Environment:
-        return self.environments.get(self._key(gas), Environment())
+        return self.environments.get(self._key(gas), GROUND)
 
     @staticmethod
     def _jumps(p: Signal) -> bool:
@@ -176,10 +97,16 @@ class Media:
         return bool((air | (p.values <= VACUUM_LIMIT)).all())
 
     def _state(self, gas: str) -> str:
-        """Return air, vacuum, jumping or thin for a gas node."""
+        """Return air, vacuum, jumping or thin for a gas node; asked for every conductor of every evaluation, worked out once."""
+        key = self._key(gas)
+        if key not in self._states:
+            self._states[key] = self._state_of(key)
+        return self._states[key]
+
+    def _state_of(self, gas: str) -> str:
         environment = self._environment(gas)
-        p = self._pressure(self._key(gas), environment)
-        values = p.values if isinstance(p, Table) else Environment(p).samples()
+        p = self._pressure(gas, environment)
+        values = extremes(p)
         if (values <= VACUUM_LIMIT).all():
             return "vacuum"
         if abs(environment.gravity - STANDARD_GRAVITY) > 0.01 * STANDARD_GRAVITY:

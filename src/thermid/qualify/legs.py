@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.errors import ScenarioError, SolverError
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Table
-from thermid.network.medium import Environment
+from thermid.network.environment import Environment
 from thermid.simulation.engine import Engine, Options
 from thermid.simulation.inputs import product
 from thermid.simulation.scenario import Scenario

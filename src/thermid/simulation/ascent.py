@@ -14,8 +14,8 @@ from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError, nearest
 from thermid.measure import read_plain
 from thermid.model.signal import Constant, Signal, Table, literal, signal
+from thermid.network.environment import Environment
 from thermid.network.irradiation import HOTTEST, Irradiation
-from thermid.network.medium import Environment
 from thermid.physics.atmosphere import Air, standard_atmosphere, upper_atmosphere
 from thermid.physics.exposure import molecular_heating
 from thermid.simulation.scenario import Scenario

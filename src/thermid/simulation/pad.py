@@ -15,8 +15,8 @@ from thermid.errors import ScenarioError
 from thermid.measure import Weather
 from thermid.model.facing import Facing, degrees
 from thermid.model.signal import Constant, Signal, Table, literal, signal
+from thermid.network.environment import Environment
 from thermid.network.irradiation import OpenSky
-from thermid.network.medium import Environment
 from thermid.physics.air import dry_air
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt

@@ -13,8 +13,9 @@ from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, ThermidError, nearest
 from thermid.model.modelfile import read_toml, refuse_another_kind, resolve_inside
 from thermid.model.signal import Constant, Signal, Table, literal, signal
+from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation, OpenSky
-from thermid.network.medium import Environment, Media
+from thermid.network.medium import Media
 from thermid.units import TEMPERATURE
 
 __all__ = ["STEADY", "Scenario", "load_scenario"]

@@ -16,7 +16,7 @@ from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.model.model import Model
 from thermid.model.signal import Constant, literal
-from thermid.network.medium import Environment
+from thermid.network.environment import Environment
 from thermid.network.network import Network, compile_network
 from thermid.network.reach import unreached
 from thermid.simulation.engine import Engine, Options

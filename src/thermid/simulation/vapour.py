@@ -14,7 +14,7 @@ from thermid.errors import ScenarioError
 from thermid.model.flat import FlatConductor
 from thermid.model.signal import Signal, literal
 from thermid.model.takes import exposed_area
-from thermid.network.medium import Environment
+from thermid.network.environment import Environment
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.moist import (
     VAPOUR_CONSTANT,

@@ -12,8 +12,9 @@ import pytest
 from thermid.errors import SolverError
 from thermid.model.modelfile import load_model, model_from_dict
 from thermid.model.signal import Constant
+from thermid.network.environment import Environment
 from thermid.network.linear import modes, state_space
-from thermid.network.medium import Environment, Media
+from thermid.network.medium import Media
 from thermid.network.network import compile_network
 from thermid.physics.two_nodes import TwoNodes
 

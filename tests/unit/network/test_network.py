@@ -12,7 +12,8 @@ from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidE
 from thermid.model.model import Model
 from thermid.model.modelfile import model_from_dict
 from thermid.model.signal import Constant, Sine, Table
-from thermid.network.medium import Environment, Media
+from thermid.network.environment import Environment
+from thermid.network.medium import Media
 from thermid.network.network import compile_network, free_numbers
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ATMOSPHERE

@@ -1,0 +1,103 @@
+"""The state of one gas: pressure, gravity, wind and kind of what fills a room, a volume that is vented, or a sealed one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import ScenarioError
+from thermid.model.signal import Constant, Signal, Sine, Table, literal, signal
+from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
+from thermid.physics.gas import GASES, gas_named
+
+__all__ = ["GROUND", "Environment", "extremes"]
+
+Array = NDArray[np.float64]
+
+ONE_ATMOSPHERE = Constant(ATMOSPHERE)
+CALM = Constant(0.0)
+HIGHEST = 10.0 * ATMOSPHERE
+"""Pressure up to which the gas laws, of dilute gases, are used. [Pa]"""
+
+
+@dataclass(frozen=True)
+class Environment:
+    """The state of one gas.
+
+    Parameters
+    ----------
+    pressure : Signal       A text with unit, a table or a signal. [Pa]
+    humidity : float        Relative, 0 to 1; no law uses it and it is kept for the record; `moisture` is given its own. [-]
+    gravity : float, str    A number or a text with unit, as the wind and the time constant. [m/s^2]
+    gas : str               air, N2, He, Ar, CO2 or H2.
+    wind : Signal           Speed along surfaces with a correlation; given as the pressure is. [m/s]
+    sealed : bool           Whether the volume keeps its gas when the surroundings lose theirs.
+    vented : str            Gas node that this volume is vented to; its own pressure is then that at the start.
+    time_constant : float   Of the venting. [s]
+    """
+
+    pressure: Any = ONE_ATMOSPHERE
+    humidity: float = 0.5
+    gravity: float = STANDARD_GRAVITY
+    gas: str = "air"
+    wind: Any = CALM
+    sealed: bool = False
+    vented: str = ""
+    time_constant: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Turn a text into a signal, and refuse states that do not exist."""
+        object.__setattr__(self, "pressure", signal(self.pressure, "Pa", "environment, pressure"))
+        wind = Constant(float(self.wind)) if isinstance(self.wind, int | float) else signal(self.wind, "m/s", "environment, wind")
+        object.__setattr__(self, "wind", wind)
+        for name, slot in (("humidity", "1"), ("gravity", "m/s^2"), ("time_constant", "s")):
+            given: Any = getattr(self, name)
+            if isinstance(given, str):
+                object.__setattr__(self, name, literal(given, slot, f"environment, {name}"))
+        if not 0.0 <= self.humidity <= 1.0:
+            raise ScenarioError(f"a relative humidity of {self.humidity:g} does not exist; give 0 to 1.")
+        if self.lowest() < 0.0:
+            raise ScenarioError("a pressure below zero does not exist.")
+        if not self.samples().max() <= HIGHEST:
+            raise ScenarioError(f"a pressure of {float(self.samples().max()):.4g} Pa lies beyond {HIGHEST:.4g} Pa, where gases are dilute.")
+        if not (self.gravity >= 0.0 and extremes(self.wind).min() >= 0.0):
+            raise ScenarioError("gravity and wind are sizes; give them without a sign.")
+        if self.gas not in GASES:
+            gas_named(self.gas, "environment")
+        if self.sealed and self.vented:
+            raise ScenarioError("a volume is sealed or vented, not both.")
+        if bool(self.vented) != (self.time_constant > 0.0):
+            raise ScenarioError("a vented volume has the gas node that it is vented to, and a time constant above zero.")
+
+    @property
+    def windy(self) -> bool:
+        """Whether there is wind at any time."""
+        return bool(extremes(self.wind).max() > 0.0)
+
+    def samples(self) -> Array:
+        """Return the pressures that occur. [Pa]"""
+        return extremes(self.pressure)
+
+    def lowest(self) -> float:
+        """Return the lowest pressure that occurs. [Pa]"""
+        return float(self.samples().min())
+
+    def natural(self, pressure: Any) -> Any:
+        """Return how strong natural convection is beside that on the ground, (p/p0)^(1/2) (g/g0)^(1/4) [-]."""
+        return (pressure / ATMOSPHERE) ** 0.5 * (self.gravity / STANDARD_GRAVITY) ** 0.25
+
+
+def extremes(given: Signal) -> Array:
+    """Return values of a signal, its lowest and highest among them."""
+    if isinstance(given, Table):
+        return given.values
+    if isinstance(given, Sine):
+        return np.array([given.mean - abs(given.amplitude), given.mean + abs(given.amplitude)])
+    return np.array([given.value])
+
+
+GROUND = Environment()
+"""The room of a laboratory, which holds where nothing is said."""
