@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from thermid.identify.gather import problem_for
+from thermid.identify.information import Information
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.residuals import FAILED, Problem
+from thermid.identify.statistics import loss_of
+from thermid.identify.unknowns import Unknown
 from thermid.measure import Channel
 from thermid.model.modelfile import model_from_dict
 from thermid.simulation.engine import Options
@@ -164,3 +167,26 @@ def test_a_run_that_fails_stands_as_far_away() -> None:
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
     poor = replace(problem, options=replace(problem.options, max_steps=1, method="integrator"))
     np.testing.assert_array_equal(poor.residuals(at), FAILED)
+
+
+@pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber", "cauchy"])
+def test_the_weight_of_a_loss_is_its_derivative(loss: str) -> None:
+    """By differences, on both sides of the knee; far out a robust loss is below the square."""
+    squares, step = np.array([0.01, 1.0, 9.0, 400.0]), 1e-4
+    for knee in (1.0, 1.7):
+        weight = loss_of(squares, loss, knee)[1]
+        slope = (loss_of(squares + step, loss, knee)[0] - loss_of(squares - step, loss, knee)[0]) / (2.0 * step)
+        assert slope == pytest.approx(weight, rel=1e-3)
+        assert weight[0] == pytest.approx(1.0, abs=0.02)
+        assert (loss_of(squares, loss, knee)[0][-1] < 0.5 * squares[-1]) == (loss != "linear")
+
+
+def test_scattering_readings_hold_less_information_and_a_prior_is_relative_to_its_value() -> None:
+    problem = problem_for(Request(box(), (log(box(), {}, {"T": "case"}),), (HTC, MASS)))
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    plain, wide = Information.of(problem, at), Information.of(problem, at, spread=2.0)
+    assert wide.data.T @ wide.data == pytest.approx(plain.data.T @ plain.data / 4.0, rel=1e-9)
+    one = Unknown("x", "parameter", (), 5.0)
+    info = Information((one,), np.array([5.0]), np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
+    assert info.prior_row(0, 0.05)[0, 0] == pytest.approx(1.0 / 0.25)
+    assert info.errors(more=info.prior_row(0, 0.05))[0] == pytest.approx(0.05)

@@ -15,6 +15,7 @@ import thermid as td
 from thermid.cli.app import app
 from thermid.errors import DeckError, NameNotFoundError
 from thermid.identify.calibrate import fit
+from thermid.identify.retune import _told_by
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
 from thermid.identify.touching import touching
@@ -229,3 +230,15 @@ def test_on_the_command_line(project: Path, tests_again: Path, tmp_path: Path) -
 def test_logs_from_before_the_swap_are_not_those_of_the_repeated_tests(plan: RetunePlan, tmp_path: Path) -> None:
     with pytest.raises(td.ThermidError, match=r"of the repeated tests has no log of .*those beside the campaign are from before the swap"):
         plan.run(tmp_path)
+
+
+def test_neighbours_of_a_part_that_gives_less_are_colder(plan: RetunePlan) -> None:
+    assert plan.neighbours["b.skin"][2] < -0.1
+
+
+def test_a_retune_keeps_the_priors_of_what_it_frees(plan: RetunePlan, campaign: Campaign) -> None:
+    assert campaign.source is not None
+    (table,) = (t for t in campaign.source.content.stages if t.name == "pair")
+    (stage,) = (s for s in plan.stages if s.name == "pair")
+    given = table.model_copy(update={"priors": {JOINT: "range", "b.skin.effective_htc": "range"}})
+    assert _told_by(given, stage, {}, False).priors == {JOINT: "range"}
