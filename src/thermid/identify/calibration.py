@@ -193,7 +193,7 @@ class Calibration:
             pairs = sorted(self.correlations.items(), key=lambda item: -abs(item[1]))[:10]
             lines.append("  correlations: " + "; ".join(f"{a} ~ {b} {c:+.2f}" for (a, b), c in pairs))
         lines += self.moved.lines()
-        lines.append(f"  reduced chi-square {short(self.reduced_chi_square, 3)}; {self.evaluations} evaluations")
+        lines.append(f"  reduced chi-square {short(self.reduced_chi_square, 3)}; {counted(self.evaluations, 'evaluation')}")
         lines += [f"  search: {self.search}"] if self.search else []
         lines += [f"  warning: {w}" for w in self.warnings if not w.startswith(LOUD)]
         return "\n".join(lines)

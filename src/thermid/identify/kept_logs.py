@@ -70,7 +70,8 @@ def _write(path: Path, key: str, record: Record) -> None:
         channels.append({"plain": plain, "part": part, "reasons": list(channel.masks)})
     origin = {f.name: getattr(record.origin, f.name) for f in fields(Origin)}
     about = {"key": key, "name": record.name, "origin": origin, "steps": list(record.steps), "channels": channels}
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path.parent.parent.mkdir(parents=True, exist_ok=True)  # by itself, so that an error names the folder that was asked for
+    path.parent.mkdir(exist_ok=True)
     np.savez(path, **{_ABOUT: np.array(json.dumps(about)), **arrays})
 
 
