@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, RecordError
 from thermid.measure.benchlog import bench_cells, is_bench_log
 from thermid.measure.bindings import Binding, bindings, find_column, sd, unit_and_quantity
@@ -25,7 +24,6 @@ __all__ = ["read_record", "temperature_columns"]
 _TIME_NAMES: Final = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")
 
 
-@takes_objects
 def read_record(
     path: str | Path,
     channels: Mapping[str, str | Mapping[str, object]],
