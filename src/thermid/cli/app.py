@@ -65,6 +65,7 @@ def main() -> None:
     """Run the command line and leave with its exit code."""
     try:
         _run()
+        return
     except KeyboardInterrupt:
         pass
     except SystemExit as left:  # typer turns the interrupt key into this exit, without a word
