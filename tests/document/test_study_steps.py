@@ -89,6 +89,7 @@ def test_K3_both_set_ups_round_trip(study: td.Study, project: Path) -> None:  # 
     assert again == study
     assert (again.options.tolerance, again.options.relative) == (2e-7, 2e-8)
     assert "ode15s" in again.solver
+    assert "of order 4" in again.solver  # tests/unit/kernel/test_tableau.py measures it
     sensor, channel = again.sensors["DS18B20"], again.sensors["ProcSISNAV channel"]
     assert (sensor.accuracy, sensor.resolution) == (0.5, 1 / 16)
     assert channel.accuracy == 3.0
