@@ -172,8 +172,9 @@ def _ensemble(case: Case, simd: str, threads: int) -> Outcome:
     scaled = {j for j in net.capacity if j >= 0} | {row[3][0] for row in net.conductors} | {row[2][0] for row in net.loads}
     coef = np.repeat(net.values[:, None], MEMBERS, axis=1)
     start = np.repeat(np.asarray(net.start, float)[:, None], MEMBERS, axis=1)
-    for j in scaled:
-        coef[j, 1:-1] *= np.exp(rng.normal(0.0, 0.3, MEMBERS - 2))
+    with np.errstate(over="ignore"):  # of absurd numbers, infinity is meant
+        for j in scaled:
+            coef[j, 1:-1] *= np.exp(rng.normal(0.0, 0.3, MEMBERS - 2))
     start[:, 1:-1] += rng.normal(0.0, 5.0, (len(net.start), MEMBERS - 2))
     if rng.random() < 0.2 and len(net.values):  # a sick neighbour must not harm the others
         coef[rng.integers(len(net.values)), rng.integers(1, MEMBERS - 1)] = rng.choice([np.nan, np.inf, -1.0, 0.0, 1e30])
