@@ -33,7 +33,8 @@ def _switches(case: Case) -> bool:
 
 @random_models(20, case=cases(loads=SMOOTH))
 def test_random_models_at_the_tolerance_of_a_beginner(case: Case) -> None:
-    assert _largest_error(case, td.Options(), 1e-7) < BEGINNER
+    # at 1e-7 scipy itself once stepped over a knee and was 1.2e-3 K off where thermid was 1.3e-5 K
+    assert _largest_error(case, td.Options(), 1e-9) < BEGINNER
 
 
 @random_models(20, case=cases(loads=LOADS))
