@@ -38,7 +38,9 @@ def dressed(deck: Deck, leads: bool = True, tables: bool = True) -> Deck:
 
 @random_models(25, case=cases(loads=SWITCHED))
 def test_balance_with_properties_that_change(case: Case) -> None:
-    assert td.simulate(build(dressed(case.deck)), case.run()).heat_balance().relative < 1e-6
+    found = td.simulate(build(dressed(case.deck)), case.run()).heat_balance()
+    # of a model at rest no share can be told: what is left is Newton's tolerance, 2e-10 K of the block's 400 J/K
+    assert found.relative < 1e-6 or abs(found.residual) < 1e-7
 
 
 @random_models(15, case=cases(kinds=("conductivity", "conductance", "contact", "convection"), loads=("constant",), flat=True))
