@@ -58,7 +58,7 @@ class Work:
     sampled: int
     waves: int
     stops: int
-    steps: float = 100.0
+    steps: float
 
     @property
     def modal(self) -> float:
