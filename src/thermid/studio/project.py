@@ -15,10 +15,11 @@ from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.gather import problem_for
+from thermid.identify.keys import key_of
 from thermid.identify.request import Request
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
-from thermid.identify.staging import key_of, request_of
+from thermid.identify.staging import request_of
 from thermid.identify.swap import plan_retune
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.model import Model
@@ -167,8 +168,8 @@ class Project:
         if not free:
             raise IdentificationError("no parameter is chosen. Tick those that the fit may move.", name)
         desk, request = self.desk(name), self._request(name)
-        held = tuple(v for v in request.inherited if set(v.parameters) <= set(free))
-        return fit(replace(request, model=desk.tuned(values), free=free, inherited=held), told)
+        prior = tuple(p for p in request.prior if p in free)
+        return fit(replace(request, model=desk.tuned(values), free=free, prior=prior), told)
 
     def desk(self, name: str) -> Desk:
         """Return a stage, ready for tuning.
