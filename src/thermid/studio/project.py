@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.identify.cache import file_name, recall, remember
-from thermid.identify.calibrate import fit
+from thermid.identify.calibrate import fit, fit_problem
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.gather import problem_for
@@ -23,6 +23,7 @@ from thermid.identify.swap import plan_retune
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
+from thermid.model.resolve import ParameterSet
 from thermid.network.network import compile_network
 from thermid.reporting.cells import Table
 from thermid.reporting.tables import levels
@@ -167,8 +168,17 @@ class Project:
         if not free:
             raise IdentificationError("no parameter is chosen. Tick those that the fit may move.", name)
         desk, request = self.desk(name), self._request(name)
-        held = tuple(v for v in request.inherited if set(v.parameters) <= set(free))
-        return fit(replace(request, model=desk.tuned(values), free=free, inherited=held), told)
+        known = {k: v for k, v in request.priors.items() if ParameterSet(request.model).freeable(k, request.model.canonical) in free}
+        whole = [set(v.parameters) <= set(free) for v in request.inherited]
+        inherited = tuple(v for v, kept in zip(request.inherited, whole, strict=True) if kept)
+        remarks = [_left_out(v, free) for v, kept in zip(request.inherited, whole, strict=True) if not kept]
+        # what is fitted keeps the deck's value as the mean of its prior, wherever its slider stands; the search starts at the slider
+        model = desk.fixed_at(values, free)
+        asked = replace(request, model=model, free=free, inherited=inherited, priors=known, remarks=(*request.remarks, *remarks))
+        starts = desk.si({s.path: values.get(s.path, s.value) for s in desk.sliders if s.path in free})
+        problem = problem_for(asked)
+        begun = tuple(replace(u, start=starts.get(u.name, u.start)) for u in problem.unknowns)
+        return fit_problem(asked, replace(problem, unknowns=begun), told)
 
     def desk(self, name: str) -> Desk:
         """Return a stage, ready for tuning.
@@ -296,3 +306,12 @@ class Project:
     def _set(self, state: StageState) -> StageState:
         self.states[state.name] = state
         return state
+
+
+def _left_out(values: FittedValues, free: Collection[str]) -> str:
+    """Return a remark on values of a stage below that a fit cannot take as a prior, since it does not fit all of them."""
+    fixed = ", ".join(p for p in values.parameters if p not in free)
+    return (
+        f"this fit does not use what stage '{values.stage}' knows of {', '.join(values.parameters)}: it is one joint prior, and {fixed} "
+        "stays fixed here. Tick all of them to use it."
+    )
