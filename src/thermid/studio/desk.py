@@ -268,7 +268,7 @@ class Desk:
         return kept
 
     def _fitted(self, values: Mapping[str, float]) -> Array:
-        """Return the fitted forms (unknowns,): what was moved or found since, else what the stage's fit found, else where it would start."""
+        """Return the fitted forms (unknowns,): as moved or found since, else as the stage's fit found them, else where it would start."""
         assert self.problem is not None
         si = {**self.si(values), **{name: v for name, v in values.items() if name in self.others}}
         found = self.calibration.fitted if self.calibration is not None else {}

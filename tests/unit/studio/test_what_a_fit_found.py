@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.unit.studio.planted import campaign
+from planted import campaign
 from thermid.model.resolve import parameter_table
 from thermid.simulation.simulator import prepare
 from thermid.studio.answers import fit_object
@@ -84,7 +84,7 @@ def test_a_picture_has_the_powers_of_the_record_times_the_factor_that_was_found(
             }
             for time in rng.uniform(0.0, experiment.scenario.seconds, TIMES):
                 picture = unescape(desk.drawn({}, run, float(time), ()))
-                drawn = {load: float(watts.replace("−", "-")) for load, _, watts in LOAD.findall(picture)}
+                drawn = {load: float(watts) for load, _, watts in LOAD.findall(picture)}
                 assert set(drawn) == set(experiment.scenario.loads)
                 for load, signal in experiment.scenario.loads.items():
                     true = float(signal.at(np.array([time]))[0]) * factors.get(load, 1.0)

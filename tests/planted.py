@@ -1,4 +1,4 @@
-"""A small campaign of three levels whose first stage can be planted wrong: a sensor that reads 4 K too much and is said to be good to 0.1 K."""
+"""A small campaign of three levels. Its first stage can be planted wrong: a sensor reads 4 K too much and is said to be good to 0.1 K."""
 
 from __future__ import annotations
 
@@ -51,15 +51,27 @@ note  = "Synthetic."
 [records.part]
 file = "part.csv"
 time = "time_s"
-channels = { T1 = { node = "case", noise = "0.05 [K]", accuracy = "ACCURACY [K]" }, T_ROOM = { boundary = "air", accuracy = "0.2 [K]" }, P = { load = "electronics", accuracy = "0.1 [W]" } }
+[records.part.channels]
+T1 = { node = "case", noise = "0.05 [K]", accuracy = "ACCURACY [K]" }
+T_ROOM = { boundary = "air", accuracy = "0.2 [K]" }
+P = { load = "electronics", accuracy = "0.1 [W]" }
 [records.pair]
 files = "pair_*.csv"
 time = "time_s"
-channels = { T_X = { node = "x.case", noise = "0.05 [K]", accuracy = "2 [K]" }, T_PLATE = { node = "plate", noise = "0.05 [K]", accuracy = "0.2 [K]" }, T_ROOM = { boundary = "air", accuracy = "0.2 [K]" }, P_X = { load = "x.electronics", accuracy = "0.1 [W]" }, P_Y = { load = "y.electronics", accuracy = "0.1 [W]" } }
+[records.pair.channels]
+T_X = { node = "x.case", noise = "0.05 [K]", accuracy = "2 [K]" }
+T_PLATE = { node = "plate", noise = "0.05 [K]", accuracy = "0.2 [K]" }
+T_ROOM = { boundary = "air", accuracy = "0.2 [K]" }
+P_X = { load = "x.electronics", accuracy = "0.1 [W]" }
+P_Y = { load = "y.electronics", accuracy = "0.1 [W]" }
 [records.whole]
 file = "whole.csv"
 time = "time_s"
-channels = { T_BASE = { node = "base", noise = "0.05 [K]", accuracy = "0.2 [K]" }, T_ROOM = { boundary = "air", accuracy = "0.2 [K]" }, P_X = { load = "pair.x.electronics" }, P_Y = { load = "pair.y.electronics" } }
+[records.whole.channels]
+T_BASE = { node = "base", noise = "0.05 [K]", accuracy = "0.2 [K]" }
+T_ROOM = { boundary = "air", accuracy = "0.2 [K]" }
+P_X = { load = "pair.x.electronics" }
+P_Y = { load = "pair.y.electronics" }
 [[stages]]
 name = "part"
 model = "part.toml"
