@@ -28,7 +28,8 @@ ARROWS: dict[str, set[str]] = {
     "measure": FOUNDATION,
     "simulation": FOUNDATION | {"physics", "model", "network", "measure", "_kernel"},
 }
-BELOW_IDENTIFY = FOUNDATION | {"physics", "model", "network", "measure", "simulation"}
+ARROWS["knowledge"] = FOUNDATION | {"physics", "model", "measure"}
+BELOW_IDENTIFY = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "knowledge"}
 ARROWS |= {
     "identify": BELOW_IDENTIFY,
     "qualify": BELOW_IDENTIFY | {"identify"},
