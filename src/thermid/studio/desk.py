@@ -237,7 +237,7 @@ class Desk:
         """Observed nodes of every run; none where all are shown."""
         if self.problem is None:
             return ((),) * len(self.scenarios)
-        return tuple(tuple(o.seat for o in e.observations) for e in self.problem.experiments)
+        return tuple(tuple(o.node for o in e.observations) for e in self.problem.experiments)
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
