@@ -27,9 +27,9 @@ ARROWS: dict[str, set[str]] = {
     "model": FOUNDATION | {"physics"},
     "network": FOUNDATION | {"physics", "model", "_kernel"},
     "measure": FOUNDATION,
-    "simulation": FOUNDATION | {"physics", "model", "network", "measure", "_kernel"},
+    "knowledge": FOUNDATION | {"physics", "model", "measure"},
+    "simulation": FOUNDATION | {"physics", "model", "network", "measure", "knowledge", "_kernel"},
 }
-ARROWS["knowledge"] = FOUNDATION | {"physics", "model", "measure"}
 BELOW_IDENTIFY = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "knowledge"}
 ARROWS |= {
     "identify": BELOW_IDENTIFY,
