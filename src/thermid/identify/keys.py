@@ -11,7 +11,7 @@ from thermid.identify.cache import in_full
 from thermid.identify.request import Request
 from thermid.measure import Channel
 
-__all__ = ["key_of"]
+__all__ = ["key_for", "key_of"]
 
 
 def _channel_key(c: Channel) -> list[Any]:
@@ -51,3 +51,8 @@ def key_of(request: Request, below: list[str]) -> str:
         "below": below,
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()
+
+
+def key_for(request: Request) -> str:
+    """Return the key of a request; of one that was made in Python, that of what it says itself."""
+    return request.key or key_of(request, [])

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.clock_search import at_clocks
 from thermid.identify.inherit import form, known_before
+from thermid.identify.keys import key_for
+from thermid.identify.opened import opened_at, opened_jacobian
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
-from thermid.identify.solve import Fit, ended
+from thermid.identify.solve import Fit
 from thermid.identify.unknowns import Unknown
 from thermid.knowledge.sources import Normal, Source
-from thermid.knowledge.store import State, Store
+from thermid.knowledge.store import State
 
 __all__ = ["Responses", "covering", "responses"]
 
@@ -73,39 +75,48 @@ def responses(request: Request, problem: Problem, found: Fit, level: float, rand
     unknowns = problem.unknowns
     unlimited = ~np.isfinite(np.diag(weights))
     finite = np.where(np.isfinite(weights), weights, 0.0)
-    before = known_before(request, unknowns)
-    root = before.root if before.at.size else np.zeros((0, 0))
-    parts = [finite[:, before.at] @ (root.T @ root) @ before.rows]
     noise = np.where(np.isfinite(random), random, 0.0)
-    sources, below = list(before.sources), set(before.at.tolist())
+    before = known_before(request, unknowns)
+    table = _Table()
+    if before.at.size:
+        root = before.root
+        table.add(before.sources, finite[:, before.at] @ (root.T @ root) @ before.rows)
+    below = set(before.at.tolist())
     for k, u in enumerate(unknowns):
         if u.prior is None or (k in below and u.kind != "parameter"):
             continue
-        own = finite[:, k] / u.prior.sd
+        own = finite[:, [k]] / u.prior.sd
         if u.kind == "local":
-            noise = noise + np.outer(own, own)
+            noise = noise + own @ own.T
         else:
-            sources.append(_stated(request, u))
-            parts.append(own[:, None])
-    rows = np.concatenate(parts, axis=1)
-    wide = np.zeros((len(unknowns), len(sources)))
-    wide[:, : rows.shape[1]] = rows
+            table.add((_stated(request, u),), own)
     held = _fixed(request, unknowns)
     if held and unknowns:
-        moves, fixed = _moves(request, problem, found, held)
-        wide[:, : len(request.store.sources)] -= finite @ moves / level @ fixed
-    return Responses(wide, tuple(sources), noise, unlimited)
+        _consider(table, request, problem, found, held, finite / level)
+    rows = np.array(list(table.columns.values())).reshape(len(table.columns), len(unknowns)).T
+    return Responses(rows, tuple(table.sources.values()), noise, unlimited)
+
+
+@dataclass
+class _Table:
+    """Columns of responses by the name of their source; what answers to one source twice is added."""
+
+    sources: dict[str, Source] = field(default_factory=dict)
+    columns: dict[str, Array] = field(default_factory=dict)
+
+    def add(self, sources: Sequence[Source], rows: Array) -> None:
+        """Add responses (unknowns, sources)."""
+        for source, column in zip(sources, rows.T, strict=True):
+            self.sources[source.name] = source
+            self.columns[source.name] = self.columns.get(source.name, 0.0) + column
 
 
 def _stated(request: Request, u: Unknown) -> Source:
     """Return the source that the stated prior of an unknown is; that of an instrument is one and the same in every stage."""
     if u.kind == "parameter":
-        return Source(f"prior of {u.name}, {_name(request)}", "stated", STANDARD, f"prior of {u.name}, stated in {_name(request)}")
+        words = f"prior of {u.name}, stated in {request.name or request.model.title}"
+        return Source(f"{key_for(request)[:16]}:prior of {u.name}", "stated", STANDARD, words)
     return Source(f"accuracy: {u.name}", "instrument", STANDARD, f"stated accuracy, {u.name}")
-
-
-def _name(request: Request) -> str:
-    return request.name or request.model.title
 
 
 def covering(unknowns: tuple[Unknown, ...] | list[Unknown]) -> set[str]:
@@ -123,32 +134,18 @@ def _fixed(request: Request, unknowns: tuple[Unknown, ...]) -> list[State]:
     ]
 
 
-def _moves(request: Request, problem: Problem, found: Fit, fixed: list[State]) -> tuple[Array, Array]:
-    """Return A'B (unknowns, fixed values) and the rows of the fixed values, of those that act in the records."""
+def _consider(table: _Table, request: Request, problem: Problem, found: Fit, fixed: list[State], gain: Array) -> None:
+    """Add the responses to the errors of what was fixed; an instrument of which nothing is known counts with its accuracy."""
     here = covering(problem.unknowns)
-    paths = [p for u in problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)]
-    more = [p for s in fixed if s.kind == "parameter" for p in s.acts if p not in here]
-    known = {p: s for s in fixed for p in (s.acts if s.kind == "parameter" else (s.path,)) if p not in here}
-    # each path by itself, so that an instance can be fixed beside one that is free
-    opened = _opened(request, problem, (*paths, *more))
-    owner = {n: k for k, u in enumerate(problem.unknowns) for n in (u.name, *u.also)}
-    at = [
-        float(found.fitted[owner[u.name]]) if u.name in owner else u.to_fitted(known[u.name].value if u.name in known else u.start)
-        for u in opened.unknowns
-    ]
-    jacobian = ended(at_clocks(opened, np.array(at)), np.array(at), request.loss, request.knee).jacobian
-    own = np.zeros((jacobian.shape[0], len(problem.unknowns)))
-    for k, u in enumerate(opened.unknowns):
-        if u.name in owner:
-            own[:, owner[u.name]] += jacobian[:, k]
-    rest = [k for k, u in enumerate(opened.unknowns) if u.name not in owner and u.name in known]
-    rows = [request.store.rows([known[u.name].path])[0] * form(known[u.name], u) for k in rest for u in (opened.unknowns[k],)]
-    return own.T @ jacobian[:, rest], np.array(rows).reshape(len(rest), len(request.store.sources))
-
-
-def _opened(request: Request, problem: Problem, paths: tuple[str, ...]) -> Problem:
-    """Return the problem with other paths free, and every instrument looked for."""
-    from thermid.identify.gather import problem_for
-
-    opened = replace(request, free=paths, untie=True, store=Store(), prior=(), priors={}, bias_priors={}, held_bias={}, held_errors=None)
-    return replace(problem_for(opened), noise=problem.noise)
+    groups = {s.path: tuple(p for p in s.acts if p not in here) for s in fixed if s.kind == "parameter"}
+    named = {group[0]: request.store[path] for path, group in groups.items()} | {s.path: s for s in fixed if s.kind != "parameter"}
+    instruments = bool(request.held_bias) or request.held_errors is not None
+    opened = opened_at(request, problem, found.fitted, list(groups.values()), instruments=instruments)
+    own, other = opened_jacobian(opened, request.loss, request.knee)
+    moves = -gain @ own.T @ other
+    for k, u in enumerate(opened.problem.unknowns[opened.own :]):
+        if u.name in named:
+            row = request.store.rows([named[u.name].path])[0] * form(named[u.name], u)
+            table.add(request.store.sources, np.outer(moves[:, k], row))
+        elif u.prior is not None:
+            table.add((_stated(request, u),), moves[:, [k]] * u.prior.sd)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from thermid.identify.keys import key_for
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.identify.responses import Responses, covering
@@ -26,10 +27,8 @@ def stored(request: Request, problem: Problem, values: FittedValues, found: Resp
     values : FittedValues   What it found.
     found : Responses       What its errors come from.
     """
-    from thermid.identify.keys import key_of
-
     kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
-    key = request.key or key_of(request, [])
+    key = key_for(request)
     rows, sources = found.of(kept, key[:16], f"noise of stage '{values.stage}'")
     known = [not found.unlimited[k] for k in kept]
     origin = Origin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.files import VALUES, write_text
 from thermid.knowledge.sources import KNOWN
 from thermid.knowledge.store import State, Store
 from thermid.model.parameter import Parameter, exact
@@ -213,7 +214,7 @@ class FittedValues(Mapping[str, FittedValue]):
             table.add(name, entry)
         document.add("values", table)
         document.add("covariance", [[float(x) for x in row] for row in self.covariance])
-        Path(path).write_text(tomlkit.dumps(document), encoding="utf-8")
+        write_text(path, tomlkit.dumps(document), VALUES)
 
 
 def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:

@@ -105,8 +105,9 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
         run = run_profile(desk.tuned(values), profile_for(course, asked), chamber=chamber, base=str(asked.get("base") or ""), told=told)
         solution, scenario = run.solution, run.scenario
     else:
-        scenario = _scenario(desk.conditions[course.of[0]][1], str(asked.get("gas") or "air"))
-        solution = simulate(desk.tuned(values), scenario, every=max(scenario.seconds / SAMPLES, 1e-3))
+        model, given = desk.run_of(course.of[0], values, sensors=False)
+        scenario = _scenario(given, str(asked.get("gas") or "air"))
+        solution = simulate(model, scenario, every=max(scenario.seconds / SAMPLES, 1e-3))
     limits, source = shelf.limits(desk)
     checks = check_limits(solution, limits, state=state)
     told(1, 1, scenario.seconds)
