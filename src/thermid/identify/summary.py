@@ -52,7 +52,7 @@ def summarise(
     own = np.ix_(kept, kept)
     values = FittedValues(name, items, total[own], provenance, None if np.array_equal(weights, total) else weights[own])
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
-    blocks = Predictions(found.sums, lambda: problem.blocks(found.fitted))
+    blocks = Predictions(found.sums, problem, found.fitted)
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
     freedom = round(problem.worth) - len(problem.unknowns)
     moved = moves_above(request.inherited, request.model, problem, found, total, spread)
