@@ -52,6 +52,7 @@ class Outcome:
     state : str                     Of points whose limits name no loads.
     source : str                    Where the limits stand.
     remarks : tuple of str          What a reader must know.
+    doubt : str                     Why the values that it was run with are not credible; empty where they are.
     """
 
     title: str
@@ -64,6 +65,7 @@ class Outcome:
     state: str = "operating"
     source: str = ""
     remarks: tuple[str, ...] = ()
+    doubt: str = ""
 
     @property
     def worst(self) -> LimitCheck | None:
@@ -153,7 +155,7 @@ def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
         "waited": None if run is None else run.waited,
         "trust": "" if run is None else run.trust,
         "decides": run is None or run.decides,
-        "verdict": _verdict(found),
+        "verdict": _doubted(found, _verdict(found)),
         "worst": _check(found.worst) if found.worst is not None else None,
         "phases": [] if run is None else [_phase(p) for p in run.phases],
         "levels": [] if run is None else _levels(run),
@@ -166,6 +168,13 @@ def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
         "moisture": _moisture(run, window),
         "remarks": list(found.remarks),
     }
+
+
+def _doubted(found: Outcome, verdict: dict[str, str]) -> dict[str, str]:
+    """Return a verdict that decides nothing where the values of the run are not credible."""
+    if not found.doubt:
+        return verdict
+    return {"word": "not decided", "text": f"The values are NOT CREDIBLE, do not use them: {found.doubt}. By them: {verdict['text']}"}
 
 
 def _verdict(found: Outcome) -> dict[str, str]:
