@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.calibration import Calibration, Local
-from thermid.identify.gather import problem_for
-from thermid.identify.residuals import Problem
+from thermid.identify.opened import opened_at, opened_jacobian
 from thermid.identify.solve import covariances, ended
 from thermid.identify.summary import correlations_of
+from thermid.identify.unknowns import Unknown
 from thermid.identify.values import FittedValue, FittedValues
 
 __all__ = ["considered"]
@@ -30,39 +31,33 @@ def considered(fit: Calibration, before: Calibration, held: tuple[str, ...]) -> 
     request, problem = fit.request, fit.problem
     if request is None or problem is None or not problem.unknowns:
         return fit
-    opened = replace(request, free=(*request.free, *held), held_bias={}, held_errors=None, bias_priors={})
-    loose = replace(problem_for(opened), noise=problem.noise)
-    known = before.values.items_
     names = [u.name for u in problem.unknowns]
-    at = [
-        fit.fitted[u.name] if u.name in fit.fitted else u.to_fitted(known[u.name].value if u.name in known else u.start)
-        for u in loose.unknowns
-    ]
-    jacobian = ended(loose, np.array(at), request.loss, request.knee).jacobian
-    place = {u.name: k for k, u in enumerate(loose.unknowns)}
-    rest = [k for k, u in enumerate(loose.unknowns) if u.name not in fit.fitted]
-    if not rest:
+    fitted = np.array([fit.fitted[n] for n in names])
+    known = {p: v.value for p, v in before.values.items()}
+    groups = [(p, *before.values[p].also) for p in held]
+    opened = opened_at(request, problem, fitted, groups, instruments=True, known=known)
+    if not opened.names:
         return fit
-    own = ended(problem, np.array([fit.fitted[n] for n in names]), request.loss, request.knee)
+    mine, fixed = opened_jacobian(opened, request.loss, request.knee)
+    own = ended(problem, fitted, request.loss, request.knee)
     level, excess = (fit.wander.level, fit.wander.excess) if fit.wander is not None else (1.0, None)
     total, _, weights = covariances(own, level, excess)
     finite = np.where(np.isfinite(weights), weights, 0.0)
-    moves = -finite @ jacobian[:, [place[n] for n in names]].T @ jacobian[:, rest] / level
-    return _wider(fit, names, total + moves @ _covariance(loose, rest, before) @ moves.T)
+    moves = -finite @ mine.T @ fixed / level
+    return _wider(fit, names, total + moves @ _covariance(opened.problem.unknowns[opened.own :], before) @ moves.T)
 
 
-def _covariance(loose: Problem, rest: list[int], before: Calibration) -> Array:
+def _covariance(fixed: Sequence[Unknown], before: Calibration) -> Array:
     """Return the covariance of what is held, as the fit before found it; an instrument that it did not know counts with its accuracy."""
     order = {name: k for k, name in enumerate(before.values)}
-    out = np.zeros((len(rest), len(rest)))
-    for i, a in enumerate(rest):
-        u = loose.unknowns[a]
+    out = np.zeros((len(fixed), len(fixed)))
+    for i, u in enumerate(fixed):
         if u.name not in order:
             out[i, i] = u.prior.sd**2 if u.prior is not None else 0.0
             continue
-        for j, b in enumerate(rest):
-            if loose.unknowns[b].name in order:
-                out[i, j] = before.values.covariance[order[u.name], order[loose.unknowns[b].name]]
+        for j, other in enumerate(fixed):
+            if other.name in order:
+                out[i, j] = before.values.covariance[order[u.name], order[other.name]]
     return np.where(np.isfinite(out), out, 0.0)
 
 

@@ -19,7 +19,7 @@ from thermid.model.signal import Constant, Table, literal
 from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
 
-__all__ = ["prior_of", "problem_for"]
+__all__ = ["prior_of", "problem_for", "problem_of"]
 
 
 def problem_for(request: Request) -> Problem:
@@ -43,8 +43,17 @@ def problem_for(request: Request) -> Problem:
         meet(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
     )
     _check_weights(request, experiments, where)
+    return problem_of(request, experiments)
+
+
+def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequence[Sequence[str]] = ()) -> Problem:
+    """Return the residuals of a request whose records are bound to its model already.
+
+    `opened` are fixed values that become unknowns too, each as the paths where it acts; the first one names it.
+    """
     unknowns = [
         *_parameters(request, experiments),
+        *(_parameter(group, experiments) for group in opened),
         *_locals(request, experiments),
         *clock_unknowns(experiments),
         *_nuisances(request, experiments),
@@ -69,7 +78,6 @@ def _check_weights(request: Request, experiments: Sequence[Experiment], where: s
 def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
     """Return the freed parameters, those that come from a stage below with their covariance among them."""
     flat = experiments[0].network.flat
-    values = flat.parameters.evaluate({})
     wanted = [*request.free, *(p for v in request.inherited for p in v.parameters)]
     priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
     finishes = {flat.parameters.literal_behind(path): finish(named) for path, named in flat.finishes.items()}
@@ -82,10 +90,7 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
             continue
         group = tuple(p for p in shared.get(path, (path,)) if flat.parameters.table[p].parameter.is_literal)
         taken |= set(group)
-        targets = [Target(i, p) for i in range(len(experiments)) for p in group]
-        given = flat.parameters.table[path].parameter
-        unknown = parameter_unknown(path, given, flat.parameters.dimension(path), values[path], targets, None)
-        unknown = replace(unknown, also=tuple(p for p in group if p != path))
+        unknown = _parameter(group, experiments)
         if path in priors:
             unknown = replace(unknown, prior=prior_of(unknown, priors.pop(path)))
         elif path in finishes:
@@ -94,6 +99,16 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
     for path in priors:
         raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)
     return list(unknowns.values())
+
+
+def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unknown:
+    """Return the unknown that the value of one or several paths is; the first path names it."""
+    path, *also = group
+    parameters = experiments[0].network.flat.parameters
+    targets = [Target(i, p) for i in range(len(experiments)) for p in group]
+    value = parameters.evaluate({}, [path])[path]
+    unknown = parameter_unknown(path, parameters.table[path].parameter, parameters.dimension(path), value, targets, None)
+    return replace(unknown, also=tuple(also))
 
 
 def prior_of(unknown: Unknown, texts: tuple[str, str]) -> Prior:

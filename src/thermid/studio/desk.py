@@ -161,7 +161,7 @@ class Desk:
         """Title, scenario and nodes shown of every run."""
         if self.problem is None:
             return tuple((s.title, s, ()) for s in self.scenarios)
-        return tuple((e.record.name, e.scenario, tuple(o.node for o in e.observations)) for e in self.problem.experiments)
+        return tuple((e.record.name, e.bare, tuple(o.seat for o in e.observations)) for e in self.problem.experiments)
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
@@ -199,7 +199,7 @@ class Desk:
             (at, simulated), (seen, measured), (apart, rest) = (
                 thinned(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
             )
-            out.append(Curve(o.sensor, o.node, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
+            out.append(Curve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
         return RunCurves(bench.experiment.record.name, tuple(out))
 
 
