@@ -25,6 +25,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     """Return what a stage asks, with what it inherits laid under the parent's own [set]; of its deck, or of a model in its place."""
     where = source.where(f"stages.{k}")
     model = source.model(stage.model, where) if model is None else model
+    model = model.cut(*stage.untie) if isinstance(stage.untie, list) else model
     store, moving, remarks = _from_below(model, stage, done, where)
     model = store.on(model)
     store, hidden = store.acting_in(model)
@@ -47,7 +48,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         prior=tuple(prior),
         weights=stage.weights,
         knee=stage.knee,
-        untie=stage.untie,
+        untie=stage.untie is True,
         loss=stage.loss,
         search=stage.search,
         window=literal(stage.window, "s", where),
@@ -55,6 +56,8 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         remarks=(*remarks, *hidden, *counted_twice(store, prior, records)),
         seen=store.seen,
         readings=readings_of(stage.readings),
+        adequate=literal(stage.adequate, "K", f"{where}.adequate") if stage.adequate else 0.0,
+        accepted=stage.name in source.accepted,
     )
 
 

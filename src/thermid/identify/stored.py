@@ -70,7 +70,7 @@ def state_of(v: FittedValue, origin: Origin, model: Model, before: Store) -> Sta
     deck = _deck(model, v.path) if v.kind == "parameter" else ""
     return State(
         v.path, v.value, v.log, v.unit, v.bounds, origin, v.kind, paths, (), "", deck, history,
-        start=v.start, random=v.error_random, prior=v.prior,
+        standing=v.standing, start=v.start, random=v.error_random, prior=v.prior,
     )  # fmt: skip
 
 

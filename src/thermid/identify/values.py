@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.files import VALUES, write_text
 from thermid.knowledge.sources import KNOWN
+from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import State, Store
 from thermid.model.parameter import Parameter, exact
 from thermid.units import unit
@@ -44,6 +45,7 @@ class FittedValue:
                             (the constant error of a logged boundary or power), or 'level' (of a joint fit: a parameter of a level below,
                             which the uppermost model sets otherwise).
     also : tuple of str     Paths of other instances that share the value.
+    standing : Standing     How far it may be trusted: that of its fit.
     prior : (float, float)  Mean and standard deviation, fitted form, of the prior that its error already holds; None without.
     """
 
@@ -59,6 +61,7 @@ class FittedValue:
     kind: str = "parameter"
     prior: tuple[float, float] | None = None
     also: tuple[str, ...] = ()
+    standing: Standing = UNJUDGED
 
     def as_parameter(self) -> Parameter:
         """Return it as a parameter of a model."""
@@ -167,6 +170,15 @@ class FittedValues(Mapping[str, FittedValue]):
         return out
 
     @property
+    def standing(self) -> Standing:
+        """The worst standing among them; unjudged where there is none."""
+        return worst(v.standing for v in self.items_.values()) if self.items_ else UNJUDGED
+
+    def judged(self, standing: Standing) -> FittedValues:
+        """Return the values with another standing."""
+        return replace(self, items_={p: replace(v, standing=standing) for p, v in self.items_.items()})
+
+    @property
     def parameters(self) -> dict[str, FittedValue]:
         """Those that are parameters of a model."""
         return {p: v for p, v in self.items_.items() if v.kind == "parameter"}
@@ -193,6 +205,7 @@ class FittedValues(Mapping[str, FittedValue]):
         document.add(tomlkit.comment("Fitted values. Written by thermid; the decks stay as their authors wrote them."))
         document.add("schema", 1)
         document.add("stage", self.stage)
+        document.add("standing", self.standing.kept())
         document.add("provenance", dict(self.provenance))
         table = tomlkit.table(is_super_table=True)
         for name, v in self.items_.items():
@@ -228,7 +241,7 @@ def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
     for s in states:
         name, *also = s.acts or (s.path,)
         numbers = (s.value, store.error(s.path), s.random, s.log, s.unit, s.start, s.bounds)
-        items[name] = FittedValue(name, *numbers, _words(s), s.kind, s.prior, tuple(also))
+        items[name] = FittedValue(name, *numbers, _words(s), s.kind, s.prior, tuple(also), s.standing)
     return FittedValues(stage, items, covariance, store.provenance.get(stage, {}))
 
 
@@ -256,6 +269,7 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
         raise DeckError(f"there is no values file '{target.name}'. Run the calibration first.")
     try:
         data = tomllib.loads(target.read_text(encoding="utf-8"))
+        standing = Standing.read(data["standing"]) if "standing" in data else UNJUDGED
         items = {
             name: FittedValue(
                 name,
@@ -270,6 +284,7 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
                 v["kind"],
                 (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None,
                 tuple(v.get("also", ())),
+                standing,
             )
             for name, v in data["values"].items()
         }

@@ -244,7 +244,13 @@ class Store:
             layers.setdefault((s.at, str(s.origin)), {}).update(dict.fromkeys(s.paths, s))
         for (at, origin), values in sorted(layers.items(), key=lambda item: -_depth(item[0][0])):
             ahead = len(at) + 1 if at else 0
-            model = _laid(model, at, {p[ahead:]: s for p, s in values.items()}, origin)
+            inner = {p[ahead:]: s for p, s in values.items()}
+            part = model.submodel(at) if at else model
+            known = parameter_table(part)
+            missing = next((p for p in inner if part.canonical(p) not in known), None)
+            if missing is not None:
+                raise NameNotFoundError(f"{origin} gives '{missing}', which '{part.title}' does not have.{nearest(missing, known)}")
+            model = model.with_values(inner, origin, at=at)
         return model
 
     def acting_in(self, laid: Model) -> tuple[Store, tuple[str, ...]]:
@@ -256,6 +262,10 @@ class Store:
             remarks += [f"'{p}' is {table[p].parameter.text} by {table[p].origin}, which hides what {s.origin} found." for p in hidden]
             states[name] = replace(s, hidden=hidden)
         return replace(self, states=states), tuple(remarks)
+
+    def judged(self, now: Mapping[str, Standing]) -> Store:
+        """Return it with what is now thought of who gave its values, by their words (``stage 'name'``)."""
+        return replace(self, states={p: replace(s, standing=now.get(str(s.origin), s.standing)) for p, s in self.states.items()})
 
     def trimmed(self) -> Store:
         """Return it without sources that nothing responds to."""
@@ -339,22 +349,6 @@ def _combined(states: Sequence[State], rows: Array) -> tuple[State, Array]:
     history = tuple(dict.fromkeys(o for s in states for o in (*s.history, s.origin)))
     value = float(np.exp(fitted)) if states[0].log else fitted
     return replace(states[0], value=value, history=history), shares @ rows
-
-
-def _laid(model: Model, at: str, values: Mapping[str, State], origin: str) -> Model:
-    """Return the model with values laid over one of its parts, at any depth."""
-    if at:
-        head, _, rest = model.canonical(at).partition(".")
-        if head not in model.submodels:
-            raise NameNotFoundError(f"no submodel '{head}'.{nearest(head, model.submodels)}", model.title)
-        part = model.submodels[head]
-        inner = _laid(part.model, rest, values, origin)
-        return replace(model, submodels={**model.submodels, head: replace(part, model=inner, definition=inner.identity())})
-    known = parameter_table(model)
-    missing = next((p for p in values if model.canonical(p) not in known), None)
-    if missing is not None:
-        raise NameNotFoundError(f"{origin} gives '{missing}', which '{model.title}' does not have.{nearest(missing, known)}")
-    return model.with_values(values, origin)
 
 
 def _depth(part: str) -> int:

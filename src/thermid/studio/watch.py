@@ -42,7 +42,7 @@ class Watch:
         return True
 
     def _beside(self) -> list[Path]:
-        """Return the decks, scenarios, plans and tables that may belong to the file: in its folder, those in it, and the one above; and the logs of patterns."""
+        """Return what may belong to the file: decks, scenarios, plans and tables of its folder, those inside and the one above; logs."""
         folder, root = self._path.parent, project_root(self._path.parent)
         found = [*folder.glob("*.toml"), *folder.glob("*/*.toml"), *(folder.parent.glob("*.toml") if folder != root else ())]
         found += [f for pattern in self._patterns for f in _matching(pattern)]

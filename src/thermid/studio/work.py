@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from thermid.errors import DeckError, ThermidError
@@ -105,7 +105,7 @@ class Work:
 
             found = run_course(self.shelf, desk, course, values, asked, told)
             _going(j)
-            self.outcome = found
+            self.outcome = found if course.kind == "test" else replace(found, doubt=self._project.states[stage].because)
 
         return self._start("scenario", stage, job)
 
