@@ -311,7 +311,8 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     Raises
     ------
     DeckError       When two different submodels would be written to one file.
-    OutputError     When a deck is there that thermid did not write, or that was changed since; one that is like itself may be saved in its place.
+    OutputError     When a deck is there that thermid did not write, or that was changed since; the deck that `like` names may be
+                    overwritten.
     """
     from thermid.model.save import write
 
