@@ -49,6 +49,7 @@ def key_of(request: Request, below: list[str]) -> str:
         "weights": sorted(request.weights.items()),
         "prior": request.prior,
         "below": below,
+        **({"hand": repr(list(request.hand.states.values())) + repr(request.hand.root.tolist())} if request.hand is not None else {}),
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()
 

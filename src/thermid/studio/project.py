@@ -21,10 +21,12 @@ from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
 from thermid.identify.staging import request_of
 from thermid.identify.swap import plan_retune
-from thermid.identify.values import FittedValue, FittedValues
+from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.store import Origin, State, Store
+from thermid.knowledge.values_file import save_store
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
-from thermid.model.resolve import ParameterSet
+from thermid.model.resolve import ParameterSet, deck_text, parameter_table
 from thermid.network.network import compile_network
 from thermid.reporting.cells import Table
 from thermid.reporting.tables import levels
@@ -237,21 +239,22 @@ class Project:
         if not stem.strip("_"):
             raise DeckError("give the values a name of letters and digits.", "save")
         desk = self.desk(name)
-        items = {}
+        states: dict[str, State] = {}
+        origin, table = Origin("hand", f"{name}, by hand"), parameter_table(desk.model)
         for s in desk.sliders:
             if s.path in values:
                 of = unit(s.unit)
-                si = [v * float(of.factor) + float(of.offset) for v in (values[s.path], s.value, s.low, s.high)]
-                items[s.path] = FittedValue(
-                    s.path, si[0], np.inf, np.inf, s.log, s.unit, si[1], (si[2], si[3]), f"tuned by hand, '{name}'", also=s.also
-                )
-        if not items:
+                value, start, *ends = (v * float(of.factor) + float(of.offset) for v in (values[s.path], s.value, s.low, s.high))
+                more = {"paths": (s.path, *s.also), "deck": deck_text(table[s.path]), "start": start, "known": False}
+                states[s.path] = State(s.path, value, s.log, s.unit, (ends[0], ends[1]), origin, **more)  # type: ignore[arg-type]
+        if not states:
             raise DeckError("no value was moved, so there is nothing to save.", "save")
         self.results.mkdir(parents=True, exist_ok=True)
         target, k = self.results / f"{stem}.values.toml", 2
         while target.exists():
             target, k = self.results / f"{stem}_{k}.values.toml", k + 1
-        FittedValues(f"{name}, by hand", items, np.diag(np.full(len(items), np.inf))).save(target)
+        left = tuple(LeftOut(f"'{p}' was tuned by hand without an error") for p in states)
+        save_store(Store(states, root=np.zeros((len(states), 0)), left_out=left), target, origin.stage)
         return target
 
     def swap(self, part: str, deck: str) -> RetunePlan:
