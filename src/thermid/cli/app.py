@@ -320,6 +320,9 @@ def calibrate(
         typer.echo(json.dumps(campaign_object(result, [f.name for f in files])))
     else:
         typer.echo(str(result))
+        for stage, changed in result.changed.items():
+            if changed:
+                typer.echo(f"\nfitted again: {stage}; changed since the results were kept: {', '.join(changed)}")
         typer.echo(f"\nvalues: {', '.join(f.name for f in files)}")
     raise SystemExit(0 if result.passed else 1)
 

@@ -153,6 +153,8 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
     DeckError   When it is missing, is no values file, or was changed by hand.
     """
     target, data = Path(path), read_values(path)
+    if not data:
+        raise DeckError("this is no values file of thermid: it is empty.", target.name)
     if "schema" not in data:
         raise DeckError(
             "this file was written by hand: its units and bounds are those of a deck. Lay it over one by --values, or give it to a stage "
@@ -162,7 +164,7 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
     try:
         store = _read(data) if data["schema"] != 1 else _read_old(data)
         stage = str(data["stage"])
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise DeckError(f"this is no values file of thermid: {error}.", target.name) from None
     for name, v in data["values"].items():
         own, said = store.error(name), float(v["error"])

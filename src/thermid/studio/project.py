@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
-from thermid.identify.cache import file_name, recall, remember
+from thermid.identify.cache import changed_since, file_name, recall, remember
 from thermid.identify.calibrate import fit, fit_problem
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.gather import problem_for
-from thermid.identify.keys import key_of
+from thermid.identify.keys import keyed
 from thermid.identify.request import Request
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
@@ -67,6 +67,7 @@ class Project:
         self.states: dict[str, StageState] = {name: StageState(name, "waiting", "not looked at yet") for name in self.stages}
         self._requests: dict[str, Request] = {}
         self._keys: dict[str, str] = {}
+        self._made_of: dict[str, dict[str, str]] = {}
         self._desks: dict[str, Desk] = {}
         self._levels: tuple[dict[str, Calibration], Table] | None = None
 
@@ -143,7 +144,8 @@ class Project:
             return self._set(StageState(name, "failed", str(error), direct))
         if kept is None:
             ran = found is not None or (self.results / f"{file_name(name)}.fit.json").is_file()
-            why = "its model, logs, request or the stages below changed since it was run" if ran else "never run"
+            changed = ", ".join(changed_since(self.results, name, self._made_of[name]))
+            why = f"changed since it was run: {changed}" if changed else "to be run again" if ran else "never run"
             return self._set(StageState(name, "stale" if ran else "new", why, direct))
         return self._finish(name, fit(request, None, kept))
 
@@ -158,7 +160,8 @@ class Project:
             raise DeckError("a deck has no stage to run: nothing was measured. Open a campaign.", self.path.name)
         found = fit(self._request(name), told)
         if found.converged:
-            remember(self.results, name, self._keys[name], list(found.fitted), np.array(list(found.fitted.values())))
+            ended = np.array(list(found.fitted.values()))
+            remember(self.results, name, self._keys[name], list(found.fitted), ended, self._made_of[name])
             found.save(self.results / f"{file_name(name)}.values.toml")
         for above in self.stages:
             if name in self.below(above):
@@ -299,9 +302,8 @@ class Project:
             missing = [n for i in stage.inherit.values() for n in i.stages if n not in self.done]
             if missing:
                 raise DeckError(f"takes values of '{missing[0]}', which is not done; run that first.", name)
-            request = request_of(self.source, stage, k, self.done)
-            self._keys[name] = key_of(request, [self._keys[n] for i in stage.inherit.values() for n in i.stages])
-            self._requests[name] = request
+            request, self._made_of[name] = keyed(request_of(self.source, stage, k, self.done), stage, self._keys)
+            self._keys[name], self._requests[name] = request.key, request
         return self._requests[name]
 
     def _finish(self, name: str, found: Calibration, unchanged: bool = False) -> StageState:

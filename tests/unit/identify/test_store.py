@@ -175,7 +175,9 @@ def test_of_two_states_of_one_value_the_nearer_to_the_root_holds_and_equals_are_
     both, remarks = graft(whole, [("s", pair), ("s.p", again)])
     assert both[f"s.p.{G}"].origin.stage == "component"
     assert remarks == (f"'s.p.{G}': stage 'component' wins over stage 'other', which is further from the root.",)
-    with pytest.raises(DeckError, match="stage 'component' and stage 'other' both give 's.p.g.conductance', and neither knew of the other"):
+    with pytest.raises(
+        DeckError, match=r"stage 'component' and stage 'other' both give 's\.p\.g\.conductance', and neither knew of the other"
+    ):
         graft(whole, [("s.p", component), ("s.p", again)])
 
 
