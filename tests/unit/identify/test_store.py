@@ -34,7 +34,8 @@ def three_levels(folder: Path, inherit: str = 'as = "fixed"', **more: str) -> Ca
         stage_table("whole", WHOLE, [E], f's = {{ stage = "pair", {inherit} }}', more.get("whole", "")),
     ]
     path = folder / "campaign.toml"
-    path.write_text("\n".join(['title = "Three levels"', *map(record_table, (COMPONENT, PAIR, WHOLE)), *stages]))
+    tables = [record_table(p, accuracy=more.get("accuracy", "")) for p in (COMPONENT, PAIR, WHOLE)]
+    path.write_text("\n".join(['title = "Three levels"', *tables, *stages, more.get("after", "")]))
     return run_stages(path)
 
 
@@ -193,3 +194,73 @@ def test_grafting_is_associative_and_its_order_does_not_matter(tmp_path: Path) -
         assert set(other.states) == set(once.states)
         assert {p: replace(s, at="") for p, s in other.states.items()} == {p: replace(s, at="") for p, s in once.states.items()}
         assert other.covariance(once.states) == pytest.approx(once.covariance(once.states), rel=1e-12)
+
+
+WAYS = {"fixed": ("fixed", "fixed"), "prior": ("prior", "prior"), "mixed": ("fixed", "prior"), "turned": ("prior", "fixed")}
+
+
+def measured(folder: Path, ways: tuple[str, str], seed: int = 1, bias: dict[str, float] | None = None) -> Campaign:
+    """The three levels with channels good to 0.2 K, AIR one instrument of all logs, and a second branch above the component."""
+    branch = joined("branch", {"q": COMPONENT}, (0.35, 0.30))
+    root = joined("root", {"s": PAIR, "t": branch}, (0.30, 0.30, 0.25))
+    folder.mkdir(exist_ok=True)
+    write_decks(folder, root)
+    write_logs(folder, (COMPONENT, PAIR, branch, root), seed=seed, bias=bias)
+    low, high = ways
+    stages = [
+        stage_table("component", COMPONENT, [G]),
+        stage_table("pair", PAIR, [J], f'p = {{ stage = "component", as = "{low}" }}'),
+        stage_table("branch", branch, ["to_q.conductance"], f'q = {{ stage = "component", as = "{high}" }}'),
+        stage_table("root", root, [E], f's = {{ stage = "pair", as = "{high}" }}, t = {{ stage = "branch", as = "{low}" }}'),
+    ]
+    tables = [record_table(p, accuracy="0.2 [K]") for p in (COMPONENT, PAIR, branch, root)]
+    (folder / "campaign.toml").write_text("\n".join(['title = "Measured"', *tables, *stages]))
+    return run_stages(folder / "campaign.toml")
+
+
+@pytest.mark.parametrize("ways", WAYS.values(), ids=WAYS)
+def test_values_move_with_the_error_of_an_instrument_as_their_rows_say(tmp_path: Path, ways: tuple[str, str]) -> None:
+    """AIR reads too much in every log: each value of each stage moves by its response to that one accuracy."""
+    size = 0.02
+    plain, wrong = measured(tmp_path / "a", ways), measured(tmp_path / "b", ways, bias={"AIR": size})
+    compared = 0
+    for stage, fit in plain.stages.items():
+        names = [p for p, s in fit.store.states.items() if s.known]
+        (column,) = [k for k, s in enumerate(fit.store.sources) if s.name == "accuracy: AIR error"]
+        truth = np.array([-size * (p == "AIR error") for p in names])  # what must be added to the readings
+        moved = np.array([wrong[stage].store[p].fitted - fit.store[p].fitted for p in names]) - truth
+        expected = fit.store.rows(names)[:, column] * size / 0.2
+        sure = np.sqrt(np.diag(fit.store.covariance(names)))
+        np.testing.assert_allclose(moved / sure, expected / sure, atol=0.01)
+        compared += len(names)
+    assert compared > 15
+
+
+def test_priors_over_three_levels_are_as_wide_as_one_joint_fit(tmp_path: Path) -> None:
+    found = three_levels(tmp_path, 'as = "prior"', accuracy="0.2 [K]", after="[joint]\n")
+    joint, top = found.joint, found["whole"]
+    assert joint is not None
+    for path in (E, f"s.{J}", f"s.p.{G}"):
+        assert top[path].error == pytest.approx(joint[path].error, rel=0.10)
+        assert abs(top[path].value - joint[path].value) < joint[path].error
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("ways", WAYS.values(), ids=WAYS)
+def test_the_covariance_by_rows_is_that_of_repeats(tmp_path: Path, ways: tuple[str, str]) -> None:
+    """150 repeats of all logs, with other noise and other instruments."""
+    rng = np.random.default_rng(5)
+    sensors = ("T_n", "T_body", "T_p_n", "T_q_n", "T_s_body", "T_t_body", "T_s_p_n", "T_t_q_n", "AIR")
+    last = [E, f"s.p.{G}", f"s.{J}"]
+    draws, told = [], None
+    for k in range(150):
+        bias = {s: float(b) for s, b in zip(sensors, 0.2 * rng.standard_normal(len(sensors)), strict=True)}
+        store = measured(tmp_path / str(k), ways, seed=10 * k + 1, bias=bias)["root"].store
+        told = store.covariance(last) if told is None else told
+        draws.append([store[p].fitted for p in last])
+    assert told is not None
+    seen = np.cov(np.array(draws).T)
+    ratio = np.sqrt(np.diag(seen) / np.diag(told))
+    assert np.all(np.abs(ratio - 1.0) < 0.2), ratio  # 150 repeats know a standard deviation to 6 %
+    alike = [c / np.sqrt(np.outer(np.diag(c), np.diag(c))) for c in (seen, told)]
+    np.testing.assert_allclose(alike[0], alike[1], atol=0.2)

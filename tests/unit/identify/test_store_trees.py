@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from thermid.errors import IdentificationError
 from thermid.identify.stages import run_stages
 from thermid.knowledge.values_file import load_store
 from unit.identify.trees import Part, joined, leaf, record_table, stage_table, write_decks, write_logs
@@ -199,5 +200,14 @@ def test_nothing_is_lost_on_the_way_up(tmp_path: Path, seed: int) -> None:
 
 @pytest.mark.campaign
 def test_nothing_is_lost_on_the_way_up_in_two_hundred_trees(tmp_path: Path) -> None:
-    seen = [check_nothing_is_lost(seed, tmp_path / str(seed)) for seed in range(200) if (tmp_path / str(seed)).mkdir() is None]
+    seen, refused, seed = [], 0, 0
+    while len(seen) < 200:
+        (tmp_path / str(seed)).mkdir()
+        try:
+            seen.append(check_nothing_is_lost(seed, tmp_path / str(seed)))
+        except IdentificationError:  # what the campaign leaves at its deck misleads a fit so far that it is refused: another tree is drawn
+            refused += 1
+        seed += 1
     assert sum(seen) > 300
+    assert refused < 20
+    print(f"{len(seen)} trees, {sum(seen)} inherited values, 0 lost; {refused} further campaigns were refused")
