@@ -37,9 +37,9 @@ def predict(
     """Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."""
     from thermid.cli.app import _with_unit
     from thermid.errors import ScenarioError
-    from thermid.identify.predict import predict as run
     from thermid.identify.stages import run_stages
     from thermid.model.signal import literal
+    from thermid.prediction.predict import predict as run
     from thermid.simulation.scenario import load_scenario
 
     if scenario is None:

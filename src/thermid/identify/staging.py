@@ -13,6 +13,7 @@ from thermid.errors import NameNotFoundError, nearest
 from thermid.identify.cache import in_full
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, local_of, scenario_of
+from thermid.identify.discrepancy import KEY, discrepancy_kept
 from thermid.identify.inherit import counted_twice
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.selection import freed, priors_of
@@ -151,7 +152,9 @@ def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
     items = {prefix + p if v.kind == "parameter" else p: replace(v, also=tuple(prefix + q for q in v.also)) for p, v in values.items()}
     conditions = {prefix + p: at for p, at in values.provenance.get("conditions", {}).items()}
     misfit = {prefix + n: size for n, size in values.provenance.get("misfit", {}).items()}
-    return replace(values, items_=items, provenance={**values.provenance, "conditions": conditions, "misfit": misfit})
+    kept = discrepancy_kept(values)
+    structural = {KEY: kept.under(prefix).to_dict()} if kept is not None else {}
+    return replace(values, items_=items, provenance={**values.provenance, "conditions": conditions, "misfit": misfit, **structural})
 
 
 def _channel_key(c: Channel) -> list[Any]:

@@ -13,7 +13,8 @@ from thermid.model.resolve import ParameterSet, parameter_table
 from thermid.model.signal import literal
 from thermid.network.network import compile_network
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
-from thermid.qualify.foresight import Foresight, Known
+from thermid.prediction.known import Known
+from thermid.qualify.foresight import Foresight
 from thermid.simulation.simulator import prepare
 from thermid.units import TEMPERATURE
 

@@ -13,8 +13,8 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
 from thermid.identify.coefficients import coefficient_path, constant_coefficients
-from thermid.identify.further import MISFIT
 from thermid.network.network import compile_network
+from thermid.prediction.structural import MISFIT
 from thermid.qualify.assumptions import Assumption, effects, ranked, uncounted
 from thermid.qualify.foresight import IN_TESTS, widened
 from thermid.qualify.limits import Limits
@@ -27,7 +27,7 @@ from thermid.qualify.trying import tried
 from thermid.units import counted
 
 if TYPE_CHECKING:
-    from thermid.qualify.foresight import Known
+    from thermid.prediction.known import Known
 
 __all__ = ["Qualification", "run_plan"]
 

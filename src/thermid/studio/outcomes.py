@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
-from thermid.identify.prediction import Band
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.known import Known
+from thermid.prediction.prediction import Band
 from thermid.qualify.conduct import run_profile
-from thermid.qualify.foresight import Known, foresee
+from thermid.qualify.foresight import foresee
 from thermid.qualify.limit_checks import LimitCheck, check_limits, times_in_state
 from thermid.qualify.limits import STATES, Limits
 from thermid.qualify.margins import Margin, margins

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.identify.further import MISFIT
 from thermid.identify.values import load_values
+from thermid.prediction.structural import MISFIT
 from thermid.qualify.foresight import IN_TESTS, widened
 from unit.qualify.things import UNIT, soak, unit
 
@@ -57,7 +57,7 @@ def test_members_differ_by_it_and_by_nothing_else_besides(fit: td.Calibration) -
     assert np.ptp(more, axis=1).max() < 1e-9
     assert more[:, 0].std() == pytest.approx(fit.values.provenance["misfit"]["proc"], rel=0.1)
     again = td.uncertain_runs(unit(), soak(40.0), fit.values, n=100, seed=3, nodes=["proc", "ele"])
-    assert np.array_equal(again.of("proc"), with_.of("proc")[:100])
+    assert np.array_equal(again.of("proc")[:96], with_.of("proc")[:96])  # whole groups of members that step together
     counted, plain = (td.hold(r, {"proc": "52 [degC]"}) for r in (with_, without))
     assert counted.discrepancy == pytest.approx(fit.values.provenance["misfit"]["proc"])
     assert "the model's discrepancy is counted: " in str(counted)

@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, nearest
+from thermid.knowledge.sources import LeftOut
 from thermid.measure.amounts import short
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.omitted import first_line
 from thermid.simulation.wholefile import whole
 
 __all__ = ["Band", "Estimate", "Prediction"]
@@ -67,8 +69,8 @@ class Band:
 
     @property
     def kelvin(self) -> Array:
-        """Expected temperatures (times,). [K]"""
-        return self.simulated + self.shift
+        """Expected temperatures (times,): the mean of the members where there are some. [K]"""
+        return self.simulated + self.shift if self.members is None else np.asarray(self.members.mean(axis=1))
 
     @property
     def celsius(self) -> Array:
@@ -120,6 +122,8 @@ class Prediction:
     settled : dict              Node -> Estimate with the inputs of the end held for good; empty where nothing settles.
     causes : dict               Cause -> what it stands for, in words.
     warnings : tuple of str     What a reader must know.
+    left_out : tuple of LeftOut What the bands do not count.
+    least : float               Standard error beside which that is to be seen. [K]
     """
 
     title: str
@@ -130,6 +134,13 @@ class Prediction:
     causes: Mapping[str, str]
     warnings: tuple[str, ...] = ()
     _find: Mapping[str, str] = field(default_factory=dict, repr=False)
+    left_out: tuple[LeftOut, ...] = ()
+    least: float = 0.0
+
+    @property
+    def not_counted(self) -> str:
+        """What a reader must know first: what the bands do not count and could matter; empty where nothing is."""
+        return first_line(self.left_out, self.least)
 
     def __getitem__(self, node: str) -> Band:
         """Return the band of a node; aliases are accepted.
@@ -167,6 +178,7 @@ class Prediction:
             "scenario": self.scenario,
             "nodes": nodes,
             "causes": dict(self.causes),
+            "left_out": [{"what": x.what, "kelvin": x.kelvin if np.isfinite(x.kelvin) else None} for x in self.left_out],
             "warnings": list(self.warnings),
         }
 
@@ -184,6 +196,7 @@ class Prediction:
         """Return the end of the run as a table, and what the variance comes from."""
         width = max([4, *(len(n) for n in self.bands)])
         lines = [f"{self.title}, {self.scenario}: temperature +- one standard error, and the band that holds the truth in 95 of 100 cases"]
+        lines = [*([self.not_counted] if self.not_counted else []), *lines]
         for name, band in self.bands.items():
             e = band.final
             steady = self.settled.get(name)
