@@ -117,8 +117,9 @@ class StageTable(_Strict):
     loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"
     knee: float = Field(1.0, gt=0.0)
     search: Literal["auto", "local", "multistart", "differential evolution", "cma"] = "auto"
-    untie: bool = False
+    untie: bool | list[str] = False
     window: str = "0 [s]"
+    adequate: str = ""
     note: str = ""
 
 
@@ -157,6 +158,7 @@ class CampaignFile(_Strict):
     stages: list[StageTable]
     joint: JointTable | None = None
     verdicts: list[VerdictTable] = []
+    accept: list[str] = []
 
     @property
     def joint_table(self) -> JointTable:

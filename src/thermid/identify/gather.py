@@ -14,7 +14,6 @@ from thermid.identify.residuals import Problem
 from thermid.identify.sensor_parts import gain_of, instruments
 from thermid.identify.starts import first_reading
 from thermid.identify.ticks import clock_unknowns
-from thermid.identify.ties import tied
 from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
 from thermid.knowledge.sources import read_spread
 from thermid.model.signal import Constant, Table
@@ -83,13 +82,14 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
     wanted = [*request.free, *(p for v in request.inherited for p in v.parameters)]
     priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
     finishes = {flat.parameters.literal_behind(path): finish(named) for path, named in flat.finishes.items()}
+    shared = request.shared
     unknowns: dict[str, Unknown] = {}
     taken: set[str] = set()
     for raw in wanted:
         path = flat.parameters.freeable(raw, request.model.canonical)
         if path in taken:
             continue
-        group = (path,) if request.untie else tied(request.model, flat.parameters, path)
+        group = tuple(p for p in shared.get(path, (path,)) if flat.parameters.table[p].parameter.is_literal)
         taken |= set(group)
         unknown = _parameter(group, experiments)
         if path in priors:

@@ -291,7 +291,7 @@ def _from_records(of: Calibration, surfaces: Sequence[FlatConductor]) -> dict[st
     """Return surface -> mean temperatures of surface and gas over the records with gas, weighted by their difference. [K]"""
     sums = {c.path: np.zeros(3) for c in surfaces}
     for e in of.experiments:
-        solution = simulate(of.fitted_model, e.scenario, times=e.times)
+        solution = simulate(of.fitted_model, e.bare, times=e.times)
         media = e.scenario.media()
         for c in surfaces:
             if media.empty(c.gas):
