@@ -25,7 +25,7 @@ def predict(
     scenario: Annotated[Path | None, typer.Option("--scenario", help="A scenario (TOML).")] = None,
     spread: Annotated[
         list[str],
-        typer.Option("--spread", help="NAME=STANDARD DEVIATION of what is not known exactly, such as air='1 [K]' or scale.heater='2 [%]'."),
+        typer.Option("--spread", help="NAME=SPREAD of what is not known exactly, such as air='1 [K]' or scale.heater='2 [%]'."),
     ] = [],  # noqa: B006
     at: Annotated[list[str], typer.Option("--at", help="A time to report, such as '1 [h]'; may be repeated.")] = [],  # noqa: B006
     draws: Annotated[int, typer.Option("--draws", min=0, help="Members drawn, for spreads so wide that derivatives do not do.")] = 0,
@@ -68,14 +68,19 @@ def predict(
         typer.echo(f"  at {t:g} s: " + ", ".join(f"{n} {b.at(t)}" for n, b in predicted.bands.items()))
 
 
-def _spreads(given: list[str]) -> dict[str, str]:
-    """Return ``NAME=SD`` options as a dictionary."""
+def _spreads(given: list[str]) -> dict[str, Any]:
+    """Return ``NAME=SPREAD`` options as a dictionary; a spread in braces is read as an inline table."""
+    import tomllib
+
     from thermid.errors import ScenarioError
 
-    out = {}
+    out: dict[str, Any] = {}
     for text in given:
         name, equals, value = text.partition("=")
         if not equals or not name.strip() or not value.strip():
-            raise ScenarioError(f"'{text}' must be written as NAME=STANDARD DEVIATION, such as air=1 [K].", "--spread")
-        out[name.strip()] = value.strip()
+            raise ScenarioError(f"'{text}' must be written as NAME=SPREAD, such as air=1 [K].", "--spread")
+        try:
+            out[name.strip()] = tomllib.loads(f"x = {value}")["x"] if value.lstrip().startswith("{") else value.strip()
+        except tomllib.TOMLDecodeError as error:
+            raise ScenarioError(f"'{value}' is no table such as {{ low = '-2 [K]', high = '2 [K]' }}: {error}", "--spread") from None
     return out
