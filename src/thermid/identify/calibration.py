@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from thermid.identify.residuals import Block, Predictions, Problem
 from thermid.identify.sensors import instrument_shares, sensor_shares
 from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
+from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.measure.amounts import short
 from thermid.model.identity import cuts_of
 from thermid.model.model import Model
@@ -72,6 +73,9 @@ class Calibration:
     search : str                What was looked at beyond one descent; empty for nothing.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
     wander : Wander or None     How the residuals wander.
+    own : Standing              How far the fit may be trusted by itself.
+    rests : dict                Who gave values that the fit rests on (``stage 'name'``) -> their standing.
+    verdict : Standing or None  What failed verdicts on it make of it.
     """
 
     stage: str
@@ -97,6 +101,19 @@ class Calibration:
     moved: Moves = field(default_factory=Moves)
     wander: Wander | None = field(default=None, repr=False)
     search: str = ""
+    own: Standing = UNJUDGED
+    rests: Mapping[str, Standing] = field(default_factory=dict)
+    verdict: Standing | None = None
+
+    @property
+    def standing(self) -> Standing:
+        """How far the fit may be trusted: by itself, by the worst of the values that it rests on, and by verdicts."""
+        return worst([self.own, *self.rests.values(), *([self.verdict] if self.verdict is not None else [])])
+
+    def judged(self, rests: Mapping[str, Standing], verdict: Standing | None) -> Self:
+        """Return the fit with what verdicts made of it and of what it rests on; its values say the same."""
+        made = replace(self, rests=rests, verdict=verdict)
+        return replace(made, values=self.values.judged(made.standing))
 
     @property
     def fitted_model(self) -> Model:

@@ -119,6 +119,7 @@ class StageTable(_Strict):
     search: Literal["auto", "local", "multistart", "differential evolution", "cma"] = "auto"
     untie: bool | list[str] = False
     window: str = "0 [s]"
+    adequate: str = ""
     note: str = ""
 
 
@@ -157,6 +158,7 @@ class CampaignFile(_Strict):
     stages: list[StageTable]
     joint: JointTable | None = None
     verdicts: list[VerdictTable] = []
+    accept: list[str] = []
 
     @property
     def joint_table(self) -> JointTable:

@@ -15,7 +15,8 @@ from thermid.identify.sensor_parts import gain_of, instruments
 from thermid.identify.starts import first_reading
 from thermid.identify.ticks import clock_unknowns
 from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
-from thermid.model.signal import Constant, Table, literal
+from thermid.knowledge.sources import read_spread
+from thermid.model.signal import Constant, Table
 from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
 
@@ -112,15 +113,14 @@ def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unkno
 
 
 def prior_of(unknown: Unknown, texts: tuple[str, str]) -> Prior:
-    """Return a prior in the fitted form of an unknown."""
+    """Return a prior in the fitted form of an unknown: mean (empty: the start) and standard deviation as texts; see `read_spread`."""
     where = f"priors.{unknown.name}"
     slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
-    mean = literal(texts[0], slot, where) if texts[0] else unknown.start
-    relative = texts[1].rstrip(" ]").endswith("%")
-    sd = abs(mean) * literal(texts[1], "1", where) if relative else literal(texts[1], "K" if slot == TEMPERATURE else slot, where)
-    if sd <= 0 or (unknown.log and mean <= 0):
+    law = read_spread(({"mean": texts[0]} if texts[0] else {}) | {"sd": texts[1]}, slot, unknown.start, where)
+    if law.variance <= 0 or (unknown.log and law.mean <= 0):
         raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", where)
-    return Prior(math.log(mean), sd / mean) if unknown.log else Prior(mean, sd)
+    sd = math.sqrt(law.variance)
+    return Prior(math.log(law.mean), sd / law.mean) if unknown.log else Prior(law.mean, sd)
 
 
 def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:

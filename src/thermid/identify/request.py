@@ -10,6 +10,7 @@ from typing import Any
 from thermid.errors import IdentificationError, ThermidError, nearest
 from thermid.identify.starts import first_reading
 from thermid.identify.values import FittedValues
+from thermid.knowledge.standing import Standing
 from thermid.measure import Record
 from thermid.model.identity import local_identities
 from thermid.model.model import Model
@@ -105,6 +106,9 @@ class Request:
     remarks : tuple of str          What a reader of the result must know before the fit has begun.
     fit_start : bool                Whether observed nodes' initial temperatures are looked for; else their first readings stand.
     options : Options               The integrator's.
+    adequate : float                Standard deviation that the autocorrelated part of residuals may have; 0 for the usual limits. [K]
+    accepted : bool                 Whether the campaign accepts the stage as it is, whatever its standing.
+    instruments : dict              Who found errors of instruments that are priors here -> names of these, and their standing.
     held : tuple                    FittedValues of stages below that the model holds as they were found, under their paths here.
     """
 
@@ -132,6 +136,9 @@ class Request:
     fit_start: bool = True
     options: Options = FITTING
     held: tuple[FittedValues, ...] = ()
+    adequate: float = 0.0
+    accepted: bool = False
+    instruments: Mapping[str, tuple[frozenset[str], Standing]] = field(default_factory=dict)
 
     @property
     def shared(self) -> Mapping[str, tuple[str, ...]]:

@@ -18,6 +18,7 @@ from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.selection import freed, priors_of
 from thermid.identify.steady_points import steady_points
 from thermid.identify.values import FittedValues
+from thermid.knowledge.standing import Standing
 from thermid.measure import Channel
 from thermid.model.model import Model
 from thermid.model.resolve import parameter_table
@@ -40,6 +41,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     bias_priors: dict[str, tuple[float, float]] = {}
     seen: dict[str, str] = {}
     remarks: list[str] = []
+    instruments: dict[str, tuple[frozenset[str], Standing]] = {}
     for part, inherit in stage.inherit.items():
         for name in inherit.stages:
             below = done[name]
@@ -49,6 +51,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
             hidden = _shadowed(model, prefix, values)
             remarks += hidden.values()
             seen |= below.seen
+            instruments[_origin(values)] = (_told_of(values, inherit.as_ == "prior"), values.standing)
             if inherit.as_ == "prior":
                 # a second part takes the same values, but what they say of sensors counts once
                 values = values.only([p for p in values.parameters if p not in hidden])
@@ -89,7 +92,16 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         seen=seen,
         readings=readings_of(stage.readings),
         held=tuple(held),
+        adequate=literal(stage.adequate, "K", f"{where}.adequate") if stage.adequate else 0.0,
+        accepted=stage.name in source.accepted,
+        instruments=instruments,
     )
+
+
+def _told_of(values: FittedValues, prior: bool) -> frozenset[str]:
+    """Return the channels of whose instruments a stage below hands errors on: as a prior those of boundaries and powers too."""
+    shared = [p.removesuffix(" error") for p, v in values.items() if v.kind == "shared" and prior]
+    return frozenset((*values.sensors, *(p.rpartition(" of ")[2] for p, v in values.items() if v.kind == "instrument"), *shared))
 
 
 def _held(part: str, stage: str, values: FittedValues) -> list[str]:

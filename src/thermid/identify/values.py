@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.expression import Expression, Literal
+from thermid.files import VALUES, write_text
+from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.model.parameter import Parameter
 from thermid.units import unit
 
@@ -42,6 +44,7 @@ class FittedValue:
                             (the constant error of a logged boundary or power), or 'level' (of a joint fit: a parameter of a level below,
                             which the uppermost model sets otherwise).
     also : tuple of str     Paths of other instances that share the value.
+    standing : Standing     How far it may be trusted: that of its fit.
     prior : (float, float)  Mean and standard deviation, fitted form, of the prior that its error already holds; None without.
     """
 
@@ -57,6 +60,7 @@ class FittedValue:
     kind: str = "parameter"
     prior: tuple[float, float] | None = None
     also: tuple[str, ...] = ()
+    standing: Standing = UNJUDGED
 
     def as_parameter(self) -> Parameter:
         """Return it as a parameter of a model."""
@@ -175,6 +179,15 @@ class FittedValues(Mapping[str, FittedValue]):
         return out
 
     @property
+    def standing(self) -> Standing:
+        """The worst standing among them; unjudged where there is none."""
+        return worst(v.standing for v in self.items_.values()) if self.items_ else UNJUDGED
+
+    def judged(self, standing: Standing) -> FittedValues:
+        """Return the values with another standing."""
+        return replace(self, items_={p: replace(v, standing=standing) for p, v in self.items_.items()})
+
+    @property
     def parameters(self) -> dict[str, FittedValue]:
         """Those that are parameters of a model."""
         return {p: v for p, v in self.items_.items() if v.kind == "parameter"}
@@ -201,6 +214,7 @@ class FittedValues(Mapping[str, FittedValue]):
         document.add(tomlkit.comment("Fitted values. Written by thermid; the decks stay as their authors wrote them."))
         document.add("schema", 1)
         document.add("stage", self.stage)
+        document.add("standing", self.standing.kept())
         document.add("provenance", dict(self.provenance))
         table = tomlkit.table(is_super_table=True)
         for name, v in self.items_.items():
@@ -224,7 +238,7 @@ class FittedValues(Mapping[str, FittedValue]):
         document.add("covariance", [[float(x) for x in row] for row in self.covariance])
         if self.weights is not None:
             document.add("weights", [[float(x) for x in row] for row in self.weights])
-        Path(path).write_text(tomlkit.dumps(document), encoding="utf-8")
+        write_text(path, tomlkit.dumps(document), VALUES)
 
 
 def _finite(number: float) -> float | str:
@@ -244,6 +258,7 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
         raise DeckError(f"there is no values file '{target.name}'. Run the calibration first.")
     try:
         data = tomllib.loads(target.read_text(encoding="utf-8"))
+        standing = Standing.read(data["standing"]) if "standing" in data else UNJUDGED
         items = {
             name: FittedValue(
                 name,
@@ -258,6 +273,7 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
                 v["kind"],
                 (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None,
                 tuple(v.get("also", ())),
+                standing,
             )
             for name, v in data["values"].items()
         }

@@ -12,6 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
 from thermid.model.elements import Conductor, Enclosure, HeatLoad, Joint, Node, Surface
 from thermid.model.parameter import Parameter, parameter
+from thermid.model.standing import UNJUDGED
 
 if TYPE_CHECKING:
     from thermid.model.replacement import Replacement
@@ -207,7 +208,8 @@ class Model:
             given = value.as_parameter() if hasattr(value, "as_parameter") else parameter(value, path)
             old = known[path].parameter
             keep = {k: getattr(old, k) for k in ("minimum", "maximum") if getattr(given, k) is None}
-            layer[path] = replace(given, **keep, note=given.note or old.note)
+            standing = getattr(value, "standing", None) or UNJUDGED
+            layer[path] = replace(given, **keep, note=given.note or old.note, standing=standing)
             if hasattr(value, "as_parameter"):
                 shared.setdefault(id(value), []).append(path)
         if not layer:

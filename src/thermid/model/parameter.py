@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, get_args
 
 from thermid.errors import DeckError, ThermidError, UnitError
 from thermid.expression import Expression, parse
 from thermid.model.options import Source
+from thermid.model.standing import Standing
 from thermid.units import describe, unit
 
 __all__ = ["Parameter", "parameter"]
@@ -26,6 +27,8 @@ class Parameter:
     minimum, maximum : float    Bounds, or None. [SI]
     source : str                published, datasheet, derived, assumed, measured, or empty.
     note, basis : str           Free text: what it is, and what it rests on.
+    standing : Standing         How far a value that was laid over a model may be trusted; None for that of a deck. It is no part of what
+                                the value is: two that differ in it alone are equal.
     """
 
     expression: Expression
@@ -34,6 +37,7 @@ class Parameter:
     source: str = ""
     note: str = ""
     basis: str = ""
+    standing: Standing | None = field(default=None, compare=False, repr=False)
 
     @property
     def text(self) -> str:
