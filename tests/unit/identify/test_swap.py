@@ -18,10 +18,10 @@ from thermid.identify.calibrate import fit
 from thermid.identify.retune import _told_by
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
-from thermid.identify.touching import touching
 from thermid.knowledge.store import Store
 from thermid.model.modelfile import save_model
 from thermid.model.resolve import ParameterSet
+from thermid.model.touching import touching
 from unit.identify.bench import HTC, MASS, box, log, pair
 from unit.identify.project import CAMPAIGN, COOL, make_project, write_log
 
