@@ -29,7 +29,7 @@ return [document.documentElement.scrollWidth - wide, found.map((e) => e.outerHTM
 
 TOGETHER = """
 const out = [], number = (t) => Number(t.split(' ')[0].replace('\u2212', '-'));
-const press = (box, key, n = 1) => { while (n--) box.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true, shiftKey: false })); };
+const press = (box, key, n = 1) => { while (n--) box.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true })); };
 const read = (box) => {
   const rows = new Map([...box.querySelectorAll('.read > span')].map((r) => [r.children[0].textContent, r.children[1].textContent]));
   const names = ['measured', 'simulated', 'measured less simulated'];
