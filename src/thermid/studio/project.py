@@ -73,15 +73,17 @@ class Project:
         source = read_campaign(self.path, self._data) if "stages" in read_toml(self.path)[0] else None
         return source, source.content.title if source is not None else load_model(self.path).title
 
-    def read_again(self) -> None:
+    def read_again(self, changed: Collection[Path]) -> None:
         """Take the files as they are on disk now; every stage must be looked at again.
 
-        A fit whose model, logs and request are what they were stays done. A file that cannot be read leaves the project as it was, and
+        Logs are read again only where one of them, or the campaign, is among those that changed. A fit whose model, logs and request are what they were stays done. A file that cannot be read leaves the project as it was, and
         `broken` says why.
         """
         self.edition += 1
+        decks = self.source is not None and self.path not in changed and all(f.suffix == ".toml" for f in changed)
         try:
-            self.source, self.title = self._read()
+            if self.broken or not decks:
+                self.source, self.title = self._read()
             self.broken = ""
         except ThermidError as error:
             self.broken = str(error)
