@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from thermid.identify.coefficients import Course, Pattern
     from thermid.identify.wander import Wander
 
-__all__ = ["Discrepancy", "discrepancy", "discrepancy_kept", "misfit_kept", "with_discrepancy"]
+__all__ = ["Discrepancy", "discrepancy", "discrepancy_kept", "kept_in", "misfit_kept", "with_discrepancy"]
 
 Array = NDArray[np.float64]
 KEY = "structural"
@@ -99,19 +99,6 @@ class Discrepancy:
             tuple(data["separated"]),
         )
 
-    def under(self, prefix: str) -> Discrepancy:
-        """Return it under the paths of a model above, such as ``unit.``."""
-        return replace(
-            self,
-            conditions={prefix + p: c for p, c in self.conditions.items()},
-            means={(prefix + p, kind): m for (p, kind), m in self.means.items()},
-            sizes={(prefix + p, kind): s for (p, kind), s in self.sizes.items()},
-            names=tuple(n if " " in n else prefix + n for n in self.names),
-            misfit={prefix + n: s for n, s in self.misfit.items()},
-            surfaces={prefix + p: at for p, at in self.surfaces.items()},
-            separated=tuple(prefix + p for p in self.separated),
-        )
-
     @cached_property
     def root(self) -> Array:
         """A root L (patterns, directions) of the covariance of the patterns, ``L L'``."""
@@ -134,7 +121,7 @@ class Discrepancy:
         for k, (p, v) in enumerate(values.items()):
             error = float(np.sqrt(covariance[k, k])) * (abs(v.value) if v.log else 1.0)
             items[p] = replace(v, error=error)
-        return replace(values, items_=items, covariance=covariance, weights=values.covariance if values.weights is None else values.weights)
+        return replace(values, items_=items, covariance=covariance)
 
     def __str__(self) -> str:
         """Return where each coefficient was found."""
@@ -162,7 +149,12 @@ def discrepancy(fit: Calibration) -> Discrepancy:
 
 def discrepancy_kept(values: FittedValues) -> Discrepancy | None:
     """Return what fitted values keep of what their fit left open; None where they are of a file of before."""
-    kept = values.provenance.get(KEY)
+    return kept_in(values.provenance)
+
+
+def kept_in(provenance: Mapping[str, Any]) -> Discrepancy | None:
+    """Return what the provenance of a stage keeps; None where it is of a file of before."""
+    kept = provenance.get(KEY)
     return Discrepancy.from_dict(kept) if kept is not None else None
 
 
@@ -176,8 +168,8 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     seen = [found for (_, found), here in zip(runs, own, strict=True) if here]
     conditions = conditions_of(seen)
     decided = _decided(problem, list(fit.values.assignments))
-    below = {p: c for values in fit.held for p, c in found_at(values).items() if p in conditions and p not in decided}
-    conditions |= below
+    before = fit.request.store.provenance.values() if fit.request is not None else ()
+    conditions |= {p: c for known in before for p, c in _conditions(known).items() if p in conditions and p not in decided}
     ways = []
     for bench, (times, found), here in zip(problem.benches(), runs, own, strict=True):
         network = bench.wiring.network
@@ -193,7 +185,8 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     kept = Discrepancy(conditions, means, sizes, names, response[[place[n] for n in names]], misfit, _surfaces(seen), joints)
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
     provenance = {**fit.values.provenance, **({"conditions": known} if known else {}), "misfit": misfit, KEY: kept.to_dict()}
-    return replace(fit, values=replace(fit.values, provenance=provenance))
+    store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
+    return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 
 
 def _surfaces(seen: Sequence[Mapping[str, Course]]) -> dict[str, tuple[float, float]]:
@@ -224,7 +217,11 @@ def _decided(problem: Problem, paths: Sequence[str]) -> set[str]:
 
 def found_at(values: FittedValues) -> dict[str, Conditions]:
     """Return path of a conductor -> where its coefficient was found, as fitted values keep it."""
-    return {p: Conditions(float(d), float(t)) for p, (d, t) in values.provenance.get("conditions", {}).items()}
+    return _conditions(values.provenance)
+
+
+def _conditions(provenance: Mapping[str, Any]) -> dict[str, Conditions]:
+    return {p: Conditions(float(d), float(t)) for p, (d, t) in provenance.get("conditions", {}).items()}
 
 
 def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequence[Pattern]], keys: Sequence[Key]) -> Array:
@@ -260,6 +257,6 @@ def misfit_found(problem: Problem, wander: Wander) -> dict[str, float]:
     return {n: float(np.sqrt(np.mean(several))) for n, several in parts.items()}
 
 
-def misfit_kept(values: FittedValues) -> dict[str, float]:
-    """Return node -> standard deviation of what the fit could not follow, as fitted values keep it; empty where they are of before. [K]"""
-    return {n: float(size) for n, size in values.provenance.get("misfit", {}).items()}
+def misfit_kept(provenance: Mapping[str, Any]) -> dict[str, float]:
+    """Return node -> standard deviation of what a stage could not follow, as its provenance keeps it; empty where it does not. [K]"""
+    return {n: float(size) for n, size in provenance.get("misfit", {}).items()}

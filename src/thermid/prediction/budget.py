@@ -204,14 +204,14 @@ def budget_of(
     rows = rows_of(source)
     own, rows = split_rows(source, rows, scenario, [n for s in plain for n in _names(s)])
     make = _Making.of(rows)
-    contacts, remark = open_contacts(source, scenario)
+    contacts, remark = open_contacts(source, rows, scenario)
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
         make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
     modes, alike = modes_of(source.kept)
     make = make.with_modes(modes, alike, responses(source.kept, rows, modes))
     network = compile_network(own, media=scenario.media(), prescribed=tuple(scenario.prescribed))
-    misfit = misfit_of([misfit_kept(v) for v in source.placed], network)
+    misfit = misfit_of([misfit_kept(p) for p in source.provenances], network)
     if misfit:
         words = "what the model could not follow in the records that it was fitted to"
         make = make.with_nodes(Source(MISFIT, "misfit", Normal(), words), misfit)

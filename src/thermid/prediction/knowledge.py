@@ -15,7 +15,7 @@ from thermid.identify.split import split_needed, split_values
 from thermid.identify.unknowns import Unknown, parameter_unknown
 from thermid.model.model import Model
 from thermid.network.network import compile_network
-from thermid.prediction.known import Known
+from thermid.prediction.known import Known, rows_of
 from thermid.prediction.structural import open_contacts
 from thermid.simulation.scenario import Scenario
 
@@ -69,9 +69,8 @@ class Knowledge:
         names, covariance = [*values], np.where(np.isfinite(values.covariance), values.covariance, 0.0)
         model, wide, fresh = fit.fitted_model, values.bare(), []
         known = Known.of(fit)
-        held = [p for v in known.placed for p in v.assignments]
         surfaces = known.kept[-1].surfaces
-        thin = split_needed(model, scenario, held) if scenario is not None else []
+        thin = split_needed(model, scenario, known.assigned) if scenario is not None else []
         if thin:
             apart = split_values(model, wide, thin, surfaces)
             model = apart.model
@@ -87,7 +86,7 @@ class Knowledge:
                 form[names.index(name)] = fitted[name] = wide[name].value
         covariance = covariance * np.outer(form, form)
         if scenario is not None:
-            for name, gas in open_contacts(known, scenario)[0].items():
+            for name, gas in open_contacts(known, rows_of(known), scenario)[0].items():
                 k, more = (
                     names.index(name),
                     gas.law.variance * (1.0 if wide[name].log else wide[name].value ** 2) * form[names.index(name)] ** 2,

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.identify.calibration import Calibration
-from thermid.identify.discrepancy import Discrepancy, discrepancy_kept
-from thermid.identify.staging import _prefixed
-from thermid.identify.values import FittedValues
-from thermid.knowledge.sources import Kind, Normal, Source
+from thermid.identify.discrepancy import KEY, Discrepancy, kept_in
+from thermid.identify.values import FittedValues, view
+from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
+from thermid.knowledge.store import Store, graft, structural_under
 from thermid.model.model import Model
 
 __all__ = ["Known", "Rows", "known_of", "rows_of"]
@@ -48,24 +48,65 @@ class Known:
         """Return what a fit knows; of a model that nobody fitted, nothing but its values."""
         if isinstance(source, Model):
             return cls(source)
-        return cls(source.fitted_model, (*source.held, source.values), source, source.synthetic)
+        return cls(source.fitted_model, (source.values,), source, source.synthetic)
 
     def on(self, model: Model) -> Known:
         """Return the same knowledge of another model that holds the fitted paths."""
         base = model
-        for values in self.placed[-1:]:
-            base = base.with_values(values.assignments, f"stage '{values.stage}'")
+        for store in self.stores:
+            base = store.on(base)
+        for values in self.alone:
+            base = base.with_values(values.assignments, f"stage '{values.stage}'") if values.assignments else base
         return replace(self, model=base)
 
     @property
+    def stores(self) -> tuple[Store, ...]:
+        """What fits know at every depth, by the paths of the model; none where only their own values are at hand."""
+        if self.fit is None:
+            return ()
+        return (graft(self.model, [(self.at or ".", self.fit.store)])[0],) if self.at else (self.fit.store,)
+
+    @property
+    def alone(self) -> tuple[FittedValues, ...]:
+        """Values under the paths of the model that no store holds."""
+        return () if self.fit is not None else self.placed
+
+    @property
     def placed(self) -> tuple[FittedValues, ...]:
-        """The values under the paths that they have in the model."""
-        return tuple(_prefixed(v, f"{self.at}.") for v in self.values) if self.at else self.values
+        """The values by the paths of the model."""
+        return tuple(values_at(v, self.at) for v in self.values)
+
+    @property
+    def provenances(self) -> tuple[Mapping[str, Any], ...]:
+        """What is kept of every fit behind the values, the first one first, by the paths of the model."""
+        return (*(known for s in self.stores for known in s.provenance.values()), *(v.provenance for v in self.alone))
 
     @property
     def kept(self) -> tuple[Discrepancy, ...]:
-        """What the fits leave open in the structure of their models, in the order of their values, as far as these say it."""
-        return tuple(k for v in self.placed if (k := discrepancy_kept(v)) is not None)
+        """What the fits leave open in the structure of their models, the first one first, as far as they say it."""
+        return tuple(k for known in self.provenances if (k := kept_in(known)) is not None)
+
+    @property
+    def assigned(self) -> tuple[str, ...]:
+        """Every parameter of the model that a fit gave its value."""
+        inner = (p for s in self.stores for state in s.parameters.values() for p in state.acts)
+        return (*inner, *(p for v in self.alone for p in v.assignments))
+
+
+def values_at(values: FittedValues, at: str) -> FittedValues:
+    """Return fitted values under the paths that they have in a model that has theirs as a part."""
+    if not at:
+        return values
+    ahead = f"{at}."
+    items = {
+        ahead + p if v.kind == "parameter" else p: replace(v, path=ahead + v.path, also=tuple(ahead + q for q in v.also))
+        if v.kind == "parameter"
+        else v
+        for p, v in values.items()
+    }
+    moved = {n: {ahead + p: x for p, x in values.provenance[n].items()} for n in ("conditions", "misfit") if n in values.provenance}
+    kept = {KEY: structural_under(values.provenance[KEY], ahead)} if KEY in values.provenance else {}
+    return replace(values, items_=items, provenance={**values.provenance, **moved, **kept})
 
 
 def known_of(source: Known | Model | Calibration | FittedValues | Sequence[Any], model: Model | None = None, at: str = "") -> Known:
@@ -78,20 +119,28 @@ def known_of(source: Known | Model | Calibration | FittedValues | Sequence[Any],
     at : str            The submodel that the values belong to.
     """
     if isinstance(source, Known):
-        known = source
-    elif model is None and isinstance(source, Model | Calibration):
+        return source.on(source.model) if source.fit is None else source
+    if model is None and isinstance(source, Model | Calibration):
         return Known.of(source)
-    else:
-        many = [source] if isinstance(source, Calibration | FittedValues) else list(source) if not isinstance(source, Model) else []
-        values = tuple(x for v in many for x in ((*v.held, v.values) if isinstance(v, Calibration) else (v,)))
-        assert model is not None
-        known = Known(model, values, None, any(isinstance(v, Calibration) and v.synthetic for v in many), at)
-    if known.fit is not None:
-        return known
-    base = known.model
-    for v in known.placed:
-        base = base.with_values(v.assignments, f"stage '{v.stage}'") if v.assignments else base
-    return replace(known, model=base)
+    many = [source] if isinstance(source, Calibration | FittedValues) else [] if isinstance(source, Model) else list(source)
+    base = model if model is not None else source
+    assert isinstance(base, Model)
+    if len(many) == 1 and isinstance(many[0], Calibration):
+        return Known(base, (many[0].values,), many[0], many[0].synthetic, at).on(base)
+    # several: the values of each, and what its stages below knew
+    values = tuple(x for v in many for x in (_views(v) if isinstance(v, Calibration) else (v,)))
+    made = any(isinstance(v, Calibration) and v.synthetic for v in many)
+    return Known(base, values, None, made, at).on(base)
+
+
+def _views(fit: Calibration) -> tuple[FittedValues, ...]:
+    """Return everything that a fit knows of parameters, as fitted values of one stage."""
+    return (replace(view(fit.store, _sure(fit.store), fit.stage), provenance=fit.values.provenance),)
+
+
+def _sure(store: Store) -> list[str]:
+    """Return the parameters of a store that act and have an error that is known."""
+    return [p for p, s in store.parameters.items() if s.acts and s.known and store.error(p) > 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,14 +187,25 @@ def rows_of(known: Known) -> Rows:
     This is the one place that turns stored values into sources. A value that several fits hold is that of the last.
     """
     out, taken = Rows(), set[str]()
-    for k, values in enumerate(reversed(known.placed)):
-        last = k == 0
-        left = values.bare() if last else values.only([p for p, v in values.parameters.items() if not taken & {p, *v.also} and v.error > 0])
-        left = left.bare()
+    for store in known.stores:
+        loose = next((p for p, s in store.parameters.items() if s.acts and not s.known), None)
+        if loose is not None:
+            raise IdentificationError(f"'{loose}' has no finite error. Leave it out, or give it a spread of its own.", known.model.title)
+        paths = _sure(store)
+        states = [store[p] for p in paths]
+        names = tuple(s.acts[0] for s in states)
+        also = {s.acts[0]: s.acts[1:] for s in states if len(s.acts) > 1}
+        matrix = store.rows(paths, KNOWN).reshape(len(paths), len(store.sources))
+        used = np.flatnonzero(matrix.any(axis=0))
+        sources = tuple(store.sources[k] for k in used)
+        out = out.beside(Rows(names, tuple(s.log for s in states), also, sources, ("fit",) * len(sources), matrix[:, used]))
+        taken |= {p for s in states for p in s.acts}
+    for values in reversed(known.alone):
+        left = values.bare()
+        left = left.only([p for p, v in left.items() if not taken & {p, *v.also}])
         taken |= {*left.assignments}
         if left:
-            cause = "fit" if last and known.fit is not None else f"held from {values.stage}" if known.fit is not None else ""
-            out = out.beside(_rows(left, cause or f"fit of {values.stage}"))
+            out = out.beside(_rows(left, f"fit of {values.stage}"))
     return out
 
 

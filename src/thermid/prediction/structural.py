@@ -70,8 +70,9 @@ def responses(kept: Sequence[Discrepancy], rows: Rows, modes: Sequence[Mode]) ->
     out = np.zeros((len(rows.names), len(modes)))
     for k in kept:
         for i, name in enumerate(k.names):
-            for j, key in enumerate(k.sizes):
-                if name in place:
+            if name in place:
+                out[place[name]] = 0.0  # what an earlier fit found of it was replaced
+                for j, key in enumerate(k.sizes):
                     out[place[name], column[key]] = k.response[i, j]
     return out
 
@@ -98,8 +99,7 @@ def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str
     named : sequence    Names whose spread is stated; an emissivity among them is known already.
     """
     values = known.placed[-1] if known.values else FittedValues(known.model.title, {}, np.zeros((0, 0)))
-    taken = [p for v in known.placed for p in v.assignments] + [known.model.canonical(n) for n in named if "." in n or n]
-    thin = split_needed(known.model, scenario, taken)
+    thin = split_needed(known.model, scenario, [*known.assigned, *map(known.model.canonical, named)])
     surfaces = known.kept[-1].surfaces if known.kept else {}
     thin = [p for p in thin if p in surfaces]
     if not thin:
@@ -112,7 +112,8 @@ def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str
     # emissivities given the fitted values: b a^-1 of their covariances; what that leaves is the split's own
     follows = joint[n:, :n] @ np.linalg.pinv(joint[:n, :n], hermitian=True, rcond=1e-12)
     place = {name: k for k, name in enumerate(rows.names)}
-    upper = rows.matrix[[place[p] for p in names[:n]]] if n else np.zeros((0, len(rows.sources)))
+    upper = np.array([rows.matrix[place[p]] if p in place else np.zeros(len(rows.sources)) for p in names[:n]])
+    upper = upper.reshape(n, len(rows.sources))
     own = joint[n:, n:] - follows @ joint[:n, n:]
     sources, matrix = normal_sources(f"split of '{values.stage}'", own, "structural")
     whole = np.zeros((len(rows.names) + len(fresh), len(rows.sources) + len(sources)))
@@ -126,7 +127,7 @@ def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str
     )
 
 
-def open_contacts(known: Known, scenario: Scenario) -> tuple[dict[str, Source], str]:
+def open_contacts(known: Known, rows: Rows, scenario: Scenario) -> tuple[dict[str, Source], str]:
     """Return fitted contact conductance -> source of its relative change without gas, and a remark; none where no gas leaves.
 
     A contact fitted in air is the sum of touching spots and of gas between. Without gas it is anything from what is fitted less what gas
@@ -134,14 +135,15 @@ def open_contacts(known: Known, scenario: Scenario) -> tuple[dict[str, Source], 
     """
     network = compile_network(known.model)
     seen = [p for k in known.kept for p in k.separated]
-    fitted = {p: v for values in known.placed for p, v in values.assignments.items()}
+    fitted = {p: n for n in rows.names for p in (n, *rows.also.get(n, ()))}
+    numbers = network.numbers().values
     out: dict[str, Source] = {}
     for c in losing_gas(network, scenario.media(), seen):
-        entry = fitted.get(network.flat.parameters.literal_behind(c.fields["contact_conductance"]))
-        if entry is not None and entry.path not in out:
-            value = float(value_of(entry.value))
+        name = fitted.get(network.flat.parameters.literal_behind(c.fields["contact_conductance"]), "")
+        if name and name not in out:
+            value = float(value_of(numbers[name]))
             words = f"the part of '{c.path}' that is gas"
-            out[entry.path] = Source(f"gas in {c.path}", "structural", Uniform(-min(1.0, MOST / value), 0.0), words)
+            out[name] = Source(f"gas in {c.path}", "structural", Uniform(-min(1.0, MOST / value), 0.0), words)
     if not out:
         return out, ""
     named, was, it = ", ".join(f"'{p}'" for p in out), "was" if len(out) == 1 else "were", "it" if len(out) == 1 else "each"

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.identify.values import FittedValues
+from thermid.identify.values import FittedValue
+from thermid.knowledge.store import State
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import Known
 from thermid.prediction.predict import predicted
@@ -75,14 +76,14 @@ def foresee(
     solution = simulate(budget.model, scenario, times=times, options=options)
     wanted = list(nodes) or list(solution.nodes)
     told = predicted(budget, wanted, times=solution.times, options=options)
-    return Foresight(scenario, solution, told, _before(budget, known.placed, wanted, solution.times, options))
+    return Foresight(scenario, solution, told, _before(budget, known, wanted, solution.times, options))
 
 
-def _before(
-    budget: Budget, values: Sequence[FittedValues], nodes: Sequence[str], times: Array, options: Options | None
-) -> dict[str, Array]:
+def _before(budget: Budget, known: Known, nodes: Sequence[str], times: Array, options: Options | None) -> dict[str, Array]:
     """Return node -> standard error (times,) that values have which lie anywhere within what was known of them before any fit. [K]"""
-    prior = {path: (size, v.log, v.also) for several in values for path, v in several.parameters.items() if (size := _size_before(v))}
+    inner: list[tuple[str, tuple[str, ...], State | FittedValue]] = [(s.acts[0], s.acts[1:], s) for store in known.stores for s in store.parameters.values() if s.acts]
+    alone = [(path, v.also, v) for values in known.alone for path, v in values.parameters.items()]
+    prior = {path: (size, v.log, also) for path, also, v in [*inner, *alone] if (size := _size_before(v))}
     if not prior:
         return {}
     names = [p for path, (_, _, also) in prior.items() for p in (path, *also)]
@@ -96,7 +97,7 @@ def _before(
     return {n: np.linalg.norm(run.slopes(n) @ chain, axis=1) for n in nodes}
 
 
-def _size_before(v: Any) -> float:
+def _size_before(v: State | FittedValue) -> float:
     """Return how far a value could lie before it was fitted, by its prior or its bounds; fitted form, zero where that has no size."""
     low, high = v.bounds
     if v.prior is not None and np.isfinite(v.prior[1]):
