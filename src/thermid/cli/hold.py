@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from thermid.cli.output import SCHEMA, clean
+from thermid.cli.standing import Accept, leave
 
 __all__ = ["register"]
 
@@ -27,6 +29,7 @@ def hold(
     workers: Annotated[int, typer.Option("--workers", help="Processes of this machine.", min=1)] = 1,
     cluster: Annotated[str, typer.Option("--cluster", help="Address of a Dask scheduler, tcp://host:8786.")] = "",
     figure: Annotated[Path | None, typer.Option("--figure", help="Write the curve (png, svg, pdf).")] = None,
+    accept: Accept = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say how long limits are kept: the probability of passing them against time, the time that is safe, what decides it.
@@ -49,9 +52,11 @@ def hold(
         raise SolverError(f"{done}. The same command goes on from there.") from None
     finally:
         progress.end()
+    found = replace(found, standing=found.standing.accept(accept or ()))
     if figure is not None:
         picture(found, figure)
     typer.echo(json.dumps(clean({"schema": SCHEMA, "status": "ok", **found.to_dict()})) if as_json else str(found))
+    leave(found.standing)
 
 
 class _Progress:

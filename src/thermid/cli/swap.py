@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from thermid.cli.standing import Accept, leave
+
 if TYPE_CHECKING:
     from thermid.identify.retune_plan import RetunePlan
 
@@ -27,6 +29,7 @@ def swap(
     results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the campaign.")] = None,
     new_data: Annotated[Path | None, typer.Option("--new-data", help="Folder of the repeated tests: retune with them.")] = None,
     to: Annotated[Path | None, typer.Option("--to", help="Folder for the values files of the retune.")] = None,
+    accept: Accept = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say what replacing a part costs: values, stages, tests, predictions; with the new tests, retune only that."""
@@ -35,12 +38,12 @@ def swap(
     from thermid.identify.swap import plan_retune
 
     folder = results if results is not None else campaign.parent / "results"
-    plan = plan_retune(run_stages(campaign, data=data, cache=folder), part, deck)
+    plan = plan_retune(run_stages(campaign, data=data, cache=folder, accept=accept or ()), part, deck)
     found: dict[str, Any] = {"schema": 1, "status": "ok", "plan": _object(plan)}
-    texts, passed = [str(plan)], True
+    texts, standing, code = [str(plan)], plan.standing, 0
     if new_data is not None:
         made = plan.run(new_data)
-        passed = made.passed
+        standing, code = made.standing, made.exit_code
         run = [s.name for s in plan.stages if s.action == "run"]
         found["stages"] = [calibration_object(made[name]) for name in run]
         texts += [str(made[name]) for name in run]
@@ -49,13 +52,14 @@ def swap(
             found["values_files"] = [f.name for f in files]
             texts.append(f"values: {', '.join(f.name for f in files)}")
     typer.echo(json.dumps(clean(found)) if as_json else "\n\n".join(texts))
-    raise SystemExit(0 if passed else 1)
+    leave(standing, code)
 
 
 def _object(plan: RetunePlan) -> dict[str, Any]:
     """Return a plan as JSON holds it."""
     return {
         "part": plan.part,
+        "standing": plan.standing.to_dict(),
         "old": plan.old,
         "new": plan.new,
         "freed": list(plan.freed),

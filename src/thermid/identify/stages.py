@@ -99,6 +99,12 @@ class Campaign:
         return worst(c.standing for c in self.fits)
 
     @property
+    def exit_code(self) -> int:
+        """Exit code by the verdicts alone: 1 where one failed or was not judged, but for stages that are accepted."""
+        accepted = self.source.accepted if self.source is not None else ()
+        return 0 if all(v.passed or v.model in accepted for v in self.verdicts) else 1
+
+    @property
     def fits(self) -> tuple[Calibration, ...]:
         """The calibrations of all stages, and the joint one where there is one."""
         return (*self.stages.values(), *([self.joint] if self.joint is not None else []))
@@ -118,10 +124,10 @@ class Campaign:
         return out
 
     def __str__(self) -> str:
-        """Return all stages and verdicts as text."""
-        return "\n\n".join(
-            [self.title, *map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
-        )
+        """Return all stages and verdicts as text, below a line that says which of them must not be used."""
+        head = [line for line in (self.standing.line(link="stage"), self.title) if line]
+        parts = [*map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
+        return "\n\n".join(["\n".join(head), *parts])
 
 
 @takes_objects
