@@ -340,7 +340,7 @@ def report(
     if as_json:
         typer.echo(json.dumps({"schema": 1, "status": "ok", **made, "passed": result.passed, "standing": campaign_standing(result)}))
     else:
-        typer.echo(result.standing.over("\n".join(f"report: {path}" for path in made.values())))
+        typer.echo(result.standing.over("\n".join(f"report: {path}" for path in made.values()), "stage"))
     leave(result.standing, result.exit_code)
 
 

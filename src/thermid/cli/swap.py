@@ -51,6 +51,7 @@ def swap(
             files = made.save(to)
             found["values_files"] = [f.name for f in files]
             texts.append(f"values: {', '.join(f.name for f in files)}")
+    found["standing"] = standing.to_dict()
     typer.echo(json.dumps(clean(found)) if as_json else "\n\n".join(texts))
     leave(standing, code)
 
@@ -59,7 +60,6 @@ def _object(plan: RetunePlan) -> dict[str, Any]:
     """Return a plan as JSON holds it."""
     return {
         "part": plan.part,
-        "standing": plan.standing.to_dict(),
         "old": plan.old,
         "new": plan.new,
         "freed": list(plan.freed),

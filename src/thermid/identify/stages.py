@@ -100,9 +100,10 @@ class Campaign:
 
     @property
     def exit_code(self) -> int:
-        """Exit code by the verdicts alone: 1 where one failed or was not judged, but for stages that are accepted."""
+        """Exit code: 1 where a verdict failed or was not judged, else that of the standing; what is accepted does not count."""
         accepted = self.source.accepted if self.source is not None else ()
-        return 0 if all(v.passed or v.model in accepted for v in self.verdicts) else 1
+        missed = [v for v in self.verdicts if v.passed is False and v.model not in accepted]
+        return 1 if missed else self.standing.exit_code
 
     @property
     def fits(self) -> tuple[Calibration, ...]:
@@ -125,9 +126,8 @@ class Campaign:
 
     def __str__(self) -> str:
         """Return all stages and verdicts as text, below a line that says which of them must not be used."""
-        head = [line for line in (self.standing.line(link="stage"), self.title) if line]
         parts = [*map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
-        return "\n\n".join(["\n".join(head), *parts])
+        return "\n\n".join([self.standing.over(self.title, "stage"), *parts])
 
 
 @takes_objects

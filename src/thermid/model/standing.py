@@ -76,9 +76,9 @@ class Standing:
         """Return the line that stands first in a result of stage `of`; empty where there is nothing to be told."""
         return "; also ".join(f"{s.state.upper()}{' (accepted)' * s.accepted}: {s.reason(of, link)}" for s in self.causes)
 
-    def over(self, text: str) -> str:
+    def over(self, text: str, link: str = "rests on stage") -> str:
         """Return a result as text below the line that must stand first in it."""
-        return f"{self.line()}\n{text}" if not self.fair else text
+        return f"{self.line(link=link)}\n{text}" if not self.fair else text
 
     def accept(self, stages: Container[str]) -> Standing:
         """Return it with the causes of some stages accepted."""

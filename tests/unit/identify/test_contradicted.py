@@ -41,7 +41,7 @@ def test_a_sensor_that_is_grossly_wrong_fails_the_campaign(tmp_path: Path) -> No
     path = project(tmp_path, 180.0)
     told = CliRunner().invoke(app, ["calibrate", str(path)])
     assert told.exit_code == 1
-    lines = told.output.splitlines()
+    lines = told.stdout.splitlines()
     assert lines[0].startswith("NOT CREDIBLE: stage 'box' (T_A would have to be wrong by +1")
     head = lines[3]
     assert head.startswith("box: NOT CREDIBLE: T_A would have to be wrong by +1")
