@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -190,6 +191,36 @@ def test_axe_finds_nothing_serious(shown: Page, dark: bool) -> None:
 def test_a_narrow_window_needs_no_sideways_scrolling(shown: Page) -> None:
     for width in shown.widths():
         assert shown.run("return document.documentElement.scrollWidth") <= width
+
+
+def test_no_two_sections_meet(shown: Page) -> None:
+    """A panel that stays in sight covers nothing."""
+    shown.click("[data-stage=m_PrE]")
+    shown.until("document.querySelector('[data-sensor=T_ELE]') && document.querySelector('#table tbody tr')")
+    assert shown.meeting() == []
+
+
+def test_a_stage_that_is_not_credible_has_no_green_tile(shown: Page) -> None:
+    told = "const { s } = await import('/static/state.js'), { drawStages } = await import('/static/stages.js');"
+    mark = "Object.assign(s.project.stages[1], { standing: 'not credible', because: 'T would have to be wrong' }); drawStages();"
+    tile = "const t = document.querySelectorAll('#stages button')[1]; return [t.innerText, t.title, getComputedStyle(t).borderLeftColor]"
+    text, title, edge = shown.wait(told + mark + tile)
+    assert "NOT CREDIBLE" in text
+    assert "RMSE" not in text
+    assert title == "T would have to be wrong"
+    assert edge in ("rgb(163, 32, 29)", "rgb(255, 155, 148)")  # what is wrong, in the light or the dark
+
+
+def test_a_changed_deck_is_stale_within_two_seconds(shown: Page, folder: Path) -> None:
+    deck, state = folder.parent / "02_stack" / "EleGFO.toml", "document.querySelector('[data-stage=EleGFO]').dataset.state"
+    before = deck.read_text(encoding="utf-8")
+    deck.write_text(before.replace("960", "961", 1), encoding="utf-8")
+    begun = time.monotonic()
+    shown.until(f"{state} === 'stale'")
+    assert time.monotonic() - begun < 2.0
+    deck.write_text(before, encoding="utf-8")
+    shown.until(f"{state} === 'done'")
+    shown.clean()
 
 
 @pytest.mark.campaign

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from thermid.cli.pages import Page, Pdf, ready, written
+from thermid.cli.pages import Force, Page, Pdf, ready, written
 from thermid.cli.standing import Accept, leave
 
 if TYPE_CHECKING:
@@ -77,7 +77,15 @@ def _size(kelvin: float) -> str:
     return f"{kelvin:.1f}" if kelvin > 0 else "?"
 
 
-def qualify(file: PlanPath, to: Page = None, pdf: Pdf = None, data: Data = None, accept: Accept = None, as_json: Json = False) -> None:
+def qualify(
+    file: PlanPath,
+    to: Page = None,
+    pdf: Pdf = None,
+    data: Data = None,
+    accept: Accept = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
     """Work a plan through: limits, margins, and the verdict on every log. Exit code 1 if something is not met, 4 if not decided."""
     from thermid.cli.output import clean
     from thermid.qualify.programme import run_plan
@@ -86,7 +94,7 @@ def qualify(file: PlanPath, to: Page = None, pdf: Pdf = None, data: Data = None,
         if not as_json:
             typer.echo(name, err=True)
 
-    ready(pdf)
+    ready(to, pdf)
     found = run_plan(file, data=data, notice=notice, accept=accept or ())
     page = written(lambda path: _qualification(found, path), to, pdf)
     if as_json:
@@ -119,6 +127,7 @@ def correlate(
     time: Annotated[str | None, typer.Option("--time", help="The time column.")] = None,
     to: Page = None,
     pdf: Pdf = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Compare two logs column by column: metrics, verdicts, an overlay with the sensors' errors; leave with 1 when not met, 4 when open."""
@@ -128,7 +137,7 @@ def correlate(
     from thermid.qualify.marks import weigh
     from thermid.qualify.twologs import read_two
 
-    ready(pdf)
+    ready(to, pdf)
     windows = []
     for text in steady or []:
         begin, _, end = text.partition(":")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from thermid.cli.pages import Force
 from thermid.cli.standing import Accept, leave
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ def swap(
     new_data: Annotated[Path | None, typer.Option("--new-data", help="Folder of the repeated tests: retune with them.")] = None,
     to: Annotated[Path | None, typer.Option("--to", help="Folder for the values files of the retune.")] = None,
     accept: Accept = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say what replacing a part costs: values, stages, tests, predictions; with the new tests, retune only that."""

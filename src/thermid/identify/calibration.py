@@ -18,6 +18,7 @@ from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.measure.amounts import short
+from thermid.model.identity import cuts_of
 from thermid.model.model import Model
 from thermid.units import counted
 
@@ -196,6 +197,8 @@ class Calibration:
         lines = [f"{self.stage}: {counts}"] if self.standing.fair else [f"{self.stage}: {told}", f"  {counts}"]
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
+        lines += [f"  {v.path}: one value with {', '.join(v.also)}" for v in fitted.values() if v.also]
+        lines += [f"  cut from its twins: {place}" for place in cuts_of(self.model)]
         for name, s in self.sensors.items():
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
             worth = f", worth {short(s.effective_samples)} independent samples" if s.effective_samples < 0.9 * s.samples else ""

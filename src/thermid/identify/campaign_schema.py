@@ -117,7 +117,7 @@ class StageTable(_Strict):
     loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"
     knee: float = Field(1.0, gt=0.0)
     search: Literal["auto", "local", "multistart", "differential evolution", "cma"] = "auto"
-    untie: bool = False
+    untie: bool | list[str] = False
     window: str = "0 [s]"
     adequate: str = ""
     note: str = ""

@@ -14,9 +14,9 @@ from thermid.identify.residuals import Problem
 from thermid.identify.sensor_parts import gain_of, instruments
 from thermid.identify.starts import first_reading
 from thermid.identify.ticks import clock_unknowns
-from thermid.identify.ties import tied
 from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
-from thermid.model.signal import Constant, Table, literal
+from thermid.knowledge.sources import read_spread
+from thermid.model.signal import Constant, Table
 from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
 
@@ -82,13 +82,14 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
     wanted = [*request.free, *(p for v in request.inherited for p in v.parameters)]
     priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
     finishes = {flat.parameters.literal_behind(path): finish(named) for path, named in flat.finishes.items()}
+    shared = request.shared
     unknowns: dict[str, Unknown] = {}
     taken: set[str] = set()
     for raw in wanted:
         path = flat.parameters.freeable(raw, request.model.canonical)
         if path in taken:
             continue
-        group = (path,) if request.untie else tied(request.model, flat.parameters, path)
+        group = tuple(p for p in shared.get(path, (path,)) if flat.parameters.table[p].parameter.is_literal)
         taken |= set(group)
         unknown = _parameter(group, experiments)
         if path in priors:
@@ -112,15 +113,14 @@ def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unkno
 
 
 def prior_of(unknown: Unknown, texts: tuple[str, str]) -> Prior:
-    """Return a prior in the fitted form of an unknown."""
+    """Return a prior in the fitted form of an unknown: mean (empty: the start) and standard deviation as texts; see `read_spread`."""
     where = f"priors.{unknown.name}"
     slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
-    mean = literal(texts[0], slot, where) if texts[0] else unknown.start
-    relative = texts[1].rstrip(" ]").endswith("%")
-    sd = abs(mean) * literal(texts[1], "1", where) if relative else literal(texts[1], "K" if slot == TEMPERATURE else slot, where)
-    if sd <= 0 or (unknown.log and mean <= 0):
+    law = read_spread(({"mean": texts[0]} if texts[0] else {}) | {"sd": texts[1]}, slot, unknown.start, where)
+    if law.variance <= 0 or (unknown.log and law.mean <= 0):
         raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", where)
-    return Prior(math.log(mean), sd / mean) if unknown.log else Prior(mean, sd)
+    sd = math.sqrt(law.variance)
+    return Prior(math.log(law.mean), sd / law.mean) if unknown.log else Prior(law.mean, sd)
 
 
 def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:

@@ -12,6 +12,7 @@ from thermid.identify.starts import first_reading
 from thermid.identify.values import FittedValues
 from thermid.knowledge.standing import Standing
 from thermid.measure import Record
+from thermid.model.identity import local_identities
 from thermid.model.model import Model
 from thermid.model.signal import Constant, literal
 from thermid.simulation.engine import Options
@@ -94,7 +95,7 @@ class Request:
                                     even empty, no constant error of any instrument is looked for.
     bias_priors : dict              Sensor -> (mean, sd) of its constant error, from a stage below. [K]
     weights : dict                  Sensor -> weight of its residuals, 1 where none is given.
-    untie : bool                    Whether instances of one definition get values of their own.
+    untie : bool                    Whether all instances get values of their own; `Model.cut` does it for some.
     loss : str                      linear, soft_l1, huber or cauchy.
     knee : float                    Residual, in units of the noise, from which a robust loss bends.
     search : str                    auto, local, multistart, differential evolution or cma; see `searched`.
@@ -138,6 +139,14 @@ class Request:
     adequate: float = 0.0
     accepted: bool = False
     instruments: Mapping[str, tuple[frozenset[str], Standing]] = field(default_factory=dict)
+
+    @property
+    def shared(self) -> Mapping[str, tuple[str, ...]]:
+        """Path -> every path of the model that has its value, its own first, of those that share one in this fit."""
+        if self.untie:
+            return {}
+        known = local_identities(self.model)
+        return {p: (p, *(q for q in one.paths if q != p)) for p, one in known.items() if len(one.paths) > 1}
 
     def locals_of(self, record: Record) -> dict[str, LocalSpec]:
         """Return the local values of a record; those of its own win over the stage's."""

@@ -34,6 +34,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     """Return what a stage asks, with what it inherits laid under the parent's own [set]; of its deck, or of a model in its place."""
     where = source.where(f"stages.{k}")
     model = source.model(stage.model, where) if model is None else model
+    model = model.cut(*stage.untie) if isinstance(stage.untie, list) else model
     handed: list[FittedValues] = []
     held: list[FittedValues] = []
     told: dict[str, Calibration] = {}
@@ -82,7 +83,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         bias_priors=bias_priors,
         weights=stage.weights,
         knee=stage.knee,
-        untie=stage.untie,
+        untie=stage.untie is True,
         loss=stage.loss,
         search=stage.search,
         window=literal(stage.window, "s", where),
@@ -141,7 +142,7 @@ def _inherited(model: Model, part: str, below: FittedValues) -> Model:
         raise NameNotFoundError(
             f"stage '{below.stage}' fitted '{missing[0]}', which '{part}' does not have.{nearest(missing[0], known)}", model.title
         )
-    return model.replace(part, inner.with_values(values, _origin(below)))
+    return model.with_values(values, _origin(below), at=part)
 
 
 def _origin(below: FittedValues) -> str:

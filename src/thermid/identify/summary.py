@@ -56,7 +56,7 @@ def summarise(
     alone, rests = own_standing(request, problem, found, values, total, spread), rests_on(request, values)
     values = values.judged(worst([alone, *rests.values()]))
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
-    blocks = Predictions(found.sums, lambda: problem.blocks(found.fitted))
+    blocks = Predictions(found.sums, problem, found.fitted)
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
     freedom = round(problem.worth) - len(problem.unknowns)
     moved = moves_above(request.inherited, request.model, problem, found, total, spread)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.expression import Expression, Literal
+from thermid.files import VALUES, write_text
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.model.parameter import Parameter
 from thermid.units import unit
@@ -237,7 +238,7 @@ class FittedValues(Mapping[str, FittedValue]):
         document.add("covariance", [[float(x) for x in row] for row in self.covariance])
         if self.weights is not None:
             document.add("weights", [[float(x) for x in row] for row in self.weights])
-        Path(path).write_text(tomlkit.dumps(document), encoding="utf-8")
+        write_text(path, tomlkit.dumps(document), VALUES)
 
 
 def _finite(number: float) -> float | str:

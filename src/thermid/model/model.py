@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,7 @@ class Submodel:
     ----------
     model : Model       The part.
     bind : dict         Need of the part -> path of a node of the user.
-    definition : str    Identity of the definition; instances of one definition share fitted values.
+    definition : str    Hash of its deck as it was read, see `definition_of`; instances of one definition share their values.
     """
 
     model: Model
@@ -47,10 +47,12 @@ class Layer:
     ----------
     origin : str        Who set them: a stage, the command line, a caller.
     values : dict       Path -> Parameter.
+    ties : tuple        Groups of its paths that one fitted value stands for.
     """
 
     origin: str
     values: Mapping[str, Parameter]
+    ties: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,7 @@ class Model:
     submodels : dict            Name -> Submodel.
     settings : dict             Path -> Parameter: the deck's own [set], over the decks of its submodels.
     layers : tuple of Layer     Values laid over it, the last one winning; a user's [set] wins over them.
+    cuts : tuple of str         Instances and values that share with no other, although one deck writes them.
     aliases : dict              Other name -> canonical path.
     box : str                   white, light grey, dark grey or black.
     use : str                   The intended use, in words.
@@ -87,6 +90,7 @@ class Model:
     submodels: Mapping[str, Submodel] = field(default_factory=dict)
     settings: Mapping[str, Parameter] = field(default_factory=dict)
     layers: tuple[Layer, ...] = ()
+    cuts: tuple[str, ...] = ()
     aliases: Mapping[str, str] = field(default_factory=dict)
     box: str = "light grey"
     use: str = ""
@@ -172,22 +176,30 @@ class Model:
         raise NameNotFoundError(f"nothing at '{path}'.{nearest(path, known)}", self.title)
 
     @takes_objects
-    def with_values(self, values: Mapping[str, Any], origin: str = "caller") -> Model:
+    def with_values(self, values: Mapping[str, Any], origin: str = "caller", at: str = "") -> Model:
         """Return the model with values laid over it.
+
+        Given to one of several instances of a deck, a value cuts it from the others: `check` says so. A fitted value given to several
+        instances stays one value of them all.
 
         Parameters
         ----------
         values : dict   Path -> text with unit, `Parameter`, or anything with ``as_parameter()`` such as a fitted value.
         origin : str    Who sets them.
+        at : str        Path of a submodel whose own values these are, by their paths there: what a [set] above says still wins over them.
 
         Raises
         ------
         NameNotFoundError   When a path is no parameter of the model.
         """
+        from thermid.model.identity import laid_ties
         from thermid.model.resolve import parameter_table
 
+        if at:
+            return self.with_part(at, self.submodel(at).with_values(values, origin))
         known = parameter_table(self)
         layer: dict[str, Parameter] = {}
+        shared: dict[int, list[str]] = {}
         for raw, value in values.items():
             path = self.canonical(raw)
             if path not in known:
@@ -197,7 +209,53 @@ class Model:
             keep = {k: getattr(old, k) for k in ("minimum", "maximum") if getattr(given, k) is None}
             standing = getattr(value, "standing", None) or UNJUDGED
             layer[path] = replace(given, **keep, note=given.note or old.note, standing=standing)
-        return replace(self, layers=(*self.layers, Layer(origin, layer))) if layer else self
+            if hasattr(value, "as_parameter"):
+                shared.setdefault(id(value), []).append(path)
+        if not layer:
+            return self
+        cuts, ties = laid_ties(self, layer, list(shared.values()))
+        cut = self.cut(*cuts)
+        return replace(cut, layers=(*cut.layers, Layer(origin, layer, ties)))
+
+    @takes_objects
+    def cut(self, *places: str) -> Model:
+        """Return the model in which some instances or values share with no other; numbers stay as they are.
+
+        Parameters
+        ----------
+        places : str    Paths of submodels or of values.
+
+        Raises
+        ------
+        NameNotFoundError   When a path is neither.
+        """
+        from thermid.model.identity import cut_layers, instances
+        from thermid.model.resolve import parameter_table
+
+        if not places:
+            return self
+        known = {*(prefix.removesuffix(".") for prefix, _ in instances(self)), *parameter_table(self)}
+        cuts, layers = dict.fromkeys(self.cuts), self.layers
+        for raw in places:
+            place = self.canonical(raw)
+            if place not in known:
+                raise NameNotFoundError(f"no submodel or parameter '{raw}' to be cut.{nearest(place, known)}", self.title)
+            cuts[place], layers = None, cut_layers(layers, place)
+        return replace(self, cuts=tuple(cuts), layers=layers)
+
+    @takes_objects
+    def with_part(self, path: str, changed: Model) -> Model:
+        """Return the model with a submodel in another state; it stays the same part, and what lies over it stays too.
+
+        Raises
+        ------
+        NameNotFoundError   When there is no such submodel.
+        """
+        head, _, rest = self.canonical(path).partition(".")
+        self.submodel(head)
+        old = self.submodels[head]
+        inner = old.model.with_part(rest, changed) if rest else changed
+        return replace(self, submodels={**self.submodels, head: replace(old, model=inner)})
 
     @takes_objects
     def replace(self, path: str, new: Model) -> Model:
@@ -253,12 +311,22 @@ class Model:
 
         tables: dict[str, Any] = {t: {n: e for n, e in getattr(self, t).items() if not e.test_only} for t in TABLES}
         inner = {n: replace(s, model=s.model.without_test_only()) for n, s in self.submodels.items()}
-        bare = replace(self, **tables, submodels=inner, settings={}, layers=())
+        bare = replace(self, **tables, submodels=inner, settings={}, layers=(), cuts=())
         values, names = parameter_table(bare), local_names(bare)
         return replace(
             bare,
             offers=tuple(o for o in self.offers if bare.canonical(o) in names),
             aliases={a: p for a, p in self.aliases.items() if bare.canonical(p) in names},
             settings={p: v for p, v in self.settings.items() if bare.canonical(p) in values},
-            layers=tuple(Layer(x.origin, {p: v for p, v in x.values.items() if bare.canonical(p) in values}) for x in self.layers),
+            layers=tuple(
+                Layer(x.origin, {p: v for p, v in x.values.items() if bare.canonical(p) in values}, _among(x.ties, values))
+                for x in self.layers
+            ),
+            cuts=tuple(c for c in self.cuts if c in values or c in names),
         )
+
+
+def _among(ties: tuple[tuple[str, ...], ...], known: Container[str]) -> tuple[tuple[str, ...], ...]:
+    """Return the groups of what is still there."""
+    kept = (tuple(p for p in group if p in known) for group in ties)
+    return tuple(group for group in kept if len(group) > 1)

@@ -19,6 +19,8 @@ LOOKS: dict[str, tuple[tuple[str, str], float, str]] = {
     "measured": (("--f-measured", MEASURED), 3.4, ""),
     "simulated": (("--f-simulated", SIMULATED), 1.6, "6 2.5"),
     "bound": (("--f-residual", RESIDUAL), 1.6, "1.5 2.5"),
+    "bound off": (("--f-residual", RESIDUAL), 1.6, "6 2 1.5 2"),
+    "bound start": (("--f-residual", RESIDUAL), 3.0, ""),
     "other": (("--s2", SERIES[2]), 1.4, "8 2.5 2 2.5"),
     "truth": (("--f-ink", INK), 1.1, ""),
 }
@@ -32,7 +34,7 @@ class Curve:
     Parameters
     ----------
     label : str             What the legend says; lines of one label have one look.
-    look : str              measured, simulated, bound, other or truth.
+    look : str              One of `LOOKS`.
     times : array (times,)  [s]
     values : array (times,) In the unit of the axis.
     """

@@ -16,6 +16,7 @@ from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
 from thermid.identify.cache import in_full
 from thermid.identify.campaignfile import read_campaign
 from thermid.identify.stages import Campaign, run_stages
+from thermid.identify.staging import key_of, request_of
 from thermid.identify.values import load_values
 from thermid.model.signal import Table
 from unit.identify.bench import HTC, MASS
@@ -570,3 +571,17 @@ def test_a_channel_says_that_it_was_logged_at_every_change(project: Path) -> Non
     text = project.read_text().replace('ROOM = { boundary = "air" }', 'ROOM = { boundary = "air", prompt = true }', 1)
     project.write_text(text, encoding="utf-8")
     assert "it needs a load or command" in str(refused(project))
+
+
+def test_one_instance_is_untied_by_name(tmp_path: Path) -> None:
+    """`untie` takes a list; what is cut is in the stage's model and in the key of its result."""
+    path = make_project(tmp_path)
+    deck = path.parent / "pair.toml"
+    deck.write_text(deck.read_text().replace('use = "cool.toml"', 'use = "box.toml"'))
+    source = read_campaign(path)
+    stage = next(s for s in source.content.stages if s.name == "pair").model_copy(update={"inherit": {}, "free": ["a.case.mass"]})
+    requests = [request_of(source, stage.model_copy(update={"untie": u}), 1, {}) for u in (False, ["b"], ["b.case.mass"], True)]
+    groups = [r.shared.get("a.case.mass", ("a.case.mass",)) for r in requests]
+    assert groups == [("a.case.mass", "b.case.mass"), *[("a.case.mass",)] * 3]
+    assert requests[2].shared["a.skin.area"] == ("a.skin.area", "b.skin.area")
+    assert len({key_of(r, []) for r in requests}) == 4

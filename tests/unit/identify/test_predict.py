@@ -138,7 +138,7 @@ def test_some_nodes_and_aliases(found: Calibration) -> None:
 def test_what_is_spread_twice_or_wrongly_is_refused(found: Calibration) -> None:
     with pytest.raises(IdentificationError, match=r"'skin.effective_htc' is spread twice, by fit and by stated. Leave one out"):
         plain(found, HOT, spread={HTC: "1 [W/(m^2 K)]"})
-    with pytest.raises(ScenarioError, match=r"write \{sd\}, \{log_sd\} or \{low, high\}"):
+    with pytest.raises(ScenarioError, match=r"write \{sd\}, \{log_sd\}, \{low, high\} or \"range\""):
         plain(found, HOT, spread={"air": {"width": "1 [K]"}})
     with pytest.raises(ScenarioError, match="not spread by per cent; give kelvin"):
         plain(found, HOT, spread={"air": "2 [%]"})

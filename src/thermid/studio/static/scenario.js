@@ -113,7 +113,7 @@ function draw() {
   });
   if (!focus) for (const l of found.levels) { marks.levels.push({ value: l.value, label: `${l.name} ${l.value.toFixed(1)} °C` }); marks.values.push(l.value); }
   const own = found.checks.filter((c) => focus && c.point === focus.point && c.room !== null).sort((a, b) => a.room - b.room)[0];
-  if (own) marks.flags.push({ x: own.time / 3600, y: own.value, bad: own.crossings.length > 0, text: own.room < 0 ? `${(-own.room).toFixed(1)} K beyond` : `${own.room.toFixed(1)} K left` });
+  if (own) marks.flags.push({ x: own.time / 3600, y: own.value, bad: own.passed === false, text: `${own.room < 0 ? `${(-own.room).toFixed(1)} K beyond` : `${own.room.toFixed(1)} K left`}${own.why ? ", not decided" : ""}` });
   chart.set(series, marks);
 }
 at("focus").addEventListener("change", () => found && draw());

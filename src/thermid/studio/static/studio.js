@@ -9,8 +9,10 @@ import { drawLevels, drawStages, opensWith, refresh, watch } from "/static/stage
 import { s } from "/static/state.js";
 import { buttons, fitted, restore, warnings } from "/static/tuning.js";
 
+const edition = (name) => { const x = s.project.stages.find((y) => y.name === name); return JSON.stringify(x ? [x.state, x.edition] : null); };
 async function open(name) {
   s.stage = name;
+  s.edition = edition(name);
   drawStages();
   s.desk = await tried(() => ask(`/api/desk?stage=${encodeURIComponent(name)}`));
   Object.assign(s, { values: {}, done: [], undone: [], run: 0, time: null, window: null, chosen: null, gas: "air" });
@@ -38,6 +40,18 @@ async function open(name) {
 }
 opensWith(open);
 
+// decks, logs and campaigns that their author changes: what is shown is opened anew
+async function follow() {
+  if (!document.hidden && s.stage && s.project.job?.ended !== false) {
+    const now = await ask("/api/fresh").catch(() => null); // a studio that was ended says so when something is asked of it
+    if (now && JSON.stringify(now[s.stage] ?? null) !== s.edition) {
+      await refresh();
+      await open(s.project.stages.some((x) => x.name === s.stage) ? s.stage : s.project.stages[0].name);
+    } else if (now && s.project.stages.some((x) => JSON.stringify(now[x.name]) !== edition(x.name))) await refresh();
+  }
+  setTimeout(follow, 1000);
+}
+
 function view(name) {
   s.view = name;
   for (const b of at("views").querySelectorAll("button")) b.setAttribute("aria-pressed", String(b.dataset.view === name));
@@ -56,3 +70,4 @@ await tried(async () => {
   studio.ready = true;
   if (job.what !== "look" && !job.ended) { if (job.what === "scenario") view("scenarios"); await watch({ fit: fitted, scenario: outcome, run: () => open(s.stage) }[job.what]); }
 });
+follow();
