@@ -29,7 +29,7 @@ from thermid.reporting.cells import Table
 from thermid.reporting.tables import levels
 from thermid.simulation.scenario import Scenario, load_scenario
 from thermid.studio.desk import Desk
-from thermid.studio.stage_state import StageState, standing_of
+from thermid.studio.stage_state import StageState
 from thermid.studio.watch import Watch
 from thermid.units import unit
 
@@ -307,8 +307,8 @@ class Project:
         self.done[name] = found
         self._desks.pop(name, None)
         sensors = {n: s.rmse for n, s in found.sensors.items()}
-        below = self.below(name)
-        state = StageState(name, "done", "", below, sensors, *standing_of(name, self.done, below))
+        told = ("", "") if found.standing.fair else (found.standing.state, found.standing.reason(name))
+        state = StageState(name, "done", "", self.below(name), sensors, *told)
         return self._set(state, self.states[name].edition if unchanged else self.edition)
 
     def _forget(self, name: str) -> None:
