@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from thermid.identify.valley import Valley as Valley
     from thermid.identify.valley import valley as valley
     from thermid.identify.values import load_values as load_values
+    from thermid.knowledge.standing import Standing as Standing
     from thermid.interop.equations import Equations as Equations
     from thermid.interop.equations import equations as equations
     from thermid.interop.initfcn import InitFcn as InitFcn
@@ -257,6 +258,7 @@ _PUBLIC = {
     "difference": "identify.difference",
     "Difference": "identify.difference",
     "Criteria": "identify.validate",
+    "Standing": "knowledge.standing",
     "validate": "identify.validate",
     "Verdict": "identify.validate",
     "load_study": "identify.study_file",
