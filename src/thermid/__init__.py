@@ -61,13 +61,13 @@ if TYPE_CHECKING:
     from thermid.identify.valley import Valley as Valley
     from thermid.identify.valley import valley as valley
     from thermid.identify.values import load_values as load_values
-    from thermid.knowledge.standing import Standing as Standing
     from thermid.interop.equations import Equations as Equations
     from thermid.interop.equations import equations as equations
     from thermid.interop.initfcn import InitFcn as InitFcn
     from thermid.interop.initfcn import read_initfcn as read_initfcn
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
+    from thermid.knowledge.standing import Standing as Standing
     from thermid.measure import Channel as Channel
     from thermid.measure import Record as Record
     from thermid.measure import SensorCertificate as SensorCertificate

@@ -17,10 +17,11 @@ from thermid.identify.sensors import instrument_shares, sensor_shares
 from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
+from thermid.knowledge.store import State, Store
 from thermid.measure.amounts import short
 from thermid.model.identity import cuts_of
 from thermid.model.model import Model
-from thermid.units import counted
+from thermid.units import counted, unit
 
 if TYPE_CHECKING:
     from thermid.identify.experiment import Experiment
@@ -76,6 +77,7 @@ class Calibration:
     own : Standing              How far the fit may be trusted by itself.
     rests : dict                Who gave values that the fit rests on (``stage 'name'``) -> their standing.
     verdict : Standing or None  What failed verdicts on it make of it.
+    store : Store               Everything known of the model's values, at every depth.
     """
 
     stage: str
@@ -101,6 +103,7 @@ class Calibration:
     moved: Moves = field(default_factory=Moves)
     wander: Wander | None = field(default=None, repr=False)
     search: str = ""
+    store: Store = field(default_factory=Store, repr=False)
     own: Standing = UNJUDGED
     rests: Mapping[str, Standing] = field(default_factory=dict)
     verdict: Standing | None = None
@@ -113,7 +116,8 @@ class Calibration:
     def judged(self, rests: Mapping[str, Standing], verdict: Standing | None) -> Self:
         """Return the fit with what verdicts made of it and of what it rests on; its values say the same."""
         made = replace(self, rests=rests, verdict=verdict)
-        return replace(made, values=self.values.judged(made.standing))
+        now = {**rests, f"stage '{self.stage}'": made.standing}
+        return replace(made, values=self.values.judged(made.standing), store=self.store.judged(now))
 
     @property
     def fitted_model(self) -> Model:
@@ -199,6 +203,7 @@ class Calibration:
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
         lines += [f"  {v.path}: one value with {', '.join(v.also)}" for v in fitted.values() if v.also]
         lines += [f"  cut from its twins: {place}" for place in cuts_of(self.model)]
+        lines += _known_lines(self.store, {*self.values.assignments}, width)
         for name, s in self.sensors.items():
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
             worth = f", worth {short(s.effective_samples)} independent samples" if s.effective_samples < 0.9 * s.samples else ""
@@ -235,6 +240,20 @@ def _value_line(v: FittedValue, width: int) -> str:
     what = " (constant errors, priors)" if total > 1.05 * random else ""
     text = f"{v.path:<{width}}  {_digits(v.in_unit, random):>12} {v.unit:<10}  random +- {short(random)}   total +- {short(total)}{what}"
     return f"{text}   start {v.converted(v.start):.5g}{bounds}"
+
+
+def _known_lines(store: Store, own: set[str], width: int) -> list[str]:
+    """Return a line for each value of another stage."""
+    return [f"  {_known_line(s, store, width)}" for s in store.parameters.values() if not own & {*s.paths}]
+
+
+def _known_line(s: State, store: Store, width: int) -> str:
+    """Return a value of another stage, who gave it, and where it does not act."""
+    of = unit(s.unit)
+    value, error = (s.value - float(of.offset)) / float(of.factor), store.error(s.path) / float(of.factor)
+    sure = f"   total +- {short(error)}" if error > 0 else ""
+    where = f", hidden at {', '.join(s.hidden)}" if s.hidden else ""
+    return f"{s.path:<{width}}  {_digits(value, error):>12} {s.unit:<10}{sure} ({s.origin}, fixed{where})"
 
 
 def _bias_text(sensor: str, fit: Calibration) -> str:

@@ -68,11 +68,13 @@ class ReadingTable(_Strict):
 
 
 class InheritTable(_Strict):
-    """Values of a stage below, handed to a submodel; ``fixed`` or with their covariance as ``prior``."""
+    """Values of a stage below, at every depth, handed to a submodel; ``fixed`` or with their covariance as ``prior``."""
 
     stage: str | list[str]
     as_: Literal["fixed", "prior"] = Field("fixed", alias="as")
     only: list[str] = []
+    without: list[str] = []
+    move: list[str] = []
 
     @property
     def stages(self) -> list[str]:

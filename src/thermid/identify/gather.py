@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from thermid.errors import IdentificationError, RecordError, nearest
 from thermid.identify.experiment import Experiment, meet
-from thermid.identify.inherit import handed_on
+from thermid.identify.inherit import known_before
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.identify.sensor_parts import gain_of, instruments
@@ -62,7 +62,8 @@ def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequ
     starts = [_starts(request, e) for e in experiments]
     unknowns = _reaching(unknowns, starts, request.held_bias)
     settled = tuple(_settled(request, e, s) for e, s in zip(experiments, starts, strict=True))
-    coupled = tuple(handed_on(v, unknowns) for v in request.inherited)
+    below = known_before(request, unknowns)
+    coupled = ((below.at, below.mean, below.root),) if below.at.size else ()
     noise = {o.sensor: 1.0 for e in experiments for o in e.observations}
     return Problem(settled, tuple(unknowns), noise, request.options, dict(request.held_bias), coupled)
 
@@ -79,7 +80,7 @@ def _check_weights(request: Request, experiments: Sequence[Experiment], where: s
 def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
     """Return the freed parameters, those that come from a stage below with their covariance among them."""
     flat = experiments[0].network.flat
-    wanted = [*request.free, *(p for v in request.inherited for p in v.parameters)]
+    wanted = [*request.free, *(q for p in request.prior for q in request.store.states[p].acts)]
     priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
     finishes = {flat.parameters.literal_behind(path): finish(named) for path, named in flat.finishes.items()}
     shared = request.shared

@@ -178,7 +178,7 @@ def _own_name(levels: Sequence[Level], keys: set[Key], fitted: Sequence[str]) ->
 def _free(level: Level) -> Iterator[str]:
     """Yield the paths that a stage frees, those that it was handed as priors among them."""
     request = level.request
-    for raw in (*request.free, *(p for values in request.inherited for p in values.parameters)):
+    for raw in (*request.free, *(q for p in request.prior for q in request.store.states[p].acts)):
         yield level.values.freeable(raw, request.model.canonical)
 
 

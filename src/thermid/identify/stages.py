@@ -17,9 +17,10 @@ from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, accepting, local_of, placed, read_campaign, scenario_of
 from thermid.identify.joint import Joint, fit_jointly, joint_key
+from thermid.identify.keys import key_of
 from thermid.identify.looks import look
 from thermid.identify.request import Request
-from thermid.identify.staging import key_of, plain_readings, request_of
+from thermid.identify.staging import plain_readings, request_of
 from thermid.identify.standings import as_now, judged, verdict_standing
 from thermid.identify.validate import Criteria, Verdict, not_judged, validate
 from thermid.knowledge.standing import Standing, worst

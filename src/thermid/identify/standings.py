@@ -81,16 +81,16 @@ def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
     It rests on every value that was laid over its model and acts there, but for those that it freed without a prior of them, and on the
     errors of its own instruments that a stage below found.
     """
-    given = {p for several in request.inherited for p in several.parameters}
+    given = {q for p in request.prior for q in request.store.states[p].acts}
     given |= {p for p, (mean, _) in request.priors.items() if not mean}  # a prior about the value that was there
     freed = {q for p, v in values.parameters.items() if p not in given for q in (p, *v.also)}
     out: dict[str, list[Standing]] = {}
     for path, entry in parameter_table(request.model).items():
         if path not in freed and entry.parameter.standing is not None:
             out.setdefault(entry.origin, []).append(entry.parameter.standing)
-    for who, (sensors, standing) in request.instruments.items():
-        if sensors & {s for r in request.records for s in r.channels}:
-            out.setdefault(who, []).append(standing)
+    for s in request.store.states.values():
+        if s.kind != "parameter" and s.path in values:
+            out.setdefault(str(s.origin), []).append(s.standing)
     return {who: worst(several) for who, several in out.items()}
 
 

@@ -14,8 +14,10 @@ from thermid.identify.contradicted import FAR, loudly
 from thermid.identify.discrepancy import conditions_found, misfit_found
 from thermid.identify.moved import moves_above
 from thermid.identify.residuals import Predictions, Problem
+from thermid.identify.responses import Responses
 from thermid.identify.solve import Fit
 from thermid.identify.standings import at_bounds, own_standing, rests_on
+from thermid.identify.stored import stored
 from thermid.identify.unknowns import Unknown
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.standing import worst
@@ -31,11 +33,9 @@ Array = NDArray[np.float64]
 CHANCE = 0.01
 
 
-def summarise(
-    request: Request, problem: Problem, found: Fit, total: Array, random: Array, weights: Array, spread: Wander | None = None
-) -> Calibration:
-    """Return the calibration that a fit ended with; `weights` is the covariance that its weights stand for."""
-    name = request.name or request.model.title
+def summarise(request: Request, problem: Problem, found: Fit, known: Responses, random: Array, spread: Wander | None = None) -> Calibration:
+    """Return the calibration that a fit ended with; `known` says what its errors come from, `random` is their part by noise."""
+    name, total = request.name or request.model.title, known.total
     origin = f"{name}: {_listed([r.name for r in request.records])}"
     kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
     items = {u.name: _value(u, float(found.fitted[k]), total[k, k], random[k, k], origin) for k in kept for u in (problem.unknowns[k],)}
@@ -52,7 +52,7 @@ def summarise(
     provenance |= {"conditions": conditions} if conditions else {}
     provenance |= {"misfit": misfit_found(problem, spread)} if spread is not None else {}
     own = np.ix_(kept, kept)
-    values = FittedValues(name, items, total[own], provenance, None if np.array_equal(weights, total) else weights[own])
+    values = FittedValues(name, items, total[own], provenance)
     alone, rests = own_standing(request, problem, found, values, total, spread), rests_on(request, values)
     values = values.judged(worst([alone, *rests.values()]))
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
@@ -93,6 +93,7 @@ def summarise(
         search=found.search,
         own=alone,
         rests=rests,
+        store=stored(request, problem, values, known),
     )
 
 

@@ -298,7 +298,7 @@ def _margin(m: Margin) -> dict[str, Any]:
         "state": m.state,
         "time": m.time,
         "predicted": m.predicted - ICE_POINT,
-        "uncertainty": m.uncertainty,
+        "uncertainty": m.printed,
         "added": m.policy.acceptance.value + m.policy.qualification.value,
         "limit": m.limit - ICE_POINT,
         "margin": m.margin,

@@ -15,10 +15,11 @@ from thermid.identify.calibrate import fit, fit_problem
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.gather import problem_for
+from thermid.identify.keys import key_of
 from thermid.identify.request import Request
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
-from thermid.identify.staging import key_of, request_of
+from thermid.identify.staging import request_of
 from thermid.identify.swap import plan_retune
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.model import Model
@@ -72,15 +73,17 @@ class Project:
         source = read_campaign(self.path, self._data) if "stages" in read_toml(self.path)[0] else None
         return source, source.content.title if source is not None else load_model(self.path).title
 
-    def read_again(self) -> None:
+    def read_again(self, changed: Collection[Path]) -> None:
         """Take the files as they are on disk now; every stage must be looked at again.
 
-        A fit whose model, logs and request are what they were stays done. A file that cannot be read leaves the project as it was, and
-        `broken` says why.
+        Logs are read again only where one of them, or the campaign, is among those that changed. A fit whose model, logs and request are
+        what they were stays done. A file that cannot be read leaves the project as it was, and `broken` says why.
         """
         self.edition += 1
+        decks = self.source is not None and self.path not in changed and all(f.suffix == ".toml" for f in changed)
         try:
-            self.source, self.title = self._read()
+            if self.broken or not decks:
+                self.source, self.title = self._read()
             self.broken = ""
         except ThermidError as error:
             self.broken = str(error)
@@ -181,12 +184,9 @@ class Project:
             raise IdentificationError("no parameter is chosen. Tick those that the fit may move.", name)
         desk, request = self.desk(name), self._request(name)
         known = {k: v for k, v in request.priors.items() if ParameterSet(request.model).freeable(k, request.model.canonical) in free}
-        whole = [set(v.parameters) <= set(free) for v in request.inherited]
-        inherited = tuple(v for v, kept in zip(request.inherited, whole, strict=True) if kept)
-        remarks = [_left_out(v, free) for v, kept in zip(request.inherited, whole, strict=True) if not kept]
         # what is fitted keeps the deck's value as the mean of its prior, wherever its slider stands; the search starts at the slider
         model = desk.fixed_at(values, free)
-        asked = replace(request, model=model, free=free, inherited=inherited, priors=known, remarks=(*request.remarks, *remarks))
+        asked = replace(request, model=model, free=free, prior=tuple(p for p in request.prior if p in free), priors=known)
         starts = desk.si({s.path: values.get(s.path, s.value) for s in desk.sliders if s.path in free})
         problem = problem_for(asked)
         begun = tuple(replace(u, start=starts.get(u.name, u.start)) for u in problem.unknowns)
@@ -320,12 +320,3 @@ class Project:
     def _set(self, state: StageState, edition: int | None = None) -> StageState:
         state = self.states[state.name] = replace(state, edition=self.edition if edition is None else edition)
         return state
-
-
-def _left_out(values: FittedValues, free: Collection[str]) -> str:
-    """Return a remark on values of a stage below that a fit cannot take as a prior, since it does not fit all of them."""
-    fixed = ", ".join(p for p in values.parameters if p not in free)
-    return (
-        f"this fit does not use what stage '{values.stage}' knows of {', '.join(values.parameters)}: it is one joint prior, and {fixed} "
-        "stays fixed here. Tick all of them to use it."
-    )

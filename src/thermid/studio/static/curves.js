@@ -59,7 +59,7 @@ function drawMetrics() {
   at("strokes").textContent = lines.filter(Boolean).join(" ");
   const state = s.project.stages.find((x) => x.name === s.stage);
   at("worst").dataset.word = state?.standing ? "passed a limit" : "";
-  at("worst").replaceChildren(...(state?.standing ? [make("strong", { text: `✗ ${state.standing} ` })] : []), ...(worst ? [make("strong", { text: "furthest off " }), `${worst.name}: RMSE ${kelvin(worst.rmse)} K, largest ${kelvin(worst.largest)} K.`] : rising ? [make("strong", { text: "hottest " }), `${rising.name}: ${rising.at.toFixed(1)} °C.`] : []), ` ${known()}`);
+  at("worst").replaceChildren(...(state?.standing ? [make("strong", { text: `✗ ${state.standing}` }), "; "] : []), ...(worst ? [make("strong", { text: "furthest off " }), `${worst.name}: RMSE ${kelvin(worst.rmse)} K, largest ${kelvin(worst.largest)} K.`] : rising ? [make("strong", { text: "hottest " }), `${rising.name}: ${rising.at.toFixed(1)} °C.`] : []), ` ${known()}`);
 }
 // what the values on the page rest on: those with an error are known from logs, and how well
 function known() {

@@ -20,7 +20,7 @@ export function drawStages() {
   list.replaceChildren(...seen.map((x) => {
     const running = job && !job.ended && job.what === "run" && job.stage === x.name, state = running ? "running" : x.state;
     const says = state === "done" && x.standing ? `✗ ${x.standing.toUpperCase()}` : state === "done" ? `RMSE to ${shown(Math.max(...Object.values(x.sensors), 0), 2)} K` : SAYS[state] || state;
-    return make("li", {}, make("button", { type: "button", "data-stage": x.name, "data-state": state, "data-standing": state === "done" && x.standing, "aria-current": x.name === s.stage ? "true" : "false", title: x.because || x.why || state, onclick: () => open(x.name) }, make("span", { text: x.name }), make("small", { text: says })));
+    return make("li", {}, make("button", { type: "button", "data-stage": x.name, "data-state": state, "data-standing": (state === "done" && x.standing) || false, "aria-current": x.name === s.stage ? "true" : "false", title: x.because || x.why || state, onclick: () => open(x.name) }, make("span", { text: x.name }), make("small", { text: says })));
   }));
   const current = list.querySelector("[aria-current=true]");
   if (many && current && drawn !== s.stage) { drawn = s.stage; list.scrollLeft = current.parentElement.offsetLeft - list.clientWidth / 2; }
@@ -43,7 +43,7 @@ export function drawLevels() {
   if (state.standing) box.append(make("p", { class: "verdict", "data-word": "passed a limit" }, make("strong", { text: `✗ ${state.standing}` }), make("span", { text: ` ${nice(doubt(state))}` })));
   const doubtful = new Map(s.project.stages.filter((x) => x.standing).map((x) => [x.name, x.standing]));
   const { heads, rows } = s.project.table, kind = (k) => (k > 2 ? "num" : "text");
-  at("table").tHead.replaceChildren(make("tr", {}, ...heads.map((n, k) => make("th", { scope: "col", class: kind(k), text: doubtful.has(n) ? `${n} (✗ ${doubtful.get(n)})` : n }))));
+  at("table").tHead.replaceChildren(make("tr", {}, ...heads.map((n, k) => make("th", { scope: "col", class: kind(k), text: k > 2 && doubtful.has(n) ? `${n} (✗ ${doubtful.get(n)})` : n }))));
   at("table").tBodies[0].replaceChildren(...rows.map((cells) => make("tr", {}, ...cells.map(([text, look], k) => make(k ? "td" : "th", { scope: k ? false : "row", class: `${kind(k)} ${look}`, text })))));
   at("table").parentElement.hidden = !rows.length;
   at("levels").hidden = !rows.length && at("swap").hidden;
@@ -54,6 +54,7 @@ export async function refresh() {
   const found = await ask("/api/project");
   const changed = !s.project || JSON.stringify(found.stages) !== JSON.stringify(s.project.stages);
   s.project = found;
+  s.editions = Object.fromEntries(found.stages.map((x) => [x.name, JSON.stringify([x.state, x.edition])])); // as the studio told them; what a swap would make of them is marked on the page alone
   at("title").textContent = found.title;
   at("note").textContent = [found.file, found.note].filter(Boolean).join(" — ");
   document.title = `${found.title} · thermid studio`;
