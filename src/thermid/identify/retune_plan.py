@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
+from thermid.knowledge.standing import Standing
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
@@ -98,6 +99,11 @@ class RetunePlan:
     model: Model = field(repr=False)
 
     @property
+    def standing(self) -> Standing:
+        """Of the values that the plan rests on: those of the last stage before."""
+        return list(self.campaign.stages.values())[-1].standing
+
+    @property
     def freed(self) -> tuple[str, ...]:
         """Interface values that are retuned, ``stage: path``."""
         return tuple(f"{t.stage}: {t.path}" for t in self.touched if not t.held)
@@ -151,4 +157,4 @@ class RetunePlan:
         powers = f"{old:.4g} W before and {new:.4g} W after" if abs(old - new) > 1e-9 else f"{old:.4g} W both times"
         lines.append(f"  at rest before -> after; the part has the power of its deck, {powers}, all else is as in the last record:")
         lines += [f"    {s}: {self.before[s] - ICE:.2f} -> {t - ICE:.2f} degC" for s, t in self.after.items()]
-        return "\n".join(lines)
+        return self.standing.over("\n".join(lines))

@@ -10,8 +10,9 @@ import pytest
 from planted import campaign
 from thermid.studio.outcomes import outcome_object
 from thermid.studio.project import Project
-from thermid.studio.stage_state import NOT_CREDIBLE
 from thermid.studio.work import Work
+
+NOT_CREDIBLE = "not credible"
 
 
 def idle(work: Work) -> None:
@@ -35,7 +36,7 @@ def test_a_stage_that_is_not_credible_says_so_and_whatever_rests_on_it(work: Wor
     assert [s.standing for s in states.values()] == [NOT_CREDIBLE] * 3
     assert "would have to be wrong by" in states["part"].because
     for above in ("pair", "whole"):  # 'whole' takes a value of 'pair' alone, and rests on 'part' two levels below
-        assert states[above].because == f"rests on stage 'part', which is not credible: {states['part'].because}"
+        assert states[above].because == f"rests on stage 'part' ({states['part'].because})"
         assert not work._project.done[above].contradicted
 
 

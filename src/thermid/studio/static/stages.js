@@ -39,11 +39,11 @@ export function drawLevels() {
   const above = s.project.stages.filter((x) => x.below.includes(s.stage)).map((x) => x.name);
   const undone = state.below.filter((n) => s.project.stages.find((x) => x.name === n)?.state !== "done");
   box.append(make("button", { type: "button", id: "run-stage", text: `Run ${s.stage}${undone.length ? ` and ${undone.join(", ")} below it` : state.state === "done" ? " again" : ""}`, onclick: () => tried(() => { forget(s.stage); return begin("/api/run", { stage: s.stage, below: true }); }) }));
-  box.append(make("span", { class: "soft grow", text: nice(`${state.state === "done" ? (state.standing ? "Done, but do not use its values" : "Done") : state.state === "new" ? "Not run yet" : state.state === "waiting" ? "Not run yet" : state.state === "failed" ? "Failed" : `${state.state[0].toUpperCase()}${state.state.slice(1)}: ${state.why}`}. ` + (state.below.length ? `Takes values of ${state.below.join(", ")}; ` : "Takes values of no other stage; ") + (above.length ? `hands its own to ${above.join(", ")}.` : "hands its own to none.")) }));
+  box.append(make("span", { class: "soft grow", text: nice(`${state.state === "done" ? (state.standing ? (state.standing === "not adequate" ? "Done, but its values are not adequate" : "Done, but do not use its values") : "Done") : state.state === "new" ? "Not run yet" : state.state === "waiting" ? "Not run yet" : state.state === "failed" ? "Failed" : `${state.state[0].toUpperCase()}${state.state.slice(1)}: ${state.why}`}. ` + (state.below.length ? `Takes values of ${state.below.join(", ")}; ` : "Takes values of no other stage; ") + (above.length ? `hands its own to ${above.join(", ")}.` : "hands its own to none.")) }));
   if (state.standing) box.append(make("p", { class: "verdict", "data-word": "passed a limit" }, make("strong", { text: `✗ ${state.standing}` }), make("span", { text: ` ${nice(doubt(state))}` })));
-  const doubtful = new Set(s.project.stages.filter((x) => x.standing).map((x) => x.name));
+  const doubtful = new Map(s.project.stages.filter((x) => x.standing).map((x) => [x.name, x.standing]));
   const { heads, rows } = s.project.table, kind = (k) => (k > 2 ? "num" : "text");
-  at("table").tHead.replaceChildren(make("tr", {}, ...heads.map((n, k) => make("th", { scope: "col", class: kind(k), text: k > 2 && doubtful.has(n) ? `${n} (✗ not credible)` : n }))));
+  at("table").tHead.replaceChildren(make("tr", {}, ...heads.map((n, k) => make("th", { scope: "col", class: kind(k), text: k > 2 && doubtful.has(n) ? `${n} (✗ ${doubtful.get(n)})` : n }))));
   at("table").tBodies[0].replaceChildren(...rows.map((cells) => make("tr", {}, ...cells.map(([text, look], k) => make(k ? "td" : "th", { scope: k ? false : "row", class: `${kind(k)} ${look}`, text })))));
   at("table").parentElement.hidden = !rows.length;
   at("levels").hidden = !rows.length && at("swap").hidden;
@@ -97,6 +97,6 @@ at("swap").addEventListener("submit", (e) => { e.preventDefault(); tried(async (
   const due = new Set(plan.stages.filter((x) => x.action !== "kept").map((x) => x.name));
   s.project.stages = s.project.stages.map((x) => (due.has(x.name) ? { ...x, state: "stale", why: `after ${plan.part}: ${plan.old} → ${plan.new}` } : x));
   drawStages();
-  const doubts = s.project.stages.filter((x) => x.standing).map((x) => make("p", { class: "warning", text: nice(`NOT CREDIBLE: ${x.name}. ${doubt(x)}`) }));
+  const doubts = s.project.stages.filter((x) => x.standing).map((x) => make("p", { class: "warning", text: nice(`${x.standing.toUpperCase()}: ${x.name}. ${doubt(x)}`) }));
   at("swap-result").replaceChildren(...doubts, make("p", { text: `${plan.part}: ${plan.old} → ${plan.new}. ${plan.freed.length} interface values retuned, ${due.size} of ${plan.stages.length} stages due again, ${plan.tests.length} tests to repeat.` }), make("ul", {}, ...plan.stages.map((x) => make("li", { "data-action": x.action, text: nice(`${x.name}: ${x.action}, ${x.why}`) }))), make("details", {}, make("summary", { text: "In full" }), make("pre", { text: nice(plan.text), tabindex: "0" })));
 }); });
