@@ -75,8 +75,8 @@ class Project:
     def read_again(self, changed: Collection[Path]) -> None:
         """Take the files as they are on disk now; every stage must be looked at again.
 
-        Logs are read again only where one of them, or the campaign, is among those that changed. A fit whose model, logs and request are what they were stays done. A file that cannot be read leaves the project as it was, and
-        `broken` says why.
+        Logs are read again only where one of them, or the campaign, is among those that changed. A fit whose model, logs and request are
+        what they were stays done. A file that cannot be read leaves the project as it was, and `broken` says why.
         """
         self.edition += 1
         decks = self.source is not None and self.path not in changed and all(f.suffix == ".toml" for f in changed)
