@@ -53,7 +53,7 @@ file = "part.csv"
 time = "time_s"
 [records.part.channels]
 T1 = { node = "case", noise = "0.05 [K]", accuracy = "ACCURACY [K]" }
-T_ROOM = { boundary = "air", accuracy = "0.2 [K]" }
+T_LAB = { boundary = "air", accuracy = "0.2 [K]" }
 P = { load = "electronics", accuracy = "0.1 [W]" }
 [records.pair]
 files = "pair_*.csv"
@@ -120,7 +120,7 @@ def _log(folder: Path, name: str, deck: str, sensors: dict[str, str], powers: di
     loads = {load: Table(times, watts, hold=True) for load, watts in powers.values()}
     run = td.simulate(model, td.Scenario(name, boundaries={"air": (times, room)}, loads=loads, start="air", duration=END), times=times)
     columns = {s: run[n].celsius + OFFSETS[s] + 0.03 * rng.standard_normal(times.size) for s, n in sensors.items()}
-    columns["T_ROOM"] = room - 273.15 + OFFSETS["T_ROOM"]
+    columns["T_LAB" if deck == "part" else "T_ROOM"] = room - 273.15 + OFFSETS["T_ROOM"]
     heads = [f"{s} [degC]" for s in columns] + [f"{meter} [W]" for meter in powers]
     table = np.column_stack([times, *columns.values(), *(GAIN * watts for _, watts in powers.values())])
     text = "# SYNTHETIC\n" + ",".join(["time_s", *heads]) + "\n" + "\n".join(",".join(f"{v:.4f}" for v in row) for row in table)

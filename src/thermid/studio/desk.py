@@ -298,7 +298,7 @@ class Desk:
             (at, simulated), (seen, measured), (apart, rest) = (
                 thinned(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
             )
-            out.append(Curve(o.sensor, o.node, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
+            out.append(Curve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
         return RunCurves(bench.experiment.record.name, tuple(out))
 
 

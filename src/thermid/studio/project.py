@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,10 +15,11 @@ from thermid.identify.calibrate import fit, fit_problem
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.gather import problem_for
+from thermid.identify.keys import key_of
 from thermid.identify.request import Request
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
-from thermid.identify.staging import key_of, request_of
+from thermid.identify.staging import request_of
 from thermid.identify.swap import plan_retune
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.model import Model
@@ -183,12 +184,9 @@ class Project:
             raise IdentificationError("no parameter is chosen. Tick those that the fit may move.", name)
         desk, request = self.desk(name), self._request(name)
         known = {k: v for k, v in request.priors.items() if ParameterSet(request.model).freeable(k, request.model.canonical) in free}
-        whole = [set(v.parameters) <= set(free) for v in request.inherited]
-        inherited = tuple(v for v, kept in zip(request.inherited, whole, strict=True) if kept)
-        remarks = [_left_out(v, free) for v, kept in zip(request.inherited, whole, strict=True) if not kept]
         # what is fitted keeps the deck's value as the mean of its prior, wherever its slider stands; the search starts at the slider
         model = desk.fixed_at(values, free)
-        asked = replace(request, model=model, free=free, inherited=inherited, priors=known, remarks=(*request.remarks, *remarks))
+        asked = replace(request, model=model, free=free, prior=tuple(p for p in request.prior if p in free), priors=known)
         starts = desk.si({s.path: values.get(s.path, s.value) for s in desk.sliders if s.path in free})
         problem = problem_for(asked)
         begun = tuple(replace(u, start=starts.get(u.name, u.start)) for u in problem.unknowns)
@@ -322,12 +320,3 @@ class Project:
     def _set(self, state: StageState, edition: int | None = None) -> StageState:
         state = self.states[state.name] = replace(state, edition=self.edition if edition is None else edition)
         return state
-
-
-def _left_out(values: FittedValues, free: Collection[str]) -> str:
-    """Return a remark on values of a stage below that a fit cannot take as a prior, since it does not fit all of them."""
-    fixed = ", ".join(p for p in values.parameters if p not in free)
-    return (
-        f"this fit does not use what stage '{values.stage}' knows of {', '.join(values.parameters)}: it is one joint prior, and {fixed} "
-        "stays fixed here. Tick all of them to use it."
-    )
