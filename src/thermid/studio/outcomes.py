@@ -51,7 +51,7 @@ class Outcome:
     state : str                     Of points whose limits name no loads.
     source : str                    Where the limits stand.
     remarks : tuple of str          What a reader must know.
-    doubt : str                     Why the values that it was run with are not credible; empty where they are.
+    doubt : str                     Why no answer may rest on the values that it was run with; empty where one may.
     """
 
     title: str
@@ -173,7 +173,7 @@ def _doubted(found: Outcome, verdict: dict[str, str]) -> dict[str, str]:
     """Return a verdict that decides nothing where the values of the run are not credible."""
     if not found.doubt:
         return verdict
-    return {"word": "not decided", "text": f"The values are NOT CREDIBLE, do not use them: {found.doubt}. By them: {verdict['text']}"}
+    return {"word": "not decided", "text": f"{found.doubt}. Do not use these values. By them: {verdict['text']}"}
 
 
 def _verdict(found: Outcome) -> dict[str, str]:

@@ -104,7 +104,10 @@ class Work:
 
             found = run_course(self.shelf, desk, course, values, asked, told)
             _going(j)
-            self.outcome = found if course.kind == "test" else replace(found, doubt=self._project.states[stage].because)
+            state = self._project.states[stage]
+            if course.kind != "test" and state.standing:
+                found = replace(found, doubt="" if state.usable else state.because, remarks=(state.because, *found.remarks))
+            self.outcome = found
 
         return self._start("scenario", stage, job)
 

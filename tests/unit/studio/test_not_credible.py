@@ -10,7 +10,6 @@ import pytest
 from planted import campaign
 from thermid.studio.outcomes import outcome_object
 from thermid.studio.project import Project
-from thermid.studio.stage_state import NOT_CREDIBLE
 from thermid.studio.work import Work
 
 
@@ -32,10 +31,11 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Work:
 def test_a_stage_that_is_not_credible_says_so_and_whatever_rests_on_it(work: Work) -> None:
     states = work._project.states
     assert [s.state for s in states.values()] == ["done", "done", "done"]
-    assert [s.standing for s in states.values()] == [NOT_CREDIBLE] * 3
+    assert [s.standing for s in states.values()] == ["not credible"] * 3
+    assert not any(s.usable for s in states.values())
     assert "would have to be wrong by" in states["part"].because
     for above in ("pair", "whole"):  # 'whole' takes a value of 'pair' alone, and rests on 'part' two levels below
-        assert states[above].because == f"rests on stage 'part', which is not credible: {states['part'].because}"
+        assert states[above].because.startswith("NOT CREDIBLE: rests on stage 'part' (T_LAB would have to be wrong by")
         assert not work._project.done[above].contradicted
 
 
@@ -43,7 +43,7 @@ def test_a_campaign_that_is_credible_says_nothing(tmp_path: Path) -> None:
     project = Project(campaign(tmp_path))
     for name in project.stages:
         project.look(name)
-        assert project.run(name).standing == ""
+        assert project.run(name).usable
 
 
 def test_what_is_run_on_such_values_decides_nothing(work: Work) -> None:
@@ -52,7 +52,8 @@ def test_what_is_run_on_such_values_decides_nothing(work: Work) -> None:
     assert work.outcome is not None
     verdict = outcome_object(work.outcome)["verdict"]
     assert verdict["word"] == "not decided"
-    assert verdict["text"].startswith("The values are NOT CREDIBLE, do not use them: rests on stage 'part'")
+    assert verdict["text"].startswith("NOT CREDIBLE: rests on stage 'part' (T_LAB would have to be wrong by")
+    assert "Do not use these values." in verdict["text"]
 
 
 def test_its_mending_is_seen_by_whatever_rests_on_it(work: Work) -> None:
@@ -63,5 +64,5 @@ def test_its_mending_is_seen_by_whatever_rests_on_it(work: Work) -> None:
     assert [s.state for s in project.states.values()] == ["stale", "waiting", "waiting"]
     work.run("whole", below=True)
     idle(work)
-    assert [s.standing for s in project.states.values()] == ["", "", ""]
+    assert all(s.usable for s in project.states.values())
     project.path.write_text(text, encoding="utf-8")
