@@ -10,6 +10,7 @@ import numpy as np
 
 from thermid.errors import ScenarioError
 from thermid.identify.prediction import Band
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.conduct import run_profile
 from thermid.qualify.foresight import Known, foresee
@@ -51,7 +52,7 @@ class Outcome:
     state : str                     Of points whose limits name no loads.
     source : str                    Where the limits stand.
     remarks : tuple of str          What a reader must know.
-    doubt : str                     Why no answer may rest on the values that it was run with; empty where one may.
+    standing : Standing             Of the values that it was run with.
     """
 
     title: str
@@ -64,7 +65,7 @@ class Outcome:
     state: str = "operating"
     source: str = ""
     remarks: tuple[str, ...] = ()
-    doubt: str = ""
+    standing: Standing = UNJUDGED
 
     @property
     def worst(self) -> LimitCheck | None:
@@ -154,6 +155,7 @@ def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
         "waited": None if run is None else run.waited,
         "trust": "" if run is None else run.trust,
         "decides": run is None or run.decides,
+        "standing": found.standing.to_dict(),
         "verdict": _doubted(found, _verdict(found)),
         "worst": _check(found.worst) if found.worst is not None else None,
         "phases": [] if run is None else [_phase(p) for p in run.phases],
@@ -170,10 +172,13 @@ def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
 
 
 def _doubted(found: Outcome, verdict: dict[str, str]) -> dict[str, str]:
-    """Return a verdict that decides nothing where the values of the run are not credible."""
-    if not found.doubt:
+    """Return a verdict that decides nothing where the values of the run are not credible or failed."""
+    state, why = found.standing.state.upper(), found.standing.reason()
+    if found.standing.fair:
         return verdict
-    return {"word": "not decided", "text": f"{found.doubt}. Do not use these values. By them: {verdict['text']}"}
+    if found.standing.usable:
+        return {**verdict, "text": f"The values are {state}: {why}. {verdict['text']}"}
+    return {"word": "not decided", "text": f"The values are {state}, do not use them: {why}. By them: {verdict['text']}"}
 
 
 def _verdict(found: Outcome) -> dict[str, str]:

@@ -104,10 +104,8 @@ class Work:
 
             found = run_course(self.shelf, desk, course, values, asked, told)
             _going(j)
-            state = self._project.states[stage]
-            if course.kind != "test" and state.standing:
-                found = replace(found, doubt="" if state.usable else state.because, remarks=(state.because, *found.remarks))
-            self.outcome = found
+            fit = self._project.done.get(stage)
+            self.outcome = found if course.kind == "test" or fit is None else replace(found, standing=fit.standing)
 
         return self._start("scenario", stage, job)
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import html
 import time
 from pathlib import Path
 
 import pytest
 
 from planted import campaign
+from thermid.identify.stages import Campaign
+from thermid.reporting.page import report
 from thermid.studio.outcomes import outcome_object
 from thermid.studio.project import Project
 from thermid.studio.work import Work
@@ -52,8 +55,20 @@ def test_what_is_run_on_such_values_decides_nothing(work: Work) -> None:
     assert work.outcome is not None
     verdict = outcome_object(work.outcome)["verdict"]
     assert verdict["word"] == "not decided"
-    assert verdict["text"].startswith("NOT CREDIBLE: rests on stage 'part' (T_LAB would have to be wrong by")
-    assert "Do not use these values." in verdict["text"]
+    assert verdict["text"].startswith("The values are NOT CREDIBLE, do not use them: rests on stage 'part' (T_LAB would")
+
+
+def test_a_report_of_them_says_so_at_every_place_that_would_recommend_them(work: Work, tmp_path: Path) -> None:
+    """At its head, under the stage's name beside its small RMSE, over its column of the levels, and in what to do next."""
+    project = work._project
+    made = Campaign(project.title, dict(project.done), (), {n: n for n in project.stages})
+    page = html.unescape(report(made, to=tmp_path / "page.html").read_text(encoding="utf-8"))
+    for stage in project.stages:
+        assert f"✗ {stage} is not credible" in page
+        assert f"Do not use {stage}: " in page
+        assert f"{stage} (not credible)</th>" in page
+    assert page.count(">not credible</tspan>") == 3
+    assert "Do not use whole: it is not credible, rests on stage 'part' (T_LAB would have to be wrong" in page
 
 
 def test_its_mending_is_seen_by_whatever_rests_on_it(work: Work) -> None:

@@ -41,9 +41,8 @@ export function drawLevels() {
   box.append(make("button", { type: "button", id: "run-stage", text: `Run ${s.stage}${undone.length ? ` and ${undone.join(", ")} below it` : state.state === "done" ? " again" : ""}`, onclick: () => tried(() => { forget(s.stage); return begin("/api/run", { stage: s.stage, below: true }); }) }));
   box.append(make("span", { class: "soft grow", text: nice(`${state.state === "done" ? (state.usable ? "Done" : "Done, but do not use its values") : state.state === "new" ? "Not run yet" : state.state === "waiting" ? "Not run yet" : state.state === "failed" ? "Failed" : `${state.state[0].toUpperCase()}${state.state.slice(1)}: ${state.why}`}. ` + (state.below.length ? `Takes values of ${state.below.join(", ")}; ` : "Takes values of no other stage; ") + (above.length ? `hands its own to ${above.join(", ")}.` : "hands its own to none.")) }));
   if (state.standing) box.append(make("p", { class: "verdict", "data-word": mark(state) }, make("strong", { text: `${state.usable ? "?" : "✗"} ` }), make("span", { text: nice(`${state.because}.`) })));
-  const doubtful = new Map(s.project.stages.filter((x) => x.standing).map((x) => [x.name, x.standing]));
   const { heads, rows } = s.project.table, kind = (k) => (k > 2 ? "num" : "text");
-  at("table").tHead.replaceChildren(make("tr", {}, ...heads.map((n, k) => make("th", { scope: "col", class: kind(k), text: k > 2 && doubtful.has(n) ? `${n} (${doubtful.get(n)})` : n }))));
+  at("table").tHead.replaceChildren(make("tr", {}, ...heads.map((n, k) => make("th", { scope: "col", class: kind(k), text: n }))));
   at("table").tBodies[0].replaceChildren(...rows.map((cells) => make("tr", {}, ...cells.map(([text, look], k) => make(k ? "td" : "th", { scope: k ? false : "row", class: `${kind(k)} ${look}`, text })))));
   at("table").parentElement.hidden = !rows.length;
   at("levels").hidden = !rows.length && at("swap").hidden;
