@@ -15,6 +15,7 @@ __all__ = [
     "IdentificationError",
     "MissingDataError",
     "NameNotFoundError",
+    "OutputError",
     "RecordError",
     "ScenarioError",
     "SolverError",
@@ -64,12 +65,16 @@ class ExpressionError(ThermidError):
     """An expression cannot be read, needs itself, or is not arithmetic over names."""
 
 
-class NameNotFoundError(ThermidError):
-    """A node, parameter, port or channel of that name does not exist."""
+class NameNotFoundError(ThermidError, KeyError):
+    """A node, parameter, port or channel of that name does not exist; a `KeyError` too, so that `get` of a mapping has its default."""
 
 
 class DeckError(ThermidError):
     """A deck, campaign or values file does not describe a model."""
+
+
+class OutputError(ThermidError):
+    """A file may not be written: it is an input of the command, or thermid did not write what is there."""
 
 
 class ScenarioError(ThermidError):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from thermid.cli.commands import MODULES
-from thermid.cli.pages import Page, Pdf, ready, written
+from thermid.cli.pages import Force, Page, Pdf, ready, written
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,9 +45,12 @@ def _say_version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
+    context: typer.Context,
     version: Annotated[bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version and leave.")] = False,
 ) -> None:
-    pass
+    from thermid.files import command
+
+    context.with_resource(command())
 
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
@@ -185,6 +188,7 @@ def simulate(
     values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write the temperatures to a CSV file.")] = None,
     netcdf: Annotated[Path | None, typer.Option("--netcdf", help="Write everything to a netCDF file.")] = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Run a model in a scenario and print where its temperatures go."""
@@ -284,9 +288,14 @@ class _Progress:
 
 def _campaign(path: Path, data: Path | None, to: Path | None, fresh: bool) -> tuple[Campaign, list[Path]]:
     """Run a campaign with progress, taking finished stages from the results folder."""
+    from thermid.files import VALUES, may_write
+    from thermid.identify.cache import file_name
+    from thermid.identify.campaignfile import read_campaign
     from thermid.identify.stages import run_stages
 
     folder = to if to is not None else path.parent / "results"
+    for stage in read_campaign(path).content.stages if folder.is_dir() else ():
+        may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES)
     progress = _Progress()
     try:
         campaign = run_stages(path, data=data, notice=progress, cache=None if fresh else folder)
@@ -300,7 +309,9 @@ Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also thos
 
 
 @app.command()
-def calibrate(campaign: CampaignPath, data: Data = None, to: Results = None, fresh: Fresh = False, as_json: Json = False) -> None:
+def calibrate(
+    campaign: CampaignPath, data: Data = None, to: Results = None, fresh: Fresh = False, force: Force = False, as_json: Json = False
+) -> None:
     """Run the stages and verdicts of a campaign; leave with 1 when one failed or a fit is not credible, 4 when data cannot tell."""
     from thermid.cli.output import campaign_object
 
@@ -321,6 +332,7 @@ def report(
     data: Data = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder for the values files.")] = None,
     fresh: Fresh = False,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Run a campaign and write its report page, its PDF, or both."""
@@ -329,7 +341,7 @@ def report(
 
     if to is None and pdf is None:
         raise ScenarioError("say where the report goes: --to page.html, --pdf page.pdf, or both.", "command line")
-    ready(pdf)
+    ready(to, pdf)
     result, _ = _campaign(campaign, data, results, fresh)
     made = written(lambda path: write(result, to=path), to, pdf)
     if as_json:

@@ -8,6 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
+from thermid.cli.pages import Force
+from thermid.files import DECK, EQUATIONS, EXPORT, Kind, may_write, write_text
+
 __all__ = ["register"]
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
@@ -24,10 +27,10 @@ def register(app: typer.Typer) -> None:
     app.command("htc")(htc)
 
 
-def _say(text: str, to: Path | None, as_json: bool, **more: Any) -> None:
+def _say(text: str, to: Path | None, as_json: bool, kind: Kind, comment: str, **more: Any) -> None:
     """Write a text to its file or to standard output."""
     if to is not None:
-        to.write_text(text, encoding="utf-8")
+        write_text(to, text, kind, comment)
     if as_json:
         shown = {"file": to.name} if to is not None else {"text": text}
         typer.echo(json.dumps({"schema": 1, "status": "ok", **shown, **more}))
@@ -43,17 +46,17 @@ def import_script(
     block: Annotated[
         bool, typer.Option("--block", help="Write one mass that convects and is heated around the values, each found by its unit.")
     ] = False,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Read the parameters of an InitFcn script and write them as a deck."""
     from thermid.cli.output import clean
-    from thermid.errors import DeckError
     from thermid.interop.initfcn import read_initfcn
     from thermid.model.modelfile import model_from_dict, save_model
 
     found = read_initfcn(script)
-    if to is not None and to.exists():
-        raise DeckError(f"'{to.name}' is there already, and an import does not write over a deck. Give another name.", "--to")
+    if to is not None:
+        may_write(to, DECK)
     title = (to or script).stem
     deck = found.block(title) if block else found.deck(title)
     if to is not None:
@@ -83,6 +86,7 @@ def export(
         bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")
     ] = False,
     values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist."""
@@ -108,7 +112,7 @@ def export(
     if vacuum or as_printed:
         given = given.vacuum(as_printed=as_printed)
     text = to_octave(model, given, name=to.stem if to is not None else "") if form == "octave" else to_spice(model, given)
-    _say(text, to, as_json)
+    _say(text, to, as_json, EXPORT, "%" if form == "octave" else "*")
 
 
 def write_equations(
@@ -116,6 +120,7 @@ def write_equations(
     form: Annotated[str, typer.Option("--as", help="text, latex, python or octave.")] = "text",
     name: Annotated[Pairs, typer.Option("--name", help="PATH=SYMBOL of a conductor, node or load, such as stack.gap=R_cn3.")] = [],  # noqa: B006
     to: To = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Derive the state equations of a linear model as symbols (needs sympy)."""
@@ -129,7 +134,7 @@ def write_equations(
         raise DeckError(f"equations are not written as '{form}'.{nearest(form, forms)} There are {', '.join(forms)}.", "--as")
     found = equations(load_model(deck), _pairs(name, "--name"))
     text = f"{found}\n" if form == "text" else str(getattr(found, form)())
-    _say(text, to, as_json, symbols=dict(found.symbols))
+    _say(text, to, as_json, EQUATIONS, "%" if form in ("latex", "octave") else "#", symbols=dict(found.symbols))
 
 
 def htc(

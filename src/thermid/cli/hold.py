@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from thermid.cli.output import SCHEMA, clean
+from thermid.cli.pages import Force
 
 __all__ = ["register"]
 
@@ -27,6 +28,7 @@ def hold(
     workers: Annotated[int, typer.Option("--workers", help="Processes of this machine.", min=1)] = 1,
     cluster: Annotated[str, typer.Option("--cluster", help="Address of a Dask scheduler, tcp://host:8786.")] = "",
     figure: Annotated[Path | None, typer.Option("--figure", help="Write the curve (png, svg, pdf).")] = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say how long limits are kept: the probability of passing them against time, the time that is safe, what decides it.
@@ -34,11 +36,12 @@ def hold(
     Runs are kept in a folder: an interrupted command goes on where it was.
     """
     from thermid.errors import SolverError
+    from thermid.files import PICTURE, may_write
     from thermid.qualify.holdfile import load_hold
     from thermid.reporting.trust import check_ending, picture
 
     if figure is not None:
-        check_ending(figure)
+        may_write(check_ending(figure), PICTURE)
     asked = load_hold(question)
     folder = to if to is not None else question.parent / "results"
     progress = _Progress()

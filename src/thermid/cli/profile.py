@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from thermid.cli.pages import Force
+
 if TYPE_CHECKING:
     from thermid.qualify.profile_run import ProfileRun
     from thermid.qualify.profiles import ThermalProfile
@@ -40,6 +42,7 @@ def profile(
     save: Annotated[Path | None, typer.Option("--save", help="Write the profile as a file to edit.")] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write the temperatures of the run.")] = None,
     picture: Annotated[Path | None, typer.Option("--picture", help="Draw the run (png, svg, pdf).")] = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Print a profile of an environmental test with clauses and marks, or run it on a deck: each dwell waits for the unit."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from thermid.cli.pages import Page, Pdf, ready, written
+from thermid.cli.pages import Force, Page, Pdf, ready, written
 
 if TYPE_CHECKING:
     from thermid.qualify.correlation import Correlation
@@ -73,7 +73,7 @@ def _size(kelvin: float) -> str:
     return f"{kelvin:.1f}" if kelvin > 0 else "?"
 
 
-def qualify(file: PlanPath, to: Page = None, pdf: Pdf = None, data: Data = None, as_json: Json = False) -> None:
+def qualify(file: PlanPath, to: Page = None, pdf: Pdf = None, data: Data = None, force: Force = False, as_json: Json = False) -> None:
     """Work a plan through: limits, margins, and the verdict on every log; leave with 1 when something is not met, 4 when not decided."""
     from thermid.cli.output import clean
     from thermid.qualify.programme import run_plan
@@ -82,7 +82,7 @@ def qualify(file: PlanPath, to: Page = None, pdf: Pdf = None, data: Data = None,
         if not as_json:
             typer.echo(name, err=True)
 
-    ready(pdf)
+    ready(to, pdf)
     found = run_plan(file, data=data, notice=notice)
     page = written(lambda path: _qualification(found, path), to, pdf)
     if as_json:
@@ -115,6 +115,7 @@ def correlate(
     time: Annotated[str | None, typer.Option("--time", help="The time column.")] = None,
     to: Page = None,
     pdf: Pdf = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Compare two logs column by column: metrics, verdicts, an overlay with the sensors' errors; leave with 1 when not met, 4 when open."""
@@ -124,7 +125,7 @@ def correlate(
     from thermid.qualify.marks import weigh
     from thermid.qualify.twologs import read_two
 
-    ready(pdf)
+    ready(to, pdf)
     windows = []
     for text in steady or []:
         begin, _, end = text.partition(":")

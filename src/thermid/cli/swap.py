@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from thermid.cli.pages import Force
+
 if TYPE_CHECKING:
     from thermid.identify.retune_plan import RetunePlan
 
@@ -27,6 +29,7 @@ def swap(
     results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the campaign.")] = None,
     new_data: Annotated[Path | None, typer.Option("--new-data", help="Folder of the repeated tests: retune with them.")] = None,
     to: Annotated[Path | None, typer.Option("--to", help="Folder for the values files of the retune.")] = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say what replacing a part costs: values, stages, tests, predictions; with the new tests, retune only that."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,12 @@ from thermid.identify.residuals import Block, Predictions, Problem
 from thermid.identify.sensors import instrument_shares, sensor_shares
 from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
+from thermid.knowledge.standing import UNJUDGED, Standing, worst
+from thermid.knowledge.store import State, Store
 from thermid.measure.amounts import digits, short
+from thermid.model.identity import cuts_of
 from thermid.model.model import Model
-from thermid.units import counted
+from thermid.units import counted, unit
 
 if TYPE_CHECKING:
     from thermid.identify.experiment import Experiment
@@ -71,6 +74,10 @@ class Calibration:
     search : str                What was looked at beyond one descent; empty for nothing.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
     wander : Wander or None     How the residuals wander.
+    own : Standing              How far the fit may be trusted by itself.
+    rests : dict                Who gave values that the fit rests on (``stage 'name'``) -> their standing.
+    verdict : Standing or None  What failed verdicts on it make of it.
+    store : Store               Everything known of the model's values, at every depth.
     """
 
     stage: str
@@ -96,6 +103,21 @@ class Calibration:
     moved: Moves = field(default_factory=Moves)
     wander: Wander | None = field(default=None, repr=False)
     search: str = ""
+    store: Store = field(default_factory=Store, repr=False)
+    own: Standing = UNJUDGED
+    rests: Mapping[str, Standing] = field(default_factory=dict)
+    verdict: Standing | None = None
+
+    @property
+    def standing(self) -> Standing:
+        """How far the fit may be trusted: by itself, by the worst of the values that it rests on, and by verdicts."""
+        return worst([self.own, *self.rests.values(), *([self.verdict] if self.verdict is not None else [])])
+
+    def judged(self, rests: Mapping[str, Standing], verdict: Standing | None) -> Self:
+        """Return the fit with what verdicts made of it and of what it rests on; its values say the same."""
+        made = replace(self, rests=rests, verdict=verdict)
+        now = {**rests, f"stage '{self.stage}'": made.standing}
+        return replace(made, values=self.values.judged(made.standing), store=self.store.judged(now))
 
     @property
     def fitted_model(self) -> Model:
@@ -178,6 +200,9 @@ class Calibration:
         lines += [f"  {w}" for w in self.warnings if w.startswith(LOUD)]
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
+        lines += [f"  {v.path}: one value with {', '.join(v.also)}" for v in fitted.values() if v.also]
+        lines += [f"  cut from its twins: {place}" for place in cuts_of(self.model)]
+        lines += _known_lines(self.store, {*self.values.assignments}, width)
         for name, s in self.sensors.items():
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
             worth = f", worth {short(s.effective_samples)} independent samples" if s.effective_samples < 0.9 * s.samples else ""
@@ -206,6 +231,20 @@ def _value_line(v: FittedValue, width: int) -> str:
     what = " (constant errors, priors)" if total > 1.05 * random else ""
     text = f"{v.path:<{width}}  {digits(v.in_unit, random):>12} {v.unit:<10}  random +- {short(random)}   total +- {short(total)}{what}"
     return f"{text}   start {v.converted(v.start):.5g}{bounds}"
+
+
+def _known_lines(store: Store, own: set[str], width: int) -> list[str]:
+    """Return a line for each value of another stage."""
+    return [f"  {_known_line(s, store, width)}" for s in store.parameters.values() if not own & {*s.paths}]
+
+
+def _known_line(s: State, store: Store, width: int) -> str:
+    """Return a value of another stage, who gave it, and where it does not act."""
+    of = unit(s.unit)
+    value, error = (s.value - float(of.offset)) / float(of.factor), store.error(s.path) / float(of.factor)
+    sure = f"   total +- {short(error)}" if error > 0 else ""
+    where = f", hidden at {', '.join(s.hidden)}" if s.hidden else ""
+    return f"{s.path:<{width}}  {digits(value, error):>12} {s.unit:<10}{sure} ({s.origin}, fixed{where})"
 
 
 def _bias_text(sensor: str, fit: Calibration) -> str:

@@ -83,7 +83,7 @@ class Discrepancy:
         for k, (p, v) in enumerate(values.items()):
             error = float(np.sqrt(covariance[k, k])) * (abs(v.value) if v.log else 1.0)
             items[p] = replace(v, error=error)
-        return replace(values, items_=items, covariance=covariance, weights=values.covariance if values.weights is None else values.weights)
+        return replace(values, items_=items, covariance=covariance)
 
     def __str__(self) -> str:
         """Return where each coefficient was found."""
@@ -167,7 +167,7 @@ def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequ
         for p in several:
             targets[p.path, p.kind] += [Target(i, f"scale.{n}") for n in p.names(network.boundaries)]
     more = tuple(Unknown(f"{kind} {path}", "pattern", tuple(t), 0.0) for (path, kind), t in targets.items())
-    wide = replace(problem, experiments=tuple(experiments), unknowns=(*problem.unknowns, *more), coupled=(), _benches=[])
+    wide = replace(problem, experiments=tuple(experiments), unknowns=(*problem.unknowns, *more), coupled=())
     level = max(1.0, fit.reduced_chi_square)
     _, _, known = covariances(ended(problem, at, fit.loss), level)
     known = np.where(np.isfinite(known), known, 0.0)

@@ -10,12 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.identify.inherit import form, known_before
 from thermid.identify.moves import MOVED, NOT_REJECTED, Group, Move, Moves
-from thermid.identify.opened import opened_at
+from thermid.identify.opened import Opened, opened_at
+from thermid.identify.responses import covering
 from thermid.identify.shifts import Shift, Test, Together, holm, normal_shifts, normal_together, shifts, together
 from thermid.identify.trace_noise import weighed
+from thermid.identify.unknowns import Unknown
 from thermid.identify.values import FittedValue
 from thermid.identify.wander import binned
+from thermid.knowledge.store import State
 
 if TYPE_CHECKING:
     from thermid.identify.request import Request
@@ -43,61 +47,44 @@ def part_of(model: Model, path: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Known:
-    """What stages below found, as far as it acts here.
+class _Inherited:
+    """What stages below found of a fit's unknowns, those opened for the test among them.
 
     Parameters
     ----------
-    groups : tuple                      Where each value acts; the first path names it. Of a constant error of a sensor its name alone.
-    values : tuple of FittedValue       As their stages printed them.
-    stages : tuple of str               The stages.
-    root : array (values, sources)      Root of their covariance, fitted form.
+    at : tuple of int               Their positions among the unknowns; instruments that were found with them too.
+    states : tuple of State         As their stages printed them; None for an instrument.
+    root : array (at, sources)      Root of their covariance, in the fitted form of the unknowns.
     """
 
-    groups: tuple[tuple[str, ...], ...]
-    values: tuple[FittedValue, ...]
-    stages: tuple[str, ...]
+    at: tuple[int, ...]
+    states: tuple[State | None, ...]
     root: Array
 
 
-def _known(request: Request, problem: Problem) -> _Known:
-    """Return what was inherited, fixed or as a prior, each value of a stage once; of two states of one path that which was laid last."""
-    inherited = {p for v in request.inherited for p in v.parameters}
-    free = {u.name for u in problem.unknowns if u.kind == "parameter"} - inherited
-    errors = {u.name for u in problem.unknowns if u.kind != "parameter"}
-    found: dict[tuple[str, str], list[str]] = {}
-    roots, values = list[Array](), list[FittedValue]()
-    blocks = (*request.inherited, *request.held)
-    last = {p: i for i, block in enumerate(blocks) for p in block}
-    for i, block in enumerate(blocks):
-        finite, items = np.isfinite(np.diag(block.covariance)), list(block.items())
-        acts = [p not in free if v.kind == "parameter" else p in errors for p, v in items]
-        here = [k for k, (p, _) in enumerate(items) if finite[k] and acts[k] and last[p] == i]
-        new = [k for k in here if (block.stage, items[k][1].path) not in found]
-        for k in here:  # one part in several places has one value
-            found.setdefault((block.stage, items[k][1].path), []).extend((items[k][0], *items[k][1].also))
-        values += [items[k][1] for k in new]
-        roots.append(_root(block.covariance[np.ix_(new, new)]))
-    groups = tuple(tuple(dict.fromkeys(g)) for g in found.values())
-    return _Known(groups, tuple(values), tuple(stage for stage, _ in found), _diagonal(roots))
+def _fixed(request: Request, problem: Problem) -> dict[tuple[str, ...], State]:
+    """Return what was inherited and is no unknown of a fit, by the paths where it acts."""
+    here = covering(problem.unknowns)
+    states = [s for s in request.store.parameters.values() if s.known and s.path not in request.prior]
+    acting = {tuple(p for p in s.acts if p not in here): s for s in states}
+    return {group: s for group, s in acting.items() if group}
 
 
-def _root(covariance: Array) -> Array:
-    """Return L of a covariance ``L L'``."""
-    if not covariance.size:
-        return np.zeros((0, 0))
-    sizes, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(sizes, 0.0)))
-
-
-def _diagonal(blocks: Sequence[Array]) -> Array:
-    """Return a matrix with square blocks on its diagonal."""
-    out = np.zeros((sum(map(len, blocks)),) * 2)
-    at = 0
-    for b in blocks:
-        out[at : at + len(b), at : at + len(b)] = b
-        at += len(b)
-    return out
+def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...], State]) -> _Inherited:
+    unknowns, store = opened.problem.unknowns, request.store
+    before = known_before(request, unknowns[: opened.own])
+    moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
+    own = [unknowns[k] for k in before.at]
+    states = [next((moving[n] for n in (u.name, *u.also) if n in moving), None) if u.kind == "parameter" else None for u in own]
+    named = {group[0]: s for group, s in fixed.items()}
+    at, rows = [int(k) for k in before.at], list(before.rows)
+    for k, u in enumerate(unknowns[opened.own :], start=opened.own):
+        state = named[u.name]
+        row = store.rows([state.path])[0] * form(state, u)
+        at.append(k)
+        states.append(state)
+        rows.append(np.concatenate([row, np.zeros(before.rows.shape[1] - row.size)]))
+    return _Inherited(tuple(at), tuple(states), np.array(rows).reshape(len(at), before.rows.shape[1]))
 
 
 def moves_above(request: Request, problem: Problem, found: Fit, level: float = 1.0) -> Moves:
@@ -108,27 +95,25 @@ def moves_above(request: Request, problem: Problem, found: Fit, level: float = 1
     not inherited stay free; the other inherited values count with their errors. `level` is the variance of the noise of traces that are
     too short to show it, in squares of what was stated.
     """
-    known = _known(request, problem)
-    if not any(v.kind == "parameter" for v in known.values):
+    fixed = _fixed(request, problem)
+    if not (fixed or request.prior):
         return Moves()
-    names = {u.name for u in problem.unknowns}
-    opened = opened_at(request, problem, found.fitted, [g for g in known.groups if not names.intersection(g)])
-    place = {u.name: k for k, u in enumerate(opened.problem.unknowns)}
-    named = [next((p for p in g if p in place), "") for g in known.groups]
-    kept = [k for k, name in enumerate(named) if name]
-    at = [place[named[k]] for k in kept]
+    opened = opened_at(request, problem, found.fitted, list(fixed))
+    known, unknowns = _inherited(request, opened, fixed), opened.problem.unknowns
     start = opened.fitted.copy()
-    start[at] = [opened.problem.unknowns[m].to_fitted(known.values[k].value) for k, m in zip(kept, at, strict=True)]
+    for k, state in zip(known.at, known.states, strict=True):
+        start[k] = unknowns[k].to_fitted(state.value if state is not None else request.store[unknowns[k].name].value)
     pieces = binned(opened.problem, opened.fitted, request.loss, request.knee, STRETCHES)
     here = [replace(b, mean=b.mean + b.slopes @ (start - opened.fitted)) for b in pieces.values()]
-    priors, pulls = _beside(opened.problem, start, at)
-    test = Test.of(weighed(here, priors, pulls, level), priors, pulls, at, known.root[kept])
-    asked = [k for k, m in enumerate(kept) if known.values[m].kind == "parameter"]
+    priors, pulls = _beside(opened.problem, start, known.at)
+    test = Test.of(weighed(here, priors, pulls, level), priors, pulls, known.at, known.root)
+    asked = {k: s for k, s in enumerate(known.states) if s is not None}
     values = []
-    for k, s in zip(asked, shifts(test, asked), strict=True):
-        u, m = opened.problem.unknowns[at[k]], kept[k]
-        alone, used = u.to_value(start[at[k]] + s.size), u.to_value(opened.fitted[at[k]])
-        values.append(_move(u.name, part_of(request.model, u.name), known.stages[m], known.values[m], alone, used, s))
+    for (k, state), s in zip(asked.items(), shifts(test, list(asked)), strict=True):
+        u, at = unknowns[known.at[k]], known.at[k]
+        alone, used = u.to_value(start[at] + s.size), u.to_value(opened.fitted[at])
+        below = (state.value, request.store.error(state.path), state.random)
+        values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
     rows = {m.path: k for m, k in zip(values, asked, strict=True)}
     far = [rows[m.path] for m in values if m.verdict == MOVED]
     return Moves(tuple(values), _groups(values, lambda groups: together(test, [[rows[p] for p in g] for g in groups], far)))
@@ -144,11 +129,14 @@ def _beside(problem: Problem, start: Array, known: Sequence[int]) -> tuple[Array
     return info, pulls
 
 
-def _move(path: str, part: str, stage: str, v: FittedValue, alone: float, here: float, s: Shift) -> Move:
-    """Return the move of a value; a detectable shift of a logarithm is one upward."""
-    detectable = (abs(v.value) * math.expm1(min(s.detectable, 50.0)) if v.log else s.detectable) if math.isfinite(s.size) else math.inf
+def _move(
+    path: str, part: str, stage: str, below: tuple[float, float, float], alone: float, here: float, of: Unknown | FittedValue, s: Shift
+) -> Move:
+    """Return the move of a value; `below` is it with its error and random error; a detectable shift of a logarithm is one upward."""
+    value, error, random = below
+    detectable = (abs(value) * math.expm1(min(s.detectable, 50.0)) if of.log else s.detectable) if math.isfinite(s.size) else math.inf
     far = s.size / s.error if s.error > 0 else math.nan
-    return Move(path, part, stage, v.value, alone, here, v.unit, far, s.chance, detectable, v.error, v.error_random)
+    return Move(path, part, stage, value, alone, here, of.unit, far, s.chance, detectable, error, random)
 
 
 def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], found: FittedValues, place: Callable[[str], str]) -> Moves:
@@ -169,23 +157,21 @@ def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], found: 
     pairs = [(stage, stage[path], q) for stage, names in staged for path, q in names.items()]
     for stage, names in staged:
         own = list(stage)
-        at, rows = [own.index(p) for p in names], [order.index(q) for q in names.values()]
+        at, there = [own.index(p) for p in names], [order.index(q) for q in names.values()]
         below = stage.covariance[np.ix_(at, at)]
-        spread[np.ix_(rows, rows)] = _less(below, found.covariance[np.ix_(rows, rows)])
+        spread[np.ix_(there, there)] = _less(below, found.covariance[np.ix_(there, there)])
     for _, before, q in pairs:
         here = found[q]
         shift[order.index(q)] = math.log(here.value / before.value) if here.log else here.value - before.value
-    sizes = normal_shifts(
-        np.array([shift[order.index(q)] for *_, q in pairs]), [math.sqrt(spread[k, k]) for k in (order.index(q) for *_, q in pairs)]
-    )
-    values = [
-        _move(q, place(q), stage.stage, before, found[q].value, found[q].value, s)
-        for (stage, before, q), s in zip(pairs, sizes, strict=True)
-    ]
+    rows = [order.index(q) for *_, q in pairs]
+    values = []
+    for (stage, before, q), s in zip(pairs, normal_shifts(shift[rows], np.sqrt(np.diag(spread))[rows]), strict=True):
+        known, here = (before.value, before.error, before.error_random), found[q]
+        values.append(_move(q, place(q), stage.stage, known, here.value, here.value, here, s))
 
     def asked(groups: Sequence[Sequence[str]]) -> list[Together]:
-        rows = [[order.index(p) for p in g] for g in groups]
-        return [normal_together(shift[r], spread[np.ix_(r, r)]) for r in rows]
+        several = [[order.index(p) for p in g] for g in groups]
+        return [normal_together(shift[r], spread[np.ix_(r, r)]) for r in several]
 
     return Moves(tuple(values), _groups(values, asked), "the joint fit")
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, nearest
+from thermid.files import TABLE, replacing
 from thermid.measure.amounts import short
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.wholefile import whole
 
 __all__ = ["Band", "Estimate", "Prediction"]
 
@@ -172,12 +172,12 @@ class Prediction:
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write times, temperatures and the ends of the 95 % bands, three columns per node."""
-        header, columns = ["time_s"], [self.times]
+        header, columns = ['"time_s"'], [self.times]
         for name, band in self.bands.items():
             low, high = band.interval()
             header += [f"{name} [degC]", f"{name} low [degC]", f"{name} high [degC]"]
             columns += [band.celsius, low, high]
-        with whole(path) as half:
+        with replacing(path, TABLE) as half:
             np.savetxt(half, np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
 
     def __str__(self) -> str:

@@ -12,10 +12,11 @@ from thermid.errors import MissingDataError, ThermidError
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, placed, read_campaign
-from thermid.identify.considered import considered
+from thermid.identify.keys import key_of
 from thermid.identify.request import Request
 from thermid.identify.stages import Campaign
-from thermid.identify.staging import key_of, request_of
+from thermid.identify.staging import request_of
+from thermid.knowledge.store import Store, graft
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
@@ -58,11 +59,11 @@ def retuned(
             requests[stage.name] = request
             keys[stage.name] = key_of(request, [keys[n] for i in told.inherit.values() for n in i.stages])
             if stage.action == "carried" and not again:
-                done[stage.name] = replace(before[stage.of], model=request.model, warnings=(*before[stage.of].warnings, CARRIED))
+                store = _store(before[stage.of].store, request, stage) if stage.part else before[stage.of].store
+                warnings = (*before[stage.of].warnings, CARRIED)
+                done[stage.name] = replace(before[stage.of], model=request.model, warnings=warnings, store=store)
             else:
-                made = fit(request, None if notice is None else _named(notice, stage.name))
-                whole = stage.alone or again
-                done[stage.name] = made if whole else considered(made, before[stage.of], _held(before[stage.of], stage))
+                done[stage.name] = fit(request, None if notice is None else _named(notice, stage.name))
         except ThermidError as error:
             raise placed(error, source.where(f"stages.{k}")) from None
     note = (
@@ -123,20 +124,20 @@ def _inside(path: str, stage: StagePlan) -> bool:
     return path.startswith(f"{stage.part}.")
 
 
-def _held(before: Calibration, stage: StagePlan) -> tuple[str, ...]:
-    """Return the parameters that a stage fitted before the swap and holds now."""
-    return tuple(p for p in before.values.parameters if p not in stage.free and not _inside(p, stage))
+def _store(before: Store, request: Request, stage: StagePlan) -> Store:
+    """Return what was known before the swap, with what is known of the new part in the place of the old one."""
+    new = request.store.only(lambda s: s.kind == "parameter" and all(_inside(p, stage) for p in s.paths))
+    return graft(request.model, [(".", before.drop(stage.part)), (".", new)])[0]
 
 
 def _local(request: Request, stage: StagePlan, before: Calibration, plan: RetunePlan) -> Request:
     """Return a request in which all but the stage's freed values stand where they stood, constant errors of instruments among them."""
     held = {p: v for p, v in before.values.assignments.items() if not _inside(p, stage) or p in stage.free}
-    own = f"{stage.part}."
-    handed = tuple(v.only([p for p in v.parameters if p.startswith(own)]).bare() for v in request.inherited)
     return replace(
         request,
         model=request.model.with_values(held, f"stage '{stage.name}' before the swap"),
-        inherited=tuple(v for v in handed if v.parameters),
+        store=_store(before.store, request, stage),
+        prior=tuple(p for p in request.prior if _inside(p, stage)),
         bias_priors={},
         held_bias=before.bias,
         held_errors=before.instrument_errors,

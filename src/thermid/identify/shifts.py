@@ -188,14 +188,14 @@ def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: in
     return Shift(size, float(np.sqrt(weights @ wide**2)), chance, _found_with(weights, wide, tests))
 
 
-def normal_shifts(sizes: Array, errors: Sequence[float]) -> list[Shift]:
+def normal_shifts(sizes: Array, errors: Array) -> list[Shift]:
     """Return the same of shifts whose standard errors are known already."""
     one = np.ones(1)
     told = [math.isfinite(e) and e > 0 for e in errors]
     chances = holm([_chance(one, np.array([d]), np.array([e])) if t else math.nan for d, e, t in zip(sizes, errors, told, strict=True)])
     rows = zip(sizes, errors, chances, told, strict=True)
     return [
-        Shift(float(d), e, p, _found_with(one, np.array([e]), len(told))) if t else Shift(math.nan, math.inf, math.nan, math.inf)
+        Shift(float(d), float(e), p, _found_with(one, np.array([e]), len(told))) if t else Shift(math.nan, math.inf, math.nan, math.inf)
         for d, e, p, t in rows
     ]
 

@@ -214,7 +214,7 @@ class _Joint:
             value, error = self.emissivity(part), self.deviation(part)
             origin = f"split: {part.prior.text}"
             items[path] = FittedValue(path, value, error, error, True, "1", part.prior.mean, (0.0, 1.0), origin)
-        return replace(self.base, items_=items, covariance=self.cov, weights=None)  # one covariance, drawn from priors as well
+        return replace(self.base, items_=items, covariance=self.cov)  # one covariance, drawn from priors as well
 
     def entry(self, part: Part, used: bool, remark: str) -> SplitSurface:
         """Return what was found for a surface."""

@@ -150,7 +150,7 @@ def _from_records(of: Model | Calibration, network: Network, surfaces: Sequence[
         )
     sums = {c.path: np.zeros(3) for c in surfaces}
     for e in of.experiments:
-        solution = simulate(of.fitted_model, e.scenario, times=e.times)
+        solution = simulate(of.fitted_model, e.bare, times=e.times)
         media = e.scenario.media()
         for c in surfaces:
             if media.empty(c.gas):

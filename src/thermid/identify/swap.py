@@ -14,12 +14,12 @@ from thermid.errors import DeckError, IdentificationError, SolverError
 from thermid.identify.calibration import Calibration
 from thermid.identify.retune_plan import RetunePlan, StagePlan, Touch
 from thermid.identify.sharing import Level, places_of
-from thermid.identify.touching import touching
 from thermid.model.areas import ledger
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model
 from thermid.model.resolve import ParameterSet
 from thermid.model.signal import Table
+from thermid.model.touching import touching
 from thermid.simulation.scenario import Scenario
 
 if TYPE_CHECKING:

@@ -69,6 +69,15 @@ class Margin:
         return NormalDist().inv_cdf(0.5 + 0.5 * self.policy.level) * self.error
 
     @property
+    def printed(self) -> float:
+        """The uncertainty as it is printed, to a tenth: what is left between the printed temperature and the printed margin. [K]
+
+        Each rounded by itself, the terms of the sum would miss it by up to two tenths.
+        """
+        room = self.sign * (self.limit - ICE_POINT - round(self.predicted - ICE_POINT, 1))
+        return abs(round(room - self.policy.acceptance.value - self.policy.qualification.value - round(self.margin, 1), 1))
+
+    @property
     def margin(self) -> float:
         """What is left to the limit once uncertainty, acceptance and qualification margin are added. [K]"""
         return self.room - self.uncertainty - self.policy.acceptance.value - self.policy.qualification.value
@@ -139,7 +148,7 @@ class Margin:
         word = f"not decided: {self.undecided}" if self.undecided else "met" if self.passed else "NOT met"
         return (
             f"{self.point}, {self.side} ({self.run}, {self.time / 3600:.2f} h, {self.state}): {self.predicted - ICE_POINT:.1f} degC, "
-            f"uncertainty {self.uncertainty:.1f} + acceptance {p.acceptance.value:g} [{p.acceptance.mark}] + qualification "
+            f"uncertainty {self.printed:.1f} + acceptance {p.acceptance.value:g} [{p.acceptance.mark}] + qualification "
             f"{p.qualification.value:g} [{p.qualification.mark}], limit {self.limit - ICE_POINT:.1f} degC: {self.margin:+.1f} K, {word}; "
             f"by the flat {self.flat.value:g} K: {self.flat_left:+.1f} K"
         )

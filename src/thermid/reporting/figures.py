@@ -143,7 +143,7 @@ def compared(times: Array, measured: Array, predicted: Array, key: str, label: s
     lines = [Line("measured", x, y, LOOKS["measured"], 3.4), Line("simulated", x, predicted - ICE_POINT, LOOKS["simulated"], 1.4)]
     panels = [
         Panel("temperature", "°C", lines, bands, share=2.4),
-        Panel(below, "K", [Line("measured less simulated", x, left, LOOKS["residual"], 1.0)], low, (0.0,)),
+        Panel(below, "K", [Line("measured less simulated", x, left, LOOKS["residual"], 1.0, less=("measured", "simulated"))], low, (0.0,)),
     ]
     markup, points = chart(panels, key=key, label=label, x_name=("time", unit), size=(440, 280))
     entries = [Entry("measured", "--f-measured", width=4), Entry("simulated", "--f-simulated", width=2)]

@@ -194,7 +194,8 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
 
 def _envelope(campaign: Campaign) -> str:
     """Return where the model was seen to hold."""
-    read = [o.measured for v in campaign.verdicts for e in v.prediction.experiments for o in e.observations if o.measured.size]
+    judged = [v.prediction for v in campaign.verdicts if v.prediction is not None]
+    read = [o.measured for fit in judged for e in fit.experiments for o in e.observations if o.measured.size]
     if not read:
         return "Use it for what it was judged on."
     low, high = (float(f(np.concatenate(read))) - ICE_POINT for f in (np.min, np.max))

@@ -268,6 +268,9 @@ def verdicts(campaign: Campaign) -> Table:
     ]
     rows: list[Line] = []
     for v in campaign.verdicts:
+        if v.passed is None:
+            why = Cell("not judged", v.standing.line(v.model), "warn")
+            rows.append([Cell(v.model, v.title, "main"), Cell(v.record, v.title), DASH, DASH, DASH, DASH, DASH, why, Cell("nothing")])
         for k, c in enumerate(v.checks):
             first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if k == 0 else [Cell("", "", "same"), Cell("", "", "same")]
             result = Cell("✓ met", "", "good") if c.passed else Cell("✗ not met", "", "bad")
@@ -288,6 +291,6 @@ def _outside(verdict: Verdict, check: Check) -> str:
     """Return how many samples lie beyond the limit of a single error."""
     if check.criterion != "max_error":
         return DASH
-    residuals = [b.residuals for b in verdict.prediction.blocks if b.sensor == check.sensor]
+    residuals = [b.residuals for b in verdict.blocks if b.sensor == check.sensor]
     beyond = sum(int(np.count_nonzero(np.abs(r) > check.limit)) for r in residuals)
     return f"{beyond} of {sum(r.size for r in residuals)}"

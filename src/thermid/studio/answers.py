@@ -59,6 +59,7 @@ def desk_object(desk: Desk) -> dict[str, Any]:
     return {
         "title": desk.title,
         "sliders": [asdict(s) for s in desk.sliders],
+        "others": list(desk.others),
         "parts": desk.parts,
         "fitted": desk.calibration is not None,
         "measured": desk.problem is not None,
@@ -97,14 +98,17 @@ def _curve(curve: Curve, without: Curve | None, measured: bool) -> dict[str, Any
 
 
 def fit_object(found: Calibration) -> dict[str, Any]:
-    """Return what a fit found, in the units of the sliders."""
+    """Return what a fit found: values in the units of the sliders, and all else that its curves need, such as errors of sensors [SI]."""
     values = {
         p: {"value": v.in_unit, "error": v.shown(v.error), "random": v.shown(v.error_random), "unit": v.unit}
         for p, v in found.values.items()
         if v.kind == "parameter"
     }
     sensors = {n: {"rmse": s.rmse, "bias": s.bias} for n, s in found.sensors.items()}
-    return {"values": values, "sensors": sensors, "warnings": list(found.warnings), "evaluations": found.evaluations, "text": str(found)}
+    unknowns = found.problem.unknowns if found.problem is not None else ()
+    others = {u.name: u.to_value(found.fitted[u.name]) for u in unknowns if u.kind != "parameter"}
+    told = {"warnings": list(found.warnings), "evaluations": found.evaluations, "text": str(found)}
+    return {"values": values, "others": others, "sensors": sensors, **told}
 
 
 def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
