@@ -17,6 +17,7 @@ from thermid.identify.discrepancy import misfit_kept
 from thermid.identify.spread import Spread
 from thermid.identify.values import FittedValues
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.model.model import Model
 from thermid.network.network import compile_network
 from thermid.prediction.known import Known, Rows, known_of, normal_sources, rows_of
@@ -79,6 +80,7 @@ class Budget:
     conditions : dict               Conductor -> where its coefficient was found.
     omitted : tuple of LeftOut      What is known to be left out before anything is run.
     remarks : tuple of str          What a reader must know.
+    standing : Standing             Of the values that it rests on.
     """
 
     model: Model
@@ -92,6 +94,7 @@ class Budget:
     conditions: Mapping[str, Conditions] = field(default_factory=dict)
     omitted: tuple[LeftOut, ...] = ()
     remarks: tuple[str, ...] = ()
+    standing: Standing = UNJUDGED
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -219,7 +222,7 @@ def budget_of(
     conditions = {p: c for k in source.kept for p, c in k.conditions.items()}
     remarks = (remark,) if remark else ()
     whole = Budget(own, scenario, make.sources, make.causes, make.alike, make.targets, make.gain, tuple(modes), conditions, remarks=remarks)
-    return replace(whole.without(without), omitted=left_out_of(source, whole, without))
+    return replace(whole.without(without), omitted=left_out_of(source, whole, without), standing=source.standing)
 
 
 def _names(stated: Spread | Groups) -> list[str]:

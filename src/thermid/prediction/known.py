@@ -15,6 +15,7 @@ from thermid.identify.calibration import Calibration
 from thermid.identify.discrepancy import KEY, Discrepancy, kept_in
 from thermid.identify.values import FittedValues, view
 from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
+from thermid.knowledge.standing import Standing, of_model, worst
 from thermid.knowledge.store import Store, graft, structural_under
 from thermid.model.model import Model
 
@@ -58,6 +59,11 @@ class Known:
         for values in self.alone:
             base = base.with_values(values.assignments, f"stage '{values.stage}'") if values.assignments else base
         return replace(self, model=base)
+
+    @property
+    def standing(self) -> Standing:
+        """Of the values of the model, and of the fit where it is at hand."""
+        return worst([of_model(self.model), *([self.fit.standing] if self.fit is not None else [])])
 
     @property
     def stores(self) -> tuple[Store, ...]:

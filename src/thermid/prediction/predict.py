@@ -132,9 +132,9 @@ def predicted(
     guessed = _guessed(setting, linear)
     warnings = (*linear.run.warnings, *budget.remarks, *([f"{why.words}: {count} members were drawn"] if why.words else []), *guessed)
     left, least = _left_out(budget, bands)
-    return Prediction(
-        budget.model.title, budget.scenario.title, setting.ready.times, bands, rest, _words(setting), warnings, find, left, least
-    )
+    words, standing = _words(setting), budget.standing
+    title, course = budget.model.title, budget.scenario.title
+    return Prediction(title, course, setting.ready.times, bands, rest, words, warnings, find, standing, left, least)
 
 
 def _left_out(budget: Budget, bands: Mapping[str, Band]) -> tuple[tuple[LeftOut, ...], float]:

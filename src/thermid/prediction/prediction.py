@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, nearest
 from thermid.files import TABLE, replacing
 from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure.amounts import short
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.omitted import first_line
@@ -128,6 +129,7 @@ class Prediction:
     settled : dict              Node -> Estimate with the inputs of the end held for good; empty where nothing settles.
     causes : dict               Cause -> what it stands for, in words.
     warnings : tuple of str     What a reader must know.
+    standing : Standing         Of the values that it rests on.
     left_out : tuple of LeftOut What the bands do not count.
     least : float               Standard error beside which that is to be seen. [K]
     """
@@ -140,6 +142,7 @@ class Prediction:
     causes: Mapping[str, str]
     warnings: tuple[str, ...] = ()
     _find: Mapping[str, str] = field(default_factory=dict, repr=False)
+    standing: Standing = UNJUDGED
     left_out: tuple[LeftOut, ...] = ()
     least: float = 0.0
 
@@ -182,6 +185,7 @@ class Prediction:
         return {
             "title": self.title,
             "scenario": self.scenario,
+            "standing": self.standing.to_dict(),
             "nodes": nodes,
             "causes": dict(self.causes),
             "left_out": [{"what": x.what, "kelvin": x.kelvin if np.isfinite(x.kelvin) else None} for x in self.left_out],
@@ -211,7 +215,7 @@ class Prediction:
                 f"  {name:<{width}}  end {e.celsius:8.2f} +- {short(e.error)} degC   95 %: {e.low:.2f} .. {e.high:.2f}{rest}{_why(e)}"
             )
         lines += [f"  {cause}: {text}" for cause, text in self.causes.items()]
-        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+        return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
 
 
 def _why(e: Estimate) -> str:

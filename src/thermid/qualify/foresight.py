@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.identify.values import FittedValue
+from thermid.knowledge.standing import Standing
 from thermid.knowledge.store import State
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import Known
@@ -48,6 +49,11 @@ class Foresight:
     prediction: Prediction
     before: Mapping[str, Array] = field(default_factory=dict)
 
+    @property
+    def standing(self) -> Standing:
+        """Of the values that it rests on."""
+        return self.prediction.standing
+
 
 @takes_objects
 def foresee(
@@ -81,7 +87,8 @@ def foresee(
 
 def _before(budget: Budget, known: Known, nodes: Sequence[str], times: Array, options: Options | None) -> dict[str, Array]:
     """Return node -> standard error (times,) that values have which lie anywhere within what was known of them before any fit. [K]"""
-    inner: list[tuple[str, tuple[str, ...], State | FittedValue]] = [(s.acts[0], s.acts[1:], s) for store in known.stores for s in store.parameters.values() if s.acts]
+    own = [s for store in known.stores for s in store.parameters.values() if s.acts]
+    inner: list[tuple[str, tuple[str, ...], State | FittedValue]] = [(s.acts[0], s.acts[1:], s) for s in own]
     alone = [(path, v.also, v) for values in known.alone for path, v in values.parameters.items()]
     prior = {path: (size, v.log, also) for path, also, v in [*inner, *alone] if (size := _size_before(v))}
     if not prior:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.drivers import Driver, drivers_of
@@ -79,6 +80,7 @@ class Hold:
     assumed : int               How many values of the model are assumed.
     warnings : tuple of str     What a reader must know.
     discrepancy : float         Standard deviation that members have for what a fit could not follow, the largest; None without. [K]
+    standing : Standing         Of the values that it rests on.
     left_out : tuple of LeftOut What the members do not count.
     not_counted : str           What of it a reader must know first.
     causes : tuple of str       Structural errors and others beside the fit that members count.
@@ -94,6 +96,7 @@ class Hold:
     assumed: int
     warnings: tuple[str, ...] = ()
     discrepancy: float | None = None
+    standing: Standing = UNJUDGED
     left_out: tuple[LeftOut, ...] = ()
     not_counted: str = ""
     causes: tuple[str, ...] = ()
@@ -132,7 +135,7 @@ class Hold:
             lines.append(f"  {p.name} {'above' if p.side == 'highest' else 'below'} {p.limit:g} degC: kept for {until}, {never}")
             lines += [f"    driven by {named}" for named in [driven_by(p)] if named]
         lines.append(f"  {self.members} members; intervals are what their number leaves open, not what the model does not know")
-        return "\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)])
+        return self.standing.over("\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)]))
 
     @property
     def counted(self) -> str:
@@ -160,6 +163,7 @@ class Hold:
         return {
             "title": self.title,
             "scenario": self.scenario,
+            "standing": self.standing.to_dict(),
             "sentence": self.sentence,
             "watermark": self.watermark,
             "confidence": self.confidence,
@@ -202,7 +206,7 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
     limited = {p.node for p in points}
     sizes = [float(np.abs(row).sum()) for t, row in zip(budget.targets, budget.gain, strict=True) if t.form == "node" and t.name in limited]
     causes = tuple(dict.fromkeys(c for c in budget.causes if c not in ("stated", "fit")))
-    known = (len(runs.assumed), runs.warnings, max(sizes, default=None), runs.left_out, runs.not_counted, causes)
+    known = (len(runs.assumed), runs.warnings, max(sizes, default=None), runs.standing, runs.left_out, runs.not_counted, causes)
     return Hold(runs.title, runs.scenario, confidence, runs.times, runs.reached.size, tuple(points), together, *known)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.standing import Standing, of_model
 from thermid.model.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.omitted import assumed_left_out, first_line
@@ -93,6 +94,11 @@ class UncertainRuns:
         return first_line(self.left_out, min(errors, default=0.0))
 
     @cached_property
+    def standing(self) -> Standing:
+        """Of the values that it rests on."""
+        return of_model(self.job.model)
+
+    @cached_property
     def assumed(self) -> tuple[str, ...]:
         """Values of the model that are assumed."""
         return assumed(self.job.model)
@@ -136,7 +142,7 @@ class UncertainRuns:
             lines.append(f"  {n:<{width}}  highest {middle:8.2f} degC   90 % between {low:.2f} and {high:.2f}")
         if self.assumed:
             lines.append(f"  demonstration, {len(self.assumed)} assumed parameters")
-        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+        return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
 
 
 @takes_objects
