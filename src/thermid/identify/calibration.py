@@ -146,11 +146,6 @@ class Calibration:
         return [(b.record, b.sensor, Sums.of(b.residuals)) for b in self.blocks]
 
     @property
-    def held(self) -> tuple[FittedValues, ...]:
-        """FittedValues of stages below that the model holds as they were found, under their paths here."""
-        return self.request.held if self.request is not None else ()
-
-    @property
     def effective(self) -> Mapping[tuple[str, str], float]:
         """(record, sensor) -> independent samples that its readings are worth."""
         return self.wander.effective if self.wander is not None else {}
