@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thermid.identify.keys import key_for
 from thermid.identify.request import Request
@@ -16,6 +17,8 @@ from thermid.model.model import Model
 from thermid.model.resolve import deck_text, parameter_table
 
 __all__ = ["in_place", "state_of", "stored"]
+
+Array = NDArray[np.float64]
 
 
 def stored(request: Request, problem: Problem, values: FittedValues, found: Responses) -> Store:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.errors import NameNotFoundError, nearest
 from thermid.model.elements import Conductor, Enclosure, HeatLoad, Joint, Node, Surface
 from thermid.model.parameter import Parameter, parameter
 from thermid.model.standing import UNJUDGED
 
 if TYPE_CHECKING:
+    from thermid.model.replacement import Replacement
     from thermid.model.rules import Finding
 
 __all__ = ["Layer", "Model", "Submodel"]
@@ -258,34 +259,30 @@ class Model:
         return replace(self, submodels={**self.submodels, head: replace(old, model=inner)})
 
     @takes_objects
-    def replace(self, path: str, new: Model) -> Model:
-        """Return the model with the submodel at `path` replaced.
+    def replace(self, path: str, new: Model, keep: Sequence[str] = ()) -> Model:
+        """Return the model with the submodel at `path` replaced; see `replaced`, which says what became of the old one's values too."""
+        return self.replaced(path, new, keep)[0]
+
+    @takes_objects
+    def replaced(self, path: str, new: Model, keep: Sequence[str] = ()) -> tuple[Model, Replacement]:
+        """Return the model with the submodel at `path` replaced, and what became of the values there.
+
+        The new part has the values of its own deck. What a [set], a stage or a caller gave the old one is dropped at every level, with
+        its ties; twins keep theirs. What a deck above derives from its own values stays. `with_part` changes the state of one part.
+
+        Parameters
+        ----------
+        path : str      The submodel.
+        new : Model     The new part.
+        keep : list     Paths inside the part whose rows stay as they are, and fields of joints that stay shared.
 
         Raises
         ------
-        DeckError   When the new part needs or offers other ports than are used; the message names them.
+        DeckError   When the new part needs or offers other ports than are used, or lacks a value that a deck above reads.
         """
-        head, _, rest = self.canonical(path).partition(".")
-        if head not in self.submodels:
-            raise NameNotFoundError(f"no submodel '{head}'.{nearest(head, self.submodels) or self._parts()}", self.title)
-        old = self.submodels[head]
-        if rest:
-            changed = old.model.replace(rest, new)
-            return replace(self, submodels={**self.submodels, head: Submodel(changed, old.bind, changed.identity())})
-        from thermid.model.names import used_offers
+        from thermid.model.replacement import replaced
 
-        gone = sorted(used_offers(self, head) - {new.canonical(offer) for offer in new.offers})
-        unbound = sorted(set(new.needs) - set(old.bind))
-        if gone or unbound:
-            has, new_has = (", ".join(sorted({*m.needs, *m.offers})) for m in (old.model, new))
-            lack = "; ".join(
-                [f"it does not offer {g}, which is used here" for g in gone] + [f"its need {u} is bound to nothing" for u in unbound]
-            )
-            raise DeckError(
-                f"'{path}' has ports {has}; its replacement has {new_has}: {lack}. Add the port or keep the old part.", self.title
-            )
-        kept = {need: node for need, node in old.bind.items() if need in new.needs}
-        return replace(self, submodels={**self.submodels, head: Submodel(new, kept, new.identity())})
+        return replaced(self, path, new, keep)
 
     def interfaces(self) -> tuple[str, ...]:
         """Return the paths of the parameters that belong to no part alone: what a submodel stage tunes."""
