@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -264,3 +265,30 @@ def test_the_covariance_by_rows_is_that_of_repeats(tmp_path: Path, ways: tuple[s
     assert np.all(np.abs(ratio - 1.0) < 0.2), ratio  # 150 repeats know a standard deviation to 6 %
     alike = [c / np.sqrt(np.outer(np.diag(c), np.diag(c))) for c in (seen, told)]
     np.testing.assert_allclose(alike[0], alike[1], atol=0.2)
+
+
+def test_a_values_file_on_the_command_line(tmp_path: Path) -> None:
+    """At every depth; without what the decks give otherwise by now; one written by hand as well."""
+    from typer.testing import CliRunner
+
+    from thermid.cli.app import app
+
+    whole = three_levels(tmp_path)["whole"]
+    whole.save(tmp_path / "v.toml")
+    (tmp_path / "hand.toml").write_text(f'"s.p.{G}" = "{whole.store[f"s.p.{G}"].value!r} [W/K]"\n')
+
+    def end(*more: str) -> tuple[float, str]:
+        given = ["simulate", str(tmp_path / "whole.toml"), "--boundary", "air=295 [K]", "--start", "295 [K]", "--for", "1 [h]", "--json"]
+        told = CliRunner().invoke(app, [*given, *more])
+        assert told.exit_code in (0, 5), told.output
+        return json.loads(told.stdout)["nodes"]["s.p.n"]["final_C"], told.stderr
+
+    plain, laid, hand = end(), end("--values", str(tmp_path / "v.toml")), end("--values", str(tmp_path / "hand.toml"))
+    assert plain[0] < hand[0]
+    assert laid[1] == ""
+    component = tmp_path / "component.toml"
+    component.write_text(component.read_text().replace("0.30 [W/K]", "0.31 [W/K]"))
+    without, kept = end("--values", str(tmp_path / "v.toml")), end("--values", str(tmp_path / "v.toml"), "--keep-values")
+    assert kept[0] == laid[0] != without[0]
+    assert f"s.p.{G} = " in without[1]
+    assert "is left out: the deck says 0.31 [W/K], it was 0.30 [W/K] when this was found. --keep-values keeps it." in without[1]
