@@ -198,6 +198,7 @@ def simulate(
 
     from thermid.cli.output import solution_object
     from thermid.errors import ScenarioError, SolverError
+    from thermid.files import NETCDF, TABLE, may_write
     from thermid.knowledge.standing import of_model
     from thermid.model.modelfile import load_model
     from thermid.model.signal import literal
@@ -220,6 +221,9 @@ def simulate(
     if outside:
         raise ScenarioError(f"{outside[0]:g} s lies outside the run of {given.seconds:g} s.", "--at")
     grid = np.union1d(output_times(given, every and _with_unit(every, "s"), None), times)
+    for path, kind in ((csv, TABLE), (netcdf, NETCDF)):
+        if path is not None:
+            may_write(path, kind)
     solution = run(model, given, times=grid)
     try:
         final = settle(model, given, given.seconds)

@@ -193,7 +193,7 @@ def _held_out(campaign: Campaign) -> Traces | None:
 
 def _dots(campaign: Campaign) -> list[Dots]:
     """Return the RMSE of every record by stage, and of the held-out records by model."""
-    lines = [Dots(stage, _rmse([c])) for stage, c in campaign.stages.items()]
+    lines = [Dots(stage, _rmse([c]), doubt="" if c.standing.fair else c.standing.state) for stage, c in campaign.stages.items()]
     judged: dict[str, list[Calibration]] = {}
     for v in campaign.verdicts:
         known = judged.setdefault(v.model, [])

@@ -307,8 +307,10 @@ class Project:
         self.done[name] = found
         self._desks.pop(name, None)
         sensors = {n: s.rmse for n, s in found.sensors.items()}
-        told = ("", "") if found.standing.fair else (found.standing.state, found.standing.reason(name))
-        state = StageState(name, "done", "", self.below(name), sensors, *told)
+        below = self.below(name)
+        told = found.standing
+        standing = "" if told.fair else told.state
+        state = StageState(name, "done", "", below, sensors, standing, told.line(name), told.usable)
         return self._set(state, self.states[name].edition if unchanged else self.edition)
 
     def _forget(self, name: str) -> None:

@@ -20,8 +20,9 @@ class StageState:
     why : str           In words.
     below : tuple       Stages whose values it takes.
     sensors : dict      Sensor -> RMSE, of a stage that is done. [K]
-    standing : str      Of a stage that is done: 'not credible' or 'not adequate', by its own fit or by one that it rests on; else empty.
-    because : str       Why, in words.
+    standing : str      How far the values of a stage that is done may be trusted, where a reader must be told; empty else.
+    because : str       The line that says so, with the stage that is the cause.
+    usable : bool       Whether an answer may rest on them.
     edition : int       Counts how often what the stage says was changed on disk.
     """
 
@@ -32,4 +33,5 @@ class StageState:
     sensors: Mapping[str, float] = field(default_factory=dict)
     standing: str = ""
     because: str = ""
+    usable: bool = True
     edition: int = 0
