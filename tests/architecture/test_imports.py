@@ -12,7 +12,7 @@ import pytest
 
 from .source import Module, room_of, within
 
-FOUNDATION = {"arguments", "errors", "_units_table", "units", "expression", "dual"}
+FOUNDATION = {"arguments", "errors", "_units_table", "units", "expression", "dual", "memo"}
 
 # Room: the rooms it may import. `thermid/__init__.py` offers the public names of all of them and stands outside.
 ARROWS: dict[str, set[str]] = {
@@ -20,6 +20,7 @@ ARROWS: dict[str, set[str]] = {
     "arguments": {"errors"},
     "_units_table": set(),
     "dual": set(),
+    "memo": set(),
     "units": {"errors", "_units_table"},
     "expression": {"errors", "units", "dual"},
     "physics": FOUNDATION,
