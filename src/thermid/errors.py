@@ -15,6 +15,7 @@ __all__ = [
     "IdentificationError",
     "MissingDataError",
     "NameNotFoundError",
+    "OutputError",
     "RecordError",
     "ScenarioError",
     "SolverError",
@@ -70,6 +71,10 @@ class NameNotFoundError(ThermidError, KeyError):
 
 class DeckError(ThermidError):
     """A deck, campaign or values file does not describe a model."""
+
+
+class OutputError(ThermidError):
+    """A file may not be written: it is an input of the command, or thermid did not write what is there."""
 
 
 class ScenarioError(ThermidError):

@@ -12,24 +12,25 @@ import pytest
 
 from .source import Module, room_of, within
 
-FOUNDATION = {"arguments", "errors", "_units_table", "units", "expression", "dual", "memo"}
+FOUNDATION = {"arguments", "errors", "files", "memo", "_units_table", "units", "expression", "dual"}
 
 # Room: the rooms it may import. `thermid/__init__.py` offers the public names of all of them and stands outside.
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
     "arguments": {"errors"},
+    "files": {"errors"},
+    "memo": set(),
     "_units_table": set(),
     "dual": set(),
-    "memo": set(),
     "units": {"errors", "_units_table"},
     "expression": {"errors", "units", "dual"},
     "physics": FOUNDATION,
     "model": FOUNDATION | {"physics"},
     "network": FOUNDATION | {"physics", "model", "_kernel"},
     "measure": FOUNDATION,
-    "simulation": FOUNDATION | {"physics", "model", "network", "measure", "_kernel"},
+    "knowledge": FOUNDATION | {"physics", "model", "measure"},
+    "simulation": FOUNDATION | {"physics", "model", "network", "measure", "knowledge", "_kernel"},
 }
-ARROWS["knowledge"] = FOUNDATION | {"physics", "model", "measure"}
 BELOW_IDENTIFY = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "knowledge"}
 ARROWS |= {
     "identify": BELOW_IDENTIFY,

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.errors import MissingDataError, RecordError, nearest
+from thermid.files import OWN, parse_toml, write_text
 from thermid.measure.part import ICE, SensorCertificate
 from thermid.measure.wire import rom_is_good
 
@@ -58,7 +59,7 @@ def load_sensors(path: str | Path) -> dict[str, Sensor]:
     if not place.is_file():
         raise MissingDataError("there is no such sensor map. `thermid log --identify` makes one.", str(place))
     try:
-        content = tomllib.loads(place.read_text(encoding="utf-8"))
+        content = parse_toml(place.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RecordError(f"it is no TOML: {error}.", place.name) from None
     tables = content.get("sensors")
@@ -123,6 +124,4 @@ def save_sensor(path: str | Path, sensor: Sensor) -> None:
     for name in [name for name, each in tables.items() if each.get("rom") == sensor.rom and name != sensor.name]:
         del tables[name]  # the sensor has a new name
     tables[sensor.name] = table
-    fresh = place.with_name(place.name + ".new")
-    fresh.write_text(tomlkit.dumps(content), encoding="utf-8")
-    fresh.replace(place)
+    write_text(place, tomlkit.dumps(content), OWN)

@@ -8,7 +8,8 @@ import re
 import tempfile
 from pathlib import Path
 
-from thermid.errors import RecordError
+from thermid.errors import OutputError, RecordError
+from thermid.files import COPY, write_bytes
 from thermid.measure.benchlog import is_bench_log, log_line
 from thermid.measure.wire import MAGIC
 
@@ -131,8 +132,8 @@ class Store:
         for folder in (Path(tempfile.gettempdir()), Path.home()) if self._waiting else ():
             place = folder / f"{self.path.name}.{os.getpid()}.rest"
             try:
-                place.write_bytes(self._waiting)
-            except OSError:
+                write_bytes(place, bytes(self._waiting), COPY)
+            except (OSError, OutputError):
                 continue
             self.rest = place
             return

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from thermid.errors import MissingDataError, NameNotFoundError, RecordError
+from thermid.files import read_bytes
 from thermid.measure.channel import Channel
 from thermid.measure.record import Record
 
@@ -139,7 +140,7 @@ def read_telemetry(path: str | Path, channels: Mapping[str, int], chain: Chain |
     place = Path(path)
     if not place.is_file():
         raise MissingDataError("there is no such telemetry file.", str(place))
-    data = place.read_bytes()
+    data = read_bytes(place)
     frames, foreign = read_frames(data)
     if len(frames) < 2:
         raise RecordError(f"it holds {len(frames)} good frames in {len(data)} bytes; a record needs two.", place.name)

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from thermid.cli.pages import Force
+
 __all__ = ["register"]
 
 
@@ -21,14 +23,18 @@ def credibility(
     data: Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project; THERMID_DATA does the same.")] = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the campaign.")] = None,
     to: Annotated[Path | None, typer.Option("--to", help="The file to write, JSON or TOML; standard output without it.")] = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say of every value its source, state, level, tests, date, range and origin."""
     from thermid.cli.output import clean
+    from thermid.files import CREDIBILITY, may_write
     from thermid.identify.credibility import credibility as recorded
     from thermid.identify.stages import run_stages
 
     folder = results if results is not None else campaign.parent / "results"
+    if to is not None:
+        may_write(to, CREDIBILITY)
     found = recorded(run_stages(campaign, data=data, cache=folder))
     if to is not None:
         found.save(to)

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from thermid.cli.pages import Force
+
 __all__ = ["register"]
 
 
@@ -18,14 +20,16 @@ def register(app: typer.Typer) -> None:
 def diagram(
     deck: Annotated[Path, typer.Argument(help="A deck (TOML).")],
     to: Annotated[Path, typer.Option("--to", help="The SVG file to write.")],
+    force: Force = False,
     fold: Annotated[list[str], typer.Option("--fold", help="A submodel drawn as one mass; may be repeated.")] = [],  # noqa: B006
 ) -> None:
     """Draw a model as SVG: masses, conductors by kind, loads, boundaries, submodels as boxes."""
     from thermid.errors import ScenarioError
+    from thermid.files import PICTURE, write_text
     from thermid.model.modelfile import load_model
     from thermid.reporting.diagram import diagram as draw
 
     if to.suffix.lower() != ".svg":
         raise ScenarioError(f"a diagram is written as SVG; '{to.name}' does not end in .svg.", "--to")
-    to.write_text(draw(load_model(deck), folded=fold) + "\n", encoding="utf-8")
+    write_text(to, draw(load_model(deck), folded=fold) + "\n", PICTURE)
     typer.echo(f"diagram: {to}")

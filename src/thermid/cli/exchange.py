@@ -8,6 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
+from thermid.cli.pages import Force
+from thermid.cli.standing import Accept, leave, with_fitted
+from thermid.files import DECK, EQUATIONS, EXPORT, Kind, may_write, write_text
+
 __all__ = ["register"]
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
@@ -24,10 +28,10 @@ def register(app: typer.Typer) -> None:
     app.command("htc")(htc)
 
 
-def _say(text: str, to: Path | None, as_json: bool, **more: Any) -> None:
+def _say(text: str, to: Path | None, as_json: bool, kind: Kind, comment: str, **more: Any) -> None:
     """Write a text to its file or to standard output."""
     if to is not None:
-        to.write_text(text, encoding="utf-8")
+        write_text(to, text, kind, comment)
     if as_json:
         shown = {"file": to.name} if to is not None else {"text": text}
         typer.echo(json.dumps({"schema": 1, "status": "ok", **shown, **more}))
@@ -43,17 +47,17 @@ def import_script(
     block: Annotated[
         bool, typer.Option("--block", help="Write one mass that convects and is heated around the values, each found by its unit.")
     ] = False,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Read the parameters of an InitFcn script and write them as a deck."""
     from thermid.cli.output import clean
-    from thermid.errors import DeckError
     from thermid.interop.initfcn import read_initfcn
     from thermid.model.modelfile import model_from_dict, save_model
 
     found = read_initfcn(script)
-    if to is not None and to.exists():
-        raise DeckError(f"'{to.name}' is there already, and an import does not write over a deck. Give another name.", "--to")
+    if to is not None:
+        may_write(to, DECK)
     title = (to or script).stem
     deck = found.block(title) if block else found.deck(title)
     if to is not None:
@@ -83,6 +87,8 @@ def export(
         bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")
     ] = False,
     values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
+    accept: Accept = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist."""
@@ -90,16 +96,13 @@ def export(
     from thermid.errors import DeckError, nearest
     from thermid.interop.octave import to_octave
     from thermid.interop.spice import to_spice
+    from thermid.knowledge.standing import of_model
     from thermid.model.modelfile import load_model
 
     forms = ("octave", "spice")
     if form not in forms:
         raise DeckError(f"a model is not written as '{form}'.{nearest(form, forms)} There are {' and '.join(forms)}.", "--as")
-    model = load_model(deck)
-    if values is not None:
-        from thermid.identify.values import load_values
-
-        model = model.with_values(load_values(values).assignments, values.name)
+    model = with_fitted(load_model(deck), values)
     if param:
         model = model.with_values(_pairs(param, "--param"), "command line")
     given = _scenario(model, scenario, boundary, load, start, duration)
@@ -108,7 +111,11 @@ def export(
     if vacuum or as_printed:
         given = given.vacuum(as_printed=as_printed)
     text = to_octave(model, given, name=to.stem if to is not None else "") if form == "octave" else to_spice(model, given)
-    _say(text, to, as_json)
+    standing = of_model(model).accept(accept or ())
+    if not standing.fair and not as_json:
+        typer.echo(standing.line(), err=True)  # what is written is for another tool to read
+    _say(text, to, as_json, EXPORT, "%" if form == "octave" else "*", standing=standing.to_dict())
+    leave(standing)
 
 
 def write_equations(
@@ -116,6 +123,7 @@ def write_equations(
     form: Annotated[str, typer.Option("--as", help="text, latex, python or octave.")] = "text",
     name: Annotated[Pairs, typer.Option("--name", help="PATH=SYMBOL of a conductor, node or load, such as stack.gap=R_cn3.")] = [],  # noqa: B006
     to: To = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Derive the state equations of a linear model as symbols (needs sympy)."""
@@ -129,7 +137,7 @@ def write_equations(
         raise DeckError(f"equations are not written as '{form}'.{nearest(form, forms)} There are {', '.join(forms)}.", "--as")
     found = equations(load_model(deck), _pairs(name, "--name"))
     text = f"{found}\n" if form == "text" else str(getattr(found, form)())
-    _say(text, to, as_json, symbols=dict(found.symbols))
+    _say(text, to, as_json, EQUATIONS, "%" if form in ("latex", "octave") else "#", symbols=dict(found.symbols))
 
 
 def htc(

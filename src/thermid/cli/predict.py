@@ -9,6 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from thermid.cli.output import SCHEMA, clean
+from thermid.cli.pages import Force
+from thermid.cli.standing import Accept, leave
 
 __all__ = ["register"]
 
@@ -30,13 +32,16 @@ def predict(
     draws: Annotated[int, typer.Option("--draws", min=0, help="Members drawn, for spreads so wide that derivatives do not do.")] = 0,
     vacuum: Annotated[bool, typer.Option("--vacuum", help="No gas: convection goes, radiation stays.")] = False,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write temperatures and bands to a CSV file.")] = None,
+    force: Force = False,
     data: Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project; THERMID_DATA does the same.")] = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the campaign.")] = None,
+    accept: Accept = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."""
     from thermid.cli.app import _with_unit
     from thermid.errors import ScenarioError
+    from thermid.files import TABLE, may_write
     from thermid.identify.predict import predict as run
     from thermid.identify.stages import run_stages
     from thermid.model.signal import literal
@@ -45,7 +50,9 @@ def predict(
     if scenario is None:
         raise ScenarioError("a prediction needs a scenario: --scenario FILE.", "command line")
     given = load_scenario(scenario)
-    found = run_stages(campaign, data=data, cache=results if results is not None else campaign.parent / "results")
+    if csv is not None:
+        may_write(csv, TABLE)
+    found = run_stages(campaign, data=data, cache=results if results is not None else campaign.parent / "results", accept=accept or ())
     name = stage or list(found)[-1]
     predicted = run(found[name], given.vacuum() if vacuum else given, spread=_spreads(spread), draws=draws)
     times = [literal(_with_unit(t, "s"), "s", "--at") for t in at]
@@ -57,10 +64,11 @@ def predict(
     if as_json:
         content: dict[str, Any] = {"schema": SCHEMA, "status": "ok", "stage": name, **predicted.to_dict(times)}
         typer.echo(json.dumps(clean(content)))
-        return
+        leave(predicted.standing)
     typer.echo(str(predicted))
     for t in times:
         typer.echo(f"  at {t:g} s: " + ", ".join(f"{n} {b.at(t)}" for n, b in predicted.bands.items()))
+    leave(predicted.standing)
 
 
 def _spreads(given: list[str]) -> dict[str, str]:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from thermid.cli.pages import Force
+
 if TYPE_CHECKING:
     from thermid.qualify.profile_run import ProfileRun
     from thermid.qualify.profiles import ThermalProfile
@@ -40,10 +42,12 @@ def profile(
     save: Annotated[Path | None, typer.Option("--save", help="Write the profile as a file to edit.")] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write the temperatures of the run.")] = None,
     picture: Annotated[Path | None, typer.Option("--picture", help="Draw the run (png, svg, pdf).")] = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Print a profile of an environmental test with clauses and marks, or run it on a deck: each dwell waits for the unit."""
     from thermid.cli.output import clean
+    from thermid.files import PICTURE, TABLE, may_write
 
     if not standard:
         _list(as_json)
@@ -55,6 +59,9 @@ def profile(
         _unused(csv, picture)
         typer.echo(json.dumps(clean({"schema": 1, "status": "ok", **_object(found)})) if as_json else str(found))
         return
+    for path, kind in ((csv, TABLE), (picture, PICTURE)):
+        if path is not None:
+            may_write(path, kind)
     run = _run(found, on, chamber, base, watch, param, scenario, chamber_ramp, every)
     if csv is not None:
         run.solution.to_csv(csv)

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.files import OWN, write_text
+
 __all__ = ["code_digest", "file_name", "in_full", "recall", "remember"]
 
 Array = NDArray[np.float64]
@@ -73,4 +75,4 @@ def remember(folder: Path | None, stage: str, key: str, names: Sequence[str], fi
         return
     folder.mkdir(parents=True, exist_ok=True)
     content = {"key": key, "code": code_digest(), "fitted": dict(zip(names, map(float, fitted), strict=True))}
-    (folder / f"{file_name(stage)}.fit.json").write_text(json.dumps(content, indent=1), encoding="utf-8")
+    write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), OWN)

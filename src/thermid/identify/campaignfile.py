@@ -39,6 +39,7 @@ class CampaignSource:
     lines : dict            Key path -> line.
     data : Path or None     A folder of logs outside the project, where one was given.
     results : Path or None  A folder that keeps logs as they were read.
+    accept : tuple of str   Stages that the caller accepts as they are, beside those of the file.
     memo : Memo             Files, and logs that were read.
     """
 
@@ -47,7 +48,13 @@ class CampaignSource:
     lines: Mapping[str, int]
     data: Path | None = None
     results: Path | None = None
+    accept: tuple[str, ...] = ()
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    @property
+    def accepted(self) -> tuple[str, ...]:
+        """Stages that are accepted as they are, whatever their standing."""
+        return tuple(dict.fromkeys((*self.content.accept, *self.accept)))
 
     def where(self, key: str) -> str:
         """Return file, line and key path."""
@@ -259,6 +266,18 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     return source
 
 
+def accepting(source: CampaignSource, stages: Sequence[str]) -> CampaignSource:
+    """Return a campaign with further stages accepted as they are.
+
+    Raises
+    ------
+    DeckError   When there is no such stage.
+    """
+    made = replace(source, accept=(*source.accept, *stages))
+    _check_order(made, made.content.stages, made.content.verdicts)
+    return made
+
+
 def placed(error: ThermidError, where: str) -> ThermidError:
     """Return an error with its place in the campaign before the place that it has itself."""
     file = where.partition(":")[0].partition(",")[0]
@@ -291,6 +310,9 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
                     source.where(f"stages.{k}.inherit"),
                 )
         done.append(stage.name)
+    for name in source.accepted:
+        if name not in done:
+            raise DeckError(f"no stage '{name}' to accept.{nearest(name, done)}", source.where("accept"))
     for k, verdict in enumerate(verdicts):
         if verdict.model not in done:
             raise DeckError(f"no stage '{verdict.model}'.{nearest(verdict.model, done)}", source.where(f"verdicts.{k}.model"))

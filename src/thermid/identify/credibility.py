@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
+from thermid.files import CREDIBILITY, write_text
 from thermid.identify.calibration import Calibration
 from thermid.measure.amounts import short
 from thermid.model.resolve import ParameterSet
@@ -116,10 +117,8 @@ class CredibilityRecord(Mapping[str, ValueRecord]):
         if target.suffix == ".toml":
             import tomlkit
 
-            target.write_text(tomlkit.dumps(self.to_dict()), encoding="utf-8")
-        else:
-            target.write_text(json.dumps(self.to_dict(), indent=1), encoding="utf-8")
-        return target
+            return write_text(target, tomlkit.dumps(self.to_dict()), CREDIBILITY)
+        return write_text(target, json.dumps(self.to_dict(), indent=1), CREDIBILITY)
 
     def __str__(self) -> str:
         """Return it as text, a line a value."""

@@ -83,7 +83,7 @@ class Discrepancy:
         for k, (p, v) in enumerate(values.items()):
             error = float(np.sqrt(covariance[k, k])) * (abs(v.value) if v.log else 1.0)
             items[p] = replace(v, error=error)
-        return replace(values, items_=items, covariance=covariance, weights=values.covariance if values.weights is None else values.weights)
+        return replace(values, items_=items, covariance=covariance)
 
     def __str__(self) -> str:
         """Return where each coefficient was found."""

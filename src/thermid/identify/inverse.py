@@ -104,7 +104,7 @@ def with_load(model: Model, path: str, load: HeatLoad) -> Model:
     part, _, name = path.rpartition(".")
     inner = model.submodel(part) if part else model
     changed = replace(inner, loads={**inner.loads, name: load})
-    return model.replace(part, changed) if part else changed
+    return model.with_part(part, changed) if part else changed
 
 
 def watts(into: str, **fields: object) -> HeatLoad:
@@ -248,4 +248,4 @@ def _without(model: Model, path: str, count: int) -> Model:
     inner = model.submodel(part) if part else model
     kept = {n: v for n, v in inner.loads.items() if not n.startswith(f"{name}_at_")}
     changed = replace(inner, loads=kept)
-    return model.replace(part, changed) if part else changed
+    return model.with_part(part, changed) if part else changed

@@ -58,7 +58,7 @@ def with_gas_in_joints(fit: Calibration, values: FittedValues, scenario: Scenari
         f"{named} {was} fitted in air, and how much of that is gas between the faces no record says: without gas {it} carries anything from"
         " what is fitted less that to all of it, which the bands hold. A record at low pressure, or a gap in the deck, would tell"
     )
-    return replace(values, covariance=np.asarray(covariance), weights=None), remark
+    return replace(values, covariance=np.asarray(covariance)), remark
 
 
 def _gases(network: Network, joint: FlatConductor) -> list[str]:

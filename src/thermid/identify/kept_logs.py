@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ThermidError
+from thermid.files import OWN, read_bytes, replacing
 from thermid.identify.cache import code_digest, file_name
 from thermid.measure import Channel, Record
 from thermid.measure.channel import Origin
@@ -27,7 +28,7 @@ _ABOUT = "about"
 def _key(path: Path, how: Mapping[str, Any]) -> str:
     """Return the hash of what a record depends on: the bytes and the name of its file, how it is read and prepared, and what reads it."""
     told = json.dumps([path.name, how, code_digest()])
-    return hashlib.sha256(hashlib.sha256(path.read_bytes()).digest() + told.encode()).hexdigest()
+    return hashlib.sha256(hashlib.sha256(read_bytes(path)).digest() + told.encode()).hexdigest()
 
 
 def log_kept(folder: Path | None, path: Path, how: Mapping[str, Any], make: Callable[[], Record]) -> Record:
@@ -72,7 +73,8 @@ def _write(path: Path, key: str, record: Record) -> None:
     about = {"key": key, "name": record.name, "origin": origin, "steps": list(record.steps), "channels": channels}
     path.parent.parent.mkdir(parents=True, exist_ok=True)  # by itself, so that an error names the folder that was asked for
     path.parent.mkdir(exist_ok=True)
-    np.savez(path, **{_ABOUT: np.array(json.dumps(about)), **arrays})
+    with replacing(path, OWN) as half:
+        np.savez(half, **{_ABOUT: np.array(json.dumps(about)), **arrays})
 
 
 def _read(path: Path, key: str) -> Record | None:

@@ -7,6 +7,9 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from thermid.errors import DeckError
+from thermid.files import OWN, write_text
+
 __all__ = ["Look", "look", "looks_at"]
 
 FILE = "looks.json"
@@ -35,7 +38,12 @@ class Look:
 
 
 def looks_at(folder: Path | None, sha256: str) -> tuple[Look, ...]:
-    """Return the verdicts on a record that a results folder remembers, oldest first; a damaged file remembers none."""
+    """Return the verdicts on a record that a results folder remembers, oldest first.
+
+    Raises
+    ------
+    DeckError   When its file of verdicts is damaged.
+    """
     return tuple(one for one in _read(folder) if one.sha256 == sha256)
 
 
@@ -43,6 +51,10 @@ def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, pa
     """Return the earlier failed verdicts on a record by other values than these, and note this one.
 
     The same values judged again are no new look.
+
+    Raises
+    ------
+    DeckError   When the folder's file of verdicts is damaged: a new one would forget those that failed.
     """
     if folder is None:
         return ()
@@ -51,7 +63,7 @@ def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, pa
     now = Look(record, sha256, stage, key, passed, datetime.now(UTC).date().isoformat())
     if all((one.sha256, one.key, one.passed) != (sha256, key, passed) for one in known):
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / FILE).write_text(json.dumps([asdict(one) for one in (*known, now)], indent=1), encoding="utf-8")
+        write_text(folder / FILE, json.dumps([asdict(one) for one in (*known, now)], indent=1), OWN)
     return earlier
 
 
@@ -60,6 +72,13 @@ def _read(folder: Path | None) -> tuple[Look, ...]:
     if path is None or not path.is_file():
         return ()
     try:
-        return tuple(Look(**one) for one in json.loads(path.read_text(encoding="utf-8")))
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(content, list):
+            raise TypeError
+        return tuple(Look(**one) for one in content)
     except (ValueError, TypeError):
-        return ()
+        raise DeckError(
+            "the file is damaged. It says which records failed a verdict before; without it they would pass for independent ones. "
+            "Restore it from the version control or a backup. Remove it only if no record of this folder ever failed.",
+            str(path),
+        ) from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,8 @@ from thermid.identify.joint_gas import with_gas_in_joints
 from thermid.identify.prediction import Band, Prediction
 from thermid.identify.split import split, split_needed
 from thermid.identify.spread import Spread
+from thermid.identify.values import FittedValues, view
+from thermid.knowledge.standing import of_model, worst
 from thermid.model.model import Model
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
@@ -69,7 +71,8 @@ def predict(
     ------
     IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be split cannot be.
     """
-    base = fit.fitted_model if model is None else model.with_values(fit.values.assignments, f"stage '{fit.stage}'")
+    base = fit.fitted_model if model is None else fit.store.on(model)
+    standing = worst([fit.standing, of_model(base)]) if model is None else of_model(base)
     given = [spread] if isinstance(spread, Mapping | Spread) else list(spread)
     if draws < 0:
         raise IdentificationError(f"{draws} members cannot be drawn; give 0 for derivatives alone, or some hundred.", base.title)
@@ -100,31 +103,33 @@ def predict(
             rest[n] = Band(n, ready.times[-1:], np.array([settled[n]]), shift[n][-1:], {c: v[-1:] for c, v in parts.items()}).final
     words = {s.cause: _words([n for t in spreads if t.cause == s.cause for n in t.names]) for s in spreads if s.names}
     warnings = (*run.warnings, *([loose] * bool(loose)), *misfit.guessed(kept, run, moves))
-    return Prediction(base.title, scenario.title, ready.times, bands, rest, {**words, **misfit.words}, warnings, found)
+    return Prediction(base.title, scenario.title, ready.times, bands, rest, {**words, **misfit.words}, warnings, found, standing)
 
 
 def _in_gas(fit: Calibration, base: Model, scenario: Scenario, given: Sequence[Any]) -> tuple[Model, list[Spread], str]:
     """Return the model and what it leaves open, coefficients split and joints doubted where a scenario thins their gas, and a remark."""
     own, thin = left_open(fit), split_needed(fit, scenario, [n for s in given for n in _names(s)])
-    values, cause = fit.values, own[0].cause
+    values, cause = fit.values, "fit"
     if thin:
         apart = split(fit, thin)
         base, values, cause = apart.model, apart.values, "fit, and split of effective coefficients"
     values, remark = with_gas_in_joints(fit, values, scenario)
     cause += ", and gas in joints" if remark else ""
-    return base, [Spread.of(values, cause=cause) if thin or remark else own[0], *own[1:]], remark
+    if not (thin or remark):
+        return base, own, remark
+    below = _uncertain(fit, [p for p in fit.store.parameters if p not in fit.values])
+    return base, [Spread.of(values, cause=cause), Spread.of(below, cause="stages below")], remark
 
 
 def left_open(fit: Calibration) -> list[Spread]:
-    """Return what the fit leaves open, and what the stages below left open of the values that it held."""
-    out, taken = [Spread.of(fit.values, cause="fit")], {*fit.values.assignments}
-    # the last to set a value is who the model has it from
-    for below in reversed(fit.held):
-        left = below.only([p for p, v in below.parameters.items() if not taken & {p, *v.also} and v.error > 0])
-        taken |= {*left.assignments}
-        if left:
-            out.append(Spread.of(left, cause=f"held from {below.stage}"))
-    return out
+    """Return what the fit and the stages below leave open: one spread, for the errors of fixed values move those that were fitted."""
+    return [Spread.of(_uncertain(fit, fit.store.parameters), cause="fit")]
+
+
+def _uncertain(fit: Calibration, paths: Iterable[str]) -> FittedValues:
+    """Return those of some values that act in the model and have an error."""
+    sure = [p for p in paths if (s := fit.store[p]).acts and s.known and fit.store.error(p) > 0]
+    return view(fit.store, sure, fit.stage)
 
 
 def _names(spread: Mapping[str, Any] | Spread) -> list[str]:

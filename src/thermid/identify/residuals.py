@@ -206,8 +206,10 @@ class Problem:
     def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
         """Return the residuals of the priors and their derivatives."""
         values, slopes = [], []
+        below = {int(k) for at, _, _ in self.coupled for k in at}
         for k, u in enumerate(self.unknowns):
-            if u.prior is not None:
+            # what stages below found of an instrument holds its accuracy
+            if u.prior is not None and (u.kind == "parameter" or k not in below):
                 row = np.zeros(len(self.unknowns))
                 row[k] = 1.0 / u.prior.sd
                 values.append((float(fitted[k]) - u.prior.mean) / u.prior.sd)

@@ -12,6 +12,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
+from thermid.files import STUDY, write_text
 from thermid.identify.residuals import Block
 from thermid.identify.stages import Campaign
 from thermid.model.boxes import node_boxes, part_boxes
@@ -202,7 +203,7 @@ class Study:
         """Return what every stage and every verdict found, sensor by sensor."""
         action = {stage: a.name for a in self.actions for stage in a.stages}
         steps = [_step(action.get(stage, ""), stage, block) for stage, c in campaign.stages.items() for block in c.blocks]
-        steps += [_step(action.get(v.model, ""), v.model, block, True) for v in campaign.verdicts for block in v.prediction.blocks]
+        steps += [_step(action.get(v.model, ""), v.model, block, True) for v in campaign.verdicts for block in v.blocks]
         return tuple(steps)
 
     @takes_objects
@@ -226,9 +227,7 @@ class Study:
         """Write the study as a file and return its path; put it beside the campaign and decks that it names."""
         import tomlkit
 
-        target = Path(path)
-        target.write_text(tomlkit.dumps(dict(self._data)), encoding="utf-8")
-        return target
+        return write_text(path, tomlkit.dumps(dict(self._data)), STUDY)
 
 
 def _reference_points(model: Model, prefix: str = "") -> list[tuple[str, Any]]:

@@ -18,6 +18,7 @@ from typing import Any
 from thermid.arguments import takes_objects
 from thermid.errors import ExpressionError, ThermidError, UnitError
 from thermid.expression import parse
+from thermid.files import read_text
 from thermid.interop.block import block
 from thermid.interop.mscript import Statement, statements
 from thermid.model.parameter import Parameter, parameter
@@ -230,7 +231,7 @@ def _source(source: str | os.PathLike[str]) -> tuple[str, str]:
     if not path.is_file():
         raise ThermidError(f"there is no file '{path.name}' in {path.parent.name or '.'}/.")
     try:
-        return path.read_text(encoding="utf-8-sig"), path.name
+        return read_text(path, "utf-8-sig"), path.name
     except UnicodeDecodeError:
         # scripts of older releases are in the code page of their machine, whose letters stand in comments only
-        return path.read_text(encoding="latin-1"), path.name
+        return read_text(path, "latin-1"), path.name

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError
+from thermid.files import EXPORT, write_text
 from thermid.interop.formula import Formula, Text, number_text
 from thermid.interop.units_of import si_unit
 from thermid.interop.wired import Wired, identifiers, one_line, refuse_crooked, wired
@@ -62,7 +63,7 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     refuse_crooked(w, "Octave")
     text = "\n".join(_Writer(w, called).lines()) + "\n"
     if target is not None:
-        target.write_text(text, encoding="utf-8")
+        write_text(target, text, EXPORT, "%")
     return text
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
-from pathlib import Path
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError
+from thermid.files import EXPORT, write_text
 from thermid.interop.formula import number_text
 from thermid.interop.wired import Wired, identifiers, one_line, wired
 from thermid.model.kinds import SMOOTHING
@@ -48,7 +48,7 @@ def to_spice(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     w = wired(model, scenario, "SPICE")
     text = "\n".join(_Netlist(w).lines()) + "\n"
     if path is not None:
-        Path(path).write_text(text, encoding="utf-8")
+        write_text(path, text, EXPORT, "*")
     return text
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thermid.files import LOG, replacing
 from thermid.measure.amounts import duration_text
 from thermid.measure.channel import Channel, FloatArray
 from thermid.measure.windows import even_step, gap_from, usual_step
@@ -46,14 +47,15 @@ def to_csv(record: Record, path: str | Path) -> None:
     left out and the numbers had at most 12 digits, 9 of them decimals.
     """
     columns = [_texts(record.times, "s")]
-    header = [f"{record.origin.time} [s]"]
+    header = []
     taken = [record.origin.time, *(each.column for each in record.channels.values())]
     for each in record.channels.values():
         # a column that feeds two channels is written twice, under their own names
         header.append(f"{each.column if each.column and taken.count(each.column) == 1 else each.name} [{each.unit}]")
         cells = _texts(np.where(each.valid, each.values, 0.0), each.unit)
         columns.append([cell if good else "" for cell, good in zip(cells, each.valid.tolist(), strict=True)])
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+    with replacing(path, LOG) as half, half.open("w", encoding="utf-8", newline="") as file:
+        file.write(f'"{record.origin.time} [s]"' + ("," if header else ""))
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(zip(*columns, strict=True))

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from thermid import files
 from thermid.errors import MissingDataError, RecordError, nearest
 from thermid.measure.part import SensorCertificate
 
@@ -78,6 +79,18 @@ def _holds_cells(line: str) -> bool:
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
+def _plain_header(line: str, mark: str) -> str:
+    """Return a header without its quotation marks, where no name needs them."""
+    if line.count('"') % 2:
+        return line
+    try:
+        names = next(csv.reader([line], delimiter=mark), [])
+    except csv.Error:  # a name without end; the reader of rows says so
+        return line
+    plain = mark.join(names)
+    return plain if '"' not in plain and plain.count(mark) == len(names) - 1 else line
+
+
 def _columns(lines: list[tuple[int, str]], mark: str) -> list[tuple[str, ...]] | None:
     """Return the columns, header included, of lines without quotation marks that all have as many cells; None where they do not."""
     if len({line.count(mark) for _, line in lines}) != 1:
@@ -100,7 +113,8 @@ def read_cells(data: bytes, file: str, separator: str | None) -> Cells:
     if not lines:
         raise RecordError("the file is empty." if not text.strip() else "the file has only comments.", file)
     mark = _separator(lines, separator, file)
-    columns = None if '"' in text else _columns(lines, mark)
+    lines[0] = (lines[0][0], _plain_header(lines[0][1], mark))
+    columns = None if any('"' in line for _, line in lines) else _columns(lines, mark)
     if columns is None:
         rows, numbers = _rows(lines, mark, file)
     else:  # all lines have as many cells, so the first one and the last two tell the rest
@@ -146,7 +160,7 @@ def read_bytes(place: Path) -> bytes:
         raise MissingDataError(f"there is no such file.{near} Check the path, or fetch the log first.", str(place))
     if place.is_dir():
         raise RecordError("this is a folder; the path of one log is needed.", str(place))
-    data = place.read_bytes()
+    data = files.read_bytes(place)
     if data[:2] == b"\x1f\x8b":
         try:
             data = gzip.decompress(data)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from thermid.errors import NameNotFoundError, RecordError, nearest
+from thermid.files import was_read
 from thermid.measure.channel import FloatArray
 from thermid.measure.plain import read_plain
 from thermid.units import TEMPERATURE
@@ -95,6 +96,7 @@ def read_columns(path: Path, columns: Mapping[str, str] | None, begin: str | Non
     """Return the columns of a weather file; its form is told by its name and first lines."""
     with path.open("rb") as file:
         head = file.read(400)
+    was_read(path)
     epw = path.suffix.lower() == ".epw" or head.startswith(b"LOCATION,")
     if not epw and b"Date (MM/DD/YYYY)" not in head:
         return _table(path, columns, begin, time)

@@ -12,8 +12,9 @@ from tomlkit.items import InlineTable, Item, Table
 
 from thermid.errors import DeckError, ThermidError
 from thermid.expression import parse
+from thermid.files import DECK, OWN, may_write, unsealed, write_text
 from thermid.model.model import Model
-from thermid.model.modelfile import to_dict, value_to
+from thermid.model.modelfile import load_model, to_dict, value_to
 
 __all__ = ["write"]
 
@@ -26,9 +27,28 @@ def write(model: Model, path: Path, like: Path | None) -> None:
     """Write a deck and the decks of its submodels."""
     files: dict[Path, Model] = {}
     _collect(model, path, files)
-    for target, part in files.items():
-        pattern = like if target == path else None
-        target.write_text(_text(part, pattern), encoding="utf-8")
+    files = {target: part for target, part in files.items() if target == path or not _says(target, part)}
+    texts = {target: _text(part, like if target == path else None) for target, part in files.items()}
+    # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
+    kinds = {target: OWN if target == path and like is not None and _one_file(like, path) else DECK for target in files}
+    for target, kind in kinds.items():
+        may_write(target, kind)
+    for target, text in texts.items():
+        write_text(target, text, kinds[target])
+
+
+def _says(path: Path, model: Model) -> bool:
+    """Whether a deck that thermid did not write says the same already: it stays as its author wrote it."""
+    if not path.is_file() or DECK.wrote(path):
+        return False
+    try:
+        return load_model(path) == model
+    except ThermidError:
+        return False
+
+
+def _one_file(one: Path, other: Path) -> bool:
+    return other.exists() and one.samefile(other)
 
 
 def _collect(model: Model, path: Path, files: dict[Path, Model]) -> None:
@@ -50,7 +70,7 @@ def _text(model: Model, like: Path | None) -> str:
     data = {k: v for k, v in data.items() if v != {}}
     if like is None:
         return tomlkit.dumps(_pretty(data))
-    document = tomlkit.parse(like.read_text(encoding="utf-8"))
+    document = tomlkit.parse(unsealed(like.read_text(encoding="utf-8")))
     if "box" not in document and model.box == Model(title="").box:
         del data["box"]
     _update(document, data)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError
+from thermid.files import read_bytes
 from thermid.model.modelfile import load_model, project_root, read_toml, resolve_inside
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def basis(target: Path, content: PlanFile, data: Path | None, where: Callable[[s
         if not file.is_file():
             raise DeckError(f"there is no file '{name}'.", target.name)
         for one in _with_named(file, logs, set()):
-            out[_name(one, folder, logs)] = hashlib.sha256(one.read_bytes()).hexdigest()
+            out[_name(one, folder, logs)] = hashlib.sha256(read_bytes(one)).hexdigest()
     return out
 
 

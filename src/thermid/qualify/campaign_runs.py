@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
+from thermid.files import OWN, replacing, sweep
 from thermid.model.model import Model
 from thermid.qualify.chances import MISFIT, Inputs, is_shift
 from thermid.simulation.engine import Options
@@ -159,6 +160,8 @@ class Store:
         """Return the place of a job below a folder."""
         place = Path(folder) / job.key()
         place.mkdir(parents=True, exist_ok=True)
+        for each in (place, *Path(folder).glob("[0-9a-f]" * 16)):  # a job that was killed may never be asked again
+            sweep(each)
         return cls(place)
 
     def _path(self, first: int, members: int) -> Path:
@@ -176,10 +179,10 @@ class Store:
     def save(self, chunk: Chunk) -> None:
         """Keep a chunk; the file appears when it is whole."""
         path = self._path(chunk.first, chunk.temperatures.shape[0])
-        half = path.with_name(f".{path.name}.{os.getpid()}.npz")
         failed, why = np.array(list(chunk.failed), dtype=int), np.array(list(chunk.failed.values()), dtype=str)
-        np.savez(half, temperatures=chunk.temperatures, failed=failed, why=why, version=np.array(chunk.version), simd=np.array(chunk.simd))
-        half.replace(path)
+        version, simd = np.array(chunk.version), np.array(chunk.simd)
+        with replacing(path, OWN) as half:
+            np.savez(half, temperatures=chunk.temperatures, failed=failed, why=why, version=version, simd=simd)
 
 
 def chunks(job: Job, wanted: Sequence[tuple[int, int]], workers: int, cluster: str, threads: int) -> Iterator[Chunk]:

@@ -1,13 +1,7 @@
-"""What may differ from member to member of a campaign of runs, as functions of numbers between 0 and 1.
-
-The numbers come from a generator that counts (Philox: Salmon et al., Parallel random numbers: as easy as 1, 2, 3, SC11, 2011), one stream
-per name, one count per member. A draw therefore depends on the seed, the name and the member's index, and on nothing else: not on how many
-members there are, what else is spread, or which process draws it.
-"""
+"""What may differ from member to member of a campaign of runs, as functions of numbers between 0 and 1; see `uniforms`."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,130 +9,42 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import ScenarioError, nearest
-from thermid.expression import parse
 from thermid.identify.spread import Spread
-from thermid.model.signal import literal
+from thermid.knowledge.sources import Law, Shifted, uniforms
 from thermid.simulation.simulator import Simulator
-from thermid.units import TEMPERATURE
 
-__all__ = ["MISFIT", "Chance", "Inputs", "chance", "is_shift", "root_of", "uniforms"]
+__all__ = ["MISFIT", "Chance", "Inputs", "chance", "is_shift", "root_of"]
 
 Array = NDArray[np.float64]
-FORMS = {"sd": {"sd"}, "log_sd": {"log_sd"}, "low": {"low", "high"}}
 MISFIT = "misfit"
 """Stream of what a fit could not follow."""
-LEAST = 1e-3
-"""Probability within a deck's bounds below which a spread does not fit them. [-]"""
-
-
-def uniforms(seed: int, name: str, first: int, members: int) -> Array:
-    """Return numbers (members,) between 0 and 1 of the members from `first` on, of the stream of a name. [-]"""
-    key = int.from_bytes(hashlib.sha256(f"{seed} {name}".encode()).digest()[:16], "big")
-    raw = np.random.Philox(key=key, counter=first).random_raw(4 * members)[::4]
-    out: Array = ((raw >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
-    return out
 
 
 @dataclass(frozen=True)
 class Chance:
-    """How one value may lie: normal, log-normal or uniform, cut off at the bounds of its deck.
+    """How one value may lie.
 
     Parameters
     ----------
     name : str              As in `ensemble`.
-    form : str              normal, lognormal or uniform.
-    centre, size : float    Mean (of a lognormal: median) and standard deviation (of a lognormal: of the logarithm). [SI]
-    low, high : float       Ends of a uniform, or bounds. [SI]
+    law : Law               Of the value; of its shift where `is_shift`. [SI]
     also : tuple of str     Other names that share the value.
     """
 
     name: str
-    form: str
-    centre: float
-    size: float
-    low: float = -np.inf
-    high: float = np.inf
+    law: Law
     also: tuple[str, ...] = ()
-
-    def at(self, shares: Array) -> Array:
-        """Return the values (members,) below which shares (members,) of all lie. [SI]"""
-        if self.form == "uniform":
-            return self.low + (self.high - self.low) * shares
-        from scipy.special import ndtr, ndtri
-
-        if self.size == 0.0:
-            return np.full(shares.shape, self.centre)
-        ends = np.array([self.low, self.high])
-        if self.form == "lognormal":
-            with np.errstate(divide="ignore"):
-                ends = np.log(np.maximum(ends, 0.0) / self.centre)
-            below, above = ndtr(ends / self.size)
-            out: Array = self.centre * np.exp(self.size * ndtri(below + shares * (above - below)))
-        else:
-            below, above = ndtr((ends - self.centre) / self.size)
-            out = self.centre + self.size * ndtri(below + shares * (above - below))
-        if not above - below > LEAST:
-            raise ScenarioError("hardly any value lies within the bounds of its deck. Choose a smaller spread, or other bounds.", self.name)
-        return out
 
 
 def chance(ready: Simulator, name: str, given: Any, also: Sequence[str] = ()) -> Chance:
-    """Return the chance that a text or a table says.
-
-    Parameters
-    ----------
-    ready : Simulator   Model and scenario with the name free; it knows values, units and bounds.
-    name : str          Canonical.
-    given : str, dict   ``"0.5 [W]"`` or ``"10 [%]"`` (standard deviation), ``{"sd": ...}``, ``{"log_sd": 0.2}``,
-                        ``{"low": ..., "high": ...}`` (anything between is as likely), or ``"range"``: anything between the deck's
-                        bounds. Of a boundary, and of ``initial.<node>``, all are shifts [K].
-    also : sequence     Other names that share the value.
-
-    Raises
-    ------
-    ScenarioError   When it is none of these forms.
-    """
-    where = f"{ready.title}, spread of '{name}'"
-    at, difference = ready.slots(name)
-    shifted = is_shift(ready, name)
-    bounds = ready.bounds(name)
-    if given == "range":
-        if not np.isfinite(bounds).all():
-            raise ScenarioError("its deck gives no min and max to be its range. Give them, or a spread of its own.", where)
-        return Chance(name, "uniform", 0.0, 0.0, *bounds, tuple(also))
-    table: Mapping[str, Any] = {"sd": given} if isinstance(given, str) else given
-    form = next((f for f in FORMS if isinstance(table, Mapping) and f in table), "")
-    if not form or set(table) != FORMS[form]:
-        odd = next((k for k in table if k not in {"sd", "log_sd", "low", "high"}), "") if isinstance(table, Mapping) else ""
-        raise ScenarioError(f'write {{sd}}, {{log_sd}}, {{low, high}} or "range".{nearest(odd, ("sd", "log_sd", "low", "high"))}', where)
-    centre = 0.0 if shifted else ready.nominal[name]
-    if form == "low":
-        low, high = (literal(table[k], "K" if shifted else at, where) for k in ("low", "high"))
-        if not low <= high:
-            raise ScenarioError("its low end lies above its high end.", where)
-        return Chance(name, "uniform", 0.0, 0.0, low, high, tuple(also))
-    if form == "log_sd":
-        if not centre > 0.0:
-            raise ScenarioError("only a value above zero has a logarithm to spread.", where)
-        return Chance(name, "lognormal", centre, _size(literal(table["log_sd"], "1", where), where), *bounds, tuple(also))
-    own = parse(table["sd"]).literal if isinstance(table["sd"], str) else None
-    if own is not None and own.unit.text == "%":
-        if at == TEMPERATURE or difference == "K":
-            raise ScenarioError("a temperature is not spread by per cent; give kelvin.", where)
-        return Chance(name, "normal", centre, _size(own.value * abs(centre), where), *bounds, tuple(also))
-    return Chance(name, "normal", centre, _size(literal(table["sd"], difference, where), where), *bounds, tuple(also))
+    """Return the chance that a written spread means; `name` is canonical, and `also` are other names that share the value."""
+    law = ready.law(name, given)
+    return Chance(name, Shifted(law, -ready.nominal[name]) if is_shift(ready, name) else law, tuple(also))
 
 
 def is_shift(ready: Simulator, name: str) -> bool:
     """Return whether a spread of a name is a shift of what the scenario gives: that of a boundary or of a temperature at the start."""
     return name.startswith("initial.") or name in ready.wiring.network.boundaries
-
-
-def _size(sd: float, where: str) -> float:
-    if not (sd >= 0.0 and np.isfinite(sd)):
-        raise ScenarioError("a standard deviation is a number from zero up.", where)
-    return sd
 
 
 def root_of(covariance: Array) -> Array:
@@ -213,7 +119,7 @@ class Inputs:
         out: dict[str, Array] = {}
         row = 0
         for c in self.chances:
-            out |= dict.fromkeys((c.name, *c.also), c.at(numbers[row]))
+            out |= dict.fromkeys((c.name, *c.also), c.law.at(numbers[row]))
             row += 1
         for s, root in zip(self.spreads, self.roots, strict=True):
             normal = ndtri(numbers[row : row + len(s.names)])

@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import platform
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError
+from thermid.files import COPY, DELIVERY, folder_replacing, read_bytes, write_bytes, write_text
 from thermid.identify.values import FittedValues
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, save_model
@@ -64,28 +64,28 @@ def deliver(
     DeckError       When the folder holds something, or what is in it does not give the same temperatures again.
     ScenarioError   As in `reduce`.
     """
-    folder = Path(to)
-    if folder.exists() and any(folder.iterdir()):
-        raise DeckError(f"the folder '{folder.name}' is not empty. A delivery is written once; give a new folder.")
+    target = Path(to)
+    if target.exists() and any(target.iterdir()):
+        raise DeckError(f"the folder '{target.name}' is not empty. A delivery is written once; give a new folder.")
     given = {Path(s).name: load_scenario(s) for s in scenarios}
     if not given:
         raise DeckError("a delivery needs a scenario, to say what must come out.", model.title)
     small = reduce(model, list(given.values()), nodes=nodes, within=within, keep=keep, at=at) if nodes or within is not None else None
-    for name in ("full", "scenarios", *(["values"] if values else []), *(["reduced"] if small is not None else [])):
-        (folder / name).mkdir(parents=True)
-    for path in map(Path, scenarios):
-        shutil.copyfile(path, folder / "scenarios" / path.name)
-    for v in values:
-        v.save(folder / "values" / f"{v.stage}.values.toml")
-    save_model(model, folder / "full" / "model.toml")
-    if small is not None:
-        save_model(small.inside, folder / "reduced" / "model.toml")
     record = _record(model, given, small, at)
-    record["files"] = {str(p.relative_to(folder)): _hash(p) for p in sorted(folder.rglob("*.toml"))}
-    target = folder / "checks.json"
-    target.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-    check_delivery(folder)
-    return target
+    with folder_replacing(target) as folder:
+        for name in ("full", "scenarios", *(["values"] if values else []), *(["reduced"] if small is not None else [])):
+            (folder / name).mkdir()
+        for path in map(Path, scenarios):
+            write_bytes(folder / "scenarios" / path.name, read_bytes(path), COPY)
+        for v in values:
+            v.save(folder / "values" / f"{v.stage}.values.toml")
+        save_model(model, folder / "full" / "model.toml")
+        if small is not None:
+            save_model(small.inside, folder / "reduced" / "model.toml")
+        record["files"] = {str(p.relative_to(folder)): _hash(p) for p in sorted(folder.rglob("*.toml"))}
+        write_text(folder / "checks.json", json.dumps(record, indent=1), DELIVERY)
+    check_delivery(target)
+    return target / "checks.json"
 
 
 @takes_objects

@@ -10,6 +10,7 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError
+from thermid.files import OWN, write_text
 from thermid.qualify.plan import Plan
 
 __all__ = ["LockStatus", "lock_plan", "lock_status", "note_look"]
@@ -73,7 +74,7 @@ def _read(plan: Plan) -> dict[str, Any]:
 
 
 def _write(plan: Plan, data: dict[str, Any]) -> None:
-    _file(plan).write_text(json.dumps(data, indent=1, sort_keys=True), encoding="utf-8")
+    write_text(_file(plan), json.dumps(data, indent=1, sort_keys=True), OWN)
 
 
 def _today() -> str:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, Final
 
 from thermid.errors import ScenarioError, nearest
+from thermid.files import PROFILE, write_text
 from thermid.measure.stability import rule_of
 from thermid.model.signal import literal
 from thermid.physics.constants import ATMOSPHERE
@@ -179,7 +179,7 @@ class ThermalProfile:
         """Write it as a profile file that `load_profile` reads, every number with its mark."""
         from thermid.qualify.profile_text import as_toml
 
-        Path(path).write_text(as_toml(self), encoding="utf-8")
+        write_text(path, as_toml(self), PROFILE)
 
     def __str__(self) -> str:
         """The profile as a table, with clauses and marks."""

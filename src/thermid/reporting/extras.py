@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thermid.errors import ThermidError
+from thermid.files import PAGE, write_text
 from thermid.reporting.cells import typeset
 
 if TYPE_CHECKING:
@@ -87,8 +88,7 @@ def write_page(name: str, to: str | os.PathLike[str], **values: object) -> Path:
     content = page_template(name).render(**values)
     target = Path(to)
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(content, encoding="utf-8")
-    return target
+    return write_text(target, content, PAGE)
 
 
 def css_text(text: str) -> str:

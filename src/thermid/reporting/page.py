@@ -186,18 +186,18 @@ def _traces(blocks: Sequence[Block], key: str, models: Mapping[int, str] | None 
 
 def _held_out(campaign: Campaign) -> Traces | None:
     """Return the traces of all verdicts; a record that several of them judge is drawn once a model."""
-    blocks = {(v.model, b.record, b.sensor): b for v in campaign.verdicts for b in v.prediction.blocks}
+    blocks = {(v.model, b.record, b.sensor): b for v in campaign.verdicts for b in v.blocks}
     models = {id(b): model for (model, _, _), b in blocks.items()}
     return _traces(list(blocks.values()), "held-out", models if len(set(models.values())) > 1 else None) if blocks else None
 
 
 def _dots(campaign: Campaign) -> list[Dots]:
     """Return the RMSE of every record by stage, and of the held-out records by model."""
-    lines = [Dots(stage, _rmse([c])) for stage, c in campaign.stages.items()]
+    lines = [Dots(stage, _rmse([c]), doubt="" if c.standing.fair else c.standing.state) for stage, c in campaign.stages.items()]
     judged: dict[str, list[Calibration]] = {}
     for v in campaign.verdicts:
         known = judged.setdefault(v.model, [])
-        if all(v.record not in k.records for k in known):
+        if v.prediction is not None and all(v.record not in k.records for k in known):
             known.append(v.prediction)
     return lines + [Dots(model, _rmse(found), True) for model, found in judged.items()]
 

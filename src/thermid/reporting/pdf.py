@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import tempfile
 from pathlib import Path
 
 from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
+from thermid.files import PAPER, may_write, scratch, write_bytes
 
 __all__ = ["NoBrowserError", "browser", "page_to_pdf"]
 
@@ -67,8 +67,9 @@ def page_to_pdf(page: str | os.PathLike[str], to: str | os.PathLike[str], *, sec
     """
     program, source, target = browser(), Path(page).resolve(strict=True), Path(to)
     target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix="thermid-pdf-", ignore_cleanup_errors=True) as folder:
-        made = Path(folder) / "page.pdf"
+    may_write(target, PAPER)
+    with scratch() as folder:
+        made = folder / "page.pdf"
         # the browser's sandbox does not run for root; the page's policy permits no script but its own
         root = ("--no-sandbox",) if getattr(os, "geteuid", lambda: 1)() == 0 else ()
         command = [program, *QUIET, *root, f"--user-data-dir={folder}/profile", f"--print-to-pdf={made}", source.as_uri()]
@@ -77,9 +78,9 @@ def page_to_pdf(page: str | os.PathLike[str], to: str | os.PathLike[str], *, sec
             run = subprocess.run(command, capture_output=True, timeout=seconds, env={**os.environ, **home}, check=False)
         except subprocess.TimeoutExpired:
             raise NoBrowserError(f"'{Path(program).name}' did not print '{source.name}' within {seconds:g} s.") from None
-        if not made.exists() or not made.read_bytes().startswith(b"%PDF-"):
+        printed = made.read_bytes() if made.exists() else b""
+        if not printed.startswith(b"%PDF-"):
             said = run.stderr.decode(errors="replace").strip().splitlines()
             why = f" It said: {said[-1][:200]}" if said else ""
             raise NoBrowserError(f"'{Path(program).name}' made no PDF of '{source.name}'.{why}")
-        shutil.move(made, target)
-    return target
+    return write_bytes(target, printed, PAPER)

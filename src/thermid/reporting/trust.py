@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
+from thermid.files import PICTURE, write_bytes
 from thermid.identify.criticism import Criticism
 from thermid.identify.profile import Profile
 from thermid.identify.valley import Valley
@@ -58,8 +60,9 @@ def picture(thing: Profile | Valley | Criticism | Hold | ProfileRun, to: str | o
     target = check_ending(to)
     with _canvas() as figure:
         drawers[type(thing)](figure, thing)
-        figure.savefig(target, dpi=144, metadata={"Date": None} if target.suffix == ".svg" else None)
-    return target
+        drawn = BytesIO()
+        figure.savefig(drawn, format=target.suffix.lower()[1:], dpi=144, metadata={"Date": None} if target.suffix == ".svg" else None)
+    return write_bytes(target, drawn.getvalue(), PICTURE)
 
 
 def check_ending(to: str | os.PathLike[str]) -> Path:

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.wholefile import whole
 
 if TYPE_CHECKING:
     import xarray
@@ -218,14 +218,15 @@ class Solution:
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
         """Write the data set as netCDF; MATLAB and Octave open it."""
-        with self.to_xarray() as data, whole(path) as half:
+        with self.to_xarray() as data, replacing(path, NETCDF) as half:
+            data.attrs["source"] = NETCDF_SOURCE
             data.to_netcdf(half, engine="h5netcdf")
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write times and temperatures in Celsius, a column per node."""
-        header = ",".join(["time_s", *(f"{n} [degC]" for n in self.nodes)])
+        header = ",".join(['"time_s"', *(f"{n} [degC]" for n in self.nodes)])
         table = np.column_stack((self.times, self.temperatures - ICE_POINT))
-        with whole(path) as half:
+        with replacing(path, TABLE) as half:
             np.savetxt(half, table, delimiter=",", header=header, comments="", fmt="%.9g")
 
     def __str__(self) -> str:

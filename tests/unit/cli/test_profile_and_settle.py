@@ -55,7 +55,7 @@ def test_a_profile_is_saved_edited_and_run(tmp_path, deck):
     assert found["decides"] is True
     assert [p["kind"] for p in found["phases"]][:3] == ["way", "wait", "stay"]
     assert picture.stat().st_size > 10_000
-    assert csv.read_text(encoding="utf-8").startswith("time_s,")
+    assert csv.read_text(encoding="utf-8").startswith('"time_s",')
 
 
 @pytest.mark.parametrize(

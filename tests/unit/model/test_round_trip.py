@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from thermid.errors import DeckError
+from thermid.errors import DeckError, OutputError
+from thermid.files import unsealed
 from thermid.model.flat import flatten
 from thermid.model.kinds import KINDS
 from thermid.model.model import Model
@@ -203,13 +204,16 @@ def test_round_trip_of_the_examples(deck: Path, tmp_path: Path) -> None:
     save_model(model, tmp_path / deck.name)
     assert load_model(tmp_path / deck.name) == model
     save_model(model, tmp_path / deck.name, like=deck)
-    assert (tmp_path / deck.name).read_text(encoding="utf-8") == deck.read_text(encoding="utf-8")
+    assert unsealed((tmp_path / deck.name).read_text(encoding="utf-8")) == deck.read_text(encoding="utf-8")
 
 
 def test_like_keeps_the_text_where_nothing_changed(sink: Model, tmp_path: Path) -> None:
     save_model(sink, tmp_path / "same.toml", like=tmp_path / "main.toml")
-    assert (tmp_path / "same.toml").read_text(encoding="utf-8") == SINK
+    assert unsealed((tmp_path / "same.toml").read_text(encoding="utf-8")) == SINK
     assert load_model(tmp_path / "same.toml") == sink
+    assert (tmp_path / "Box.toml").read_text(encoding="utf-8") == BOX  # it says the same: it stays as its author wrote it
+    save_model(sink.with_values({"thick": "6 [mm]"}), tmp_path / "main.toml", like=tmp_path / "main.toml")
+    assert load_model(tmp_path / "main.toml").parameters["thick"].text == "6 [mm]"
 
 
 def test_like_changes_what_differs_and_keeps_the_rest(sink: Model, tmp_path: Path) -> None:
@@ -247,6 +251,15 @@ def test_like_drops_what_is_gone_and_adds_what_is_new(sink: Model, tmp_path: Pat
     assert load_model(tmp_path / "flight.toml") == flight
     save_model(sink, tmp_path / "back.toml", like=tmp_path / "flight.toml")
     assert load_model(tmp_path / "back.toml") == sink
+
+
+def test_a_part_that_its_author_changed_is_not_written_over(sink: Model, tmp_path: Path) -> None:
+    changed = BOX.replace("900", "901")
+    (tmp_path / "Box.toml").write_text(changed, encoding="utf-8")
+    with pytest.raises(OutputError, match=r"Box\.toml: it is there already"):
+        save_model(sink, tmp_path / "again.toml")
+    assert not (tmp_path / "again.toml").exists()
+    assert (tmp_path / "Box.toml").read_text(encoding="utf-8") == changed
 
 
 def test_like_a_deck_without_tables(sink: Model, tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ import pytest
 import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
 from thermid.identify.values import FittedValue, FittedValues
+from thermid.knowledge.sources import Cut, Uniform, uniforms
 from thermid.qualify import campaign_runs
-from thermid.qualify.chances import root_of, uniforms
+from thermid.qualify.chances import root_of
 from thermid.qualify.drivers import drivers_of
 from thermid.qualify.starts import begun_at
 
@@ -150,7 +151,7 @@ def test_a_pattern_reaches_every_number_and_what_is_named_wins() -> None:
     assert (one.name, one.also) == ("a.loss.conductance", ("b.loss.conductance",))
     own = {"*.conductance": "range", "a.loss.conductance": "1 [%]"}
     chances = td.uncertain_runs(two, SCENARIO, spread=own, n=2).job.inputs.chances
-    assert {(c.name, c.form, c.also) for c in chances} == {("b.loss.conductance", "uniform", ()), ("a.loss.conductance", "normal", ())}
+    assert {(c.name, type(c.law), c.also) for c in chances} == {("b.loss.conductance", Uniform, ()), ("a.loss.conductance", Cut, ())}
 
 
 def test_weather_and_start_times_are_drawn() -> None:

@@ -1,0 +1,273 @@
+"""Files appear whole or not at all, and never in the place of what somebody else wrote or what the command reads."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import OutputError
+from thermid.files import (
+    COPY,
+    CREDIBILITY,
+    DECK,
+    EXPORT,
+    LOG,
+    NETCDF,
+    OWN,
+    PAGE,
+    PAPER,
+    PICTURE,
+    TABLE,
+    Kind,
+    command,
+    folder_replacing,
+    may_write,
+    parse_toml,
+    read_bytes,
+    read_text,
+    replacing,
+    scratch,
+    sweep,
+    unsealed,
+    write_bytes,
+    write_text,
+)
+
+PNG = (
+    b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x01\0\0\0\x01\x08\0\0\0\0:~\x9bU\0\0\0\nIDATx\x9cc`\0\0\0\x02\0\x01H\xaf\xa4q"
+    b"\0\0\0\0IEND\xaeB`\x82"
+)
+TEXTS: list[tuple[Kind, str, str]] = [
+    (DECK, 'title = "plate"\n', "#"),
+    (DECK, 'title = "plate"', "#"),
+    (EXPORT, "function f\nend\n", "%"),
+    (EXPORT, "title\n.end\n", "*"),
+    (PAGE, "<!DOCTYPE html>\n<html></html>\n", "#"),
+    (PICTURE, '<svg xmlns="http://www.w3.org/2000/svg"></svg>\n', "#"),
+    (CREDIBILITY, '{\n "schema": 1\n}', "#"),
+]
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(each.name for each in folder.iterdir())
+
+
+def cut_short(path: Path) -> None:
+    with replacing(path, OWN) as half:
+        half.write_text("one line of ma")
+        raise KeyboardInterrupt
+
+
+def full_disk(path: Path) -> None:
+    with replacing(path, OWN):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as `write` has it: without a name
+
+
+def test_a_file_that_is_interrupted_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    for before in (None, "old"):
+        if before:
+            path.write_text(before)
+        with pytest.raises(KeyboardInterrupt):
+            cut_short(path)
+        with pytest.raises(OSError, match=r"run\.csv") as caught:
+            full_disk(path)
+        assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(path))
+        assert names(tmp_path) == (["run.csv"] if before else [])
+        assert not before or path.read_text() == before
+    path.chmod(0o640)
+    with replacing(path, OWN) as half:
+        assert half.name.endswith("run.csv")
+        half.write_text("new")
+    assert path.read_text() == "new"
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert names(tmp_path) == ["run.csv"]
+
+
+def test_an_error_names_the_file_that_was_requested(tmp_path: Path) -> None:
+    for path in (tmp_path / "no folder" / "run.csv", tmp_path):
+        with pytest.raises(OSError, match=path.name) as caught, replacing(path, OWN):
+            pass
+        assert caught.value.filename == str(path)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links and devices as POSIX has them")
+def test_links_are_followed_and_devices_written_to(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "real.csv")
+    with replacing(tmp_path / "link", OWN) as half:
+        half.write_text("x")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real.csv").read_text() == "x"
+    with replacing(os.devnull, TABLE) as place:
+        assert place == Path(os.devnull)
+
+
+@pytest.mark.parametrize(("kind", "text", "comment"), TEXTS)
+def test_a_sealed_text_is_replaced_until_somebody_changes_it(tmp_path: Path, kind: Kind, text: str, comment: str) -> None:
+    path = tmp_path / "file"
+    for again in (text, text):
+        write_text(path, again, kind, comment)
+    whole = path.read_bytes()
+    assert text.strip().removesuffix("}").strip() in whole.decode()
+    path.write_bytes(whole.replace(b"\n", b"\r\n"))  # as a version control may write it
+    write_text(path, text, kind, comment)
+    for changed in (b" " + whole, whole + b"x = 1\n", whole.replace(b"t", b"T", 1), text.encode(), b"somebody's"):
+        path.write_bytes(changed)
+        with pytest.raises(OutputError, match=r"already.*--force"):
+            write_text(path, text, kind, comment)
+        assert path.read_bytes() == changed
+    path.write_bytes(whole)
+    with pytest.raises(OutputError, match="is no profile as thermid wrote it"):
+        write_text(path, text, Kind("profile"))
+    assert names(tmp_path) == ["file"]
+
+
+def test_pictures_and_printed_pages_carry_their_seal_where_readers_allow_it(tmp_path: Path) -> None:
+    for data, kind in ((PNG, PICTURE), (b"%PDF-1.4\n%%EOF\n", PAPER)):
+        path = tmp_path / kind.name
+        for _ in range(2):
+            write_bytes(path, data, kind)
+        assert path.read_bytes()[:8] == data[:8]
+        path.write_bytes(path.read_bytes().replace(b"\0" if data is PNG else b"1", b"2", 1))
+        with pytest.raises(OutputError):
+            may_write(path, kind)
+    image = pytest.importorskip("matplotlib.image")
+    write_bytes(tmp_path / "x.png", PNG, PICTURE)
+    assert image.imread(tmp_path / "x.png").shape[:2] == (1, 1)
+
+
+def test_tables_are_known_by_their_header_and_read_as_before(tmp_path: Path) -> None:
+    deck = {"title": "p", "needs": ["air"], "nodes": {"b": {"capacitance": "50 [J/K]"}}}
+    deck["conductors"] = {"k": {"kind": "contact", "between": ["b", "air"], "contact_conductance": "1 [W/(m^2 K)]", "area": "1 [m^2]"}}
+    run = td.simulate(td.model_from_dict(deck), td.Scenario(boundaries={"air": "20 [degC]"}, start="30 [degC]", duration="1 [min]"))
+    path = tmp_path / "run.csv"
+    for _ in range(2):
+        run.to_csv(path)
+    assert path.read_text().splitlines()[0] == '"time_s",b [degC],air [degC]'
+    columns = np.genfromtxt(path, delimiter=",", names=True)
+    assert columns.dtype.names == ("time_s", "b_degC", "air_degC")
+    record = td.read_record(path, {"b": {"node": "b"}})
+    for _ in range(2):
+        record.to_csv(tmp_path / "log.csv")
+    assert (tmp_path / "log.csv").read_text().splitlines()[0] == '"time_s [s]",b [degC]'
+    assert td.read_record(tmp_path / "log.csv", {"b": {"node": "b"}}).channels["b"].values == pytest.approx(run["b"].kelvin)
+    with pytest.raises(OutputError):
+        run.to_csv(tmp_path / "log.csv")
+    with pytest.raises(OutputError):
+        record.to_csv(path)
+    for line in ("time_s,b [degC]", '"time_s","b [degC]"', 'time_s,"b [degC]"', '"t","b"', ""):
+        path.write_text(f"{line}\n0,20\n")
+        for kind in (TABLE, LOG):
+            with pytest.raises(OutputError):
+                may_write(path, kind)
+
+
+def test_netcdf_is_known_by_its_source(tmp_path: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    path = tmp_path / "run.nc"
+    for source, own in (("thermid", True), ("a colleague", False), (None, False)):
+        xarray.Dataset(attrs={} if source is None else {"source": source}).to_netcdf(path, engine="h5netcdf")
+        assert NETCDF.wrote(path) is own
+    path.write_text("no netCDF at all")
+    assert not NETCDF.wrote(path)
+
+
+def test_what_a_command_read_is_not_written_over(tmp_path: Path) -> None:
+    path, link, twin = (tmp_path / name for name in ("deck.toml", "link.toml", "twin.toml"))
+    write_text(path, "a = 1\n", DECK)
+    link.symlink_to(path)
+    os.link(path, twin)
+    for read in (read_text, read_bytes):
+        for one in (path, link, twin):
+            with command():
+                for target in (path, link, twin):
+                    may_write(target, DECK)
+                read(one)
+                for target in (path, link, twin):
+                    with pytest.raises(OutputError, match="this command reads it"):
+                        write_text(target, "b = 2\n", DECK)
+    with command(force=True):
+        read_text(path)
+        write_text(path, "b = 2\n", DECK)
+    read_text(path)
+    write_text(path, "c = 3\n", DECK)  # outside of a command nothing is remembered
+    assert unsealed(path.read_text()) == "c = 3\n"
+    assert "a = 1" in twin.read_text()
+    with pytest.raises(OutputError):
+        write_bytes(path, b"x", COPY)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a = " + "[" * 5000 + "]" * 5000,
+        "a = " + "{a=" * 3000 + "1" + "}" * 3000,
+        "[" + ".".join(["a"] * 20000) + "]",
+        " . ".join(["a"] * 20000) + " = 1",
+        "a = " + "9" * 5000,
+        "a" * 1_000_000,
+        "a = '" + "a." * 200_000,
+    ],
+)
+def test_a_toml_text_without_measure_is_refused_at_once(text: str) -> None:
+    begun = time.process_time()
+    with pytest.raises(tomllib.TOMLDecodeError):
+        parse_toml(text)
+    assert time.process_time() - begun < 1.0
+
+
+def test_a_read_only_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_text(tmp_path / "deck.toml", "a = 1\n", DECK)
+    monkeypatch.setattr(os, "access", lambda *_: False)  # who runs the tests as root may write anything
+    with pytest.raises(PermissionError, match=r"deck\.toml"), command(force=True):
+        write_text(path, "b = 2\n", DECK)
+
+
+def test_leftovers_of_dead_processes_are_swept_and_no_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = "import os, sys, thermid.files as f\nwith f.replacing(sys.argv[1], f.OWN) as half:\n    half.write_text('x')\n    os._exit(9)\n"
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.csv")], check=False)
+    (left,) = names(tmp_path)
+    assert ".half.a.csv" in left
+    pid = left.split("-")[1]
+    strange = [f".{'0' * 6}-{pid}-00000000.half.b", left.replace(pid, str(os.getpid())), left.replace(pid, "1"), ".half.c"]
+    for name in strange:
+        (tmp_path / name).write_text("x")
+    write_text(tmp_path / "b.toml", "x = 1\n", DECK)
+    assert names(tmp_path) == sorted([*strange, "b.toml"])
+    old = time.time() - 2 * 86400.0
+    for name in strange:
+        os.utime(tmp_path / name, (old, old))
+    sweep(tmp_path)
+    assert names(tmp_path) == [".half.c", "b.toml"]
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    (tmp_path / left).mkdir()
+    (tmp_path / left / "x").write_text("x")
+    with scratch() as folder:
+        (folder / "y").write_text("y")
+    assert names(tmp_path) == [".half.c", "b.toml"]
+
+
+def half_a_folder(path: Path) -> None:
+    with folder_replacing(path) as half:
+        (half / "x").write_text("x")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_folder_appears_whole(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="delivery"):
+        half_a_folder(tmp_path / "delivery")
+    assert names(tmp_path) == []
+    (tmp_path / "delivery").mkdir()
+    with folder_replacing(tmp_path / "delivery") as half:
+        (half / "x").write_text("x")
+    assert names(tmp_path / "delivery") == ["x"]
