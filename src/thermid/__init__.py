@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from thermid.interop.initfcn import read_initfcn as read_initfcn
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
+    from thermid.knowledge.standing import Standing as Standing
     from thermid.measure import Channel as Channel
     from thermid.measure import Record as Record
     from thermid.measure import SensorCertificate as SensorCertificate
@@ -257,6 +258,7 @@ _PUBLIC = {
     "difference": "identify.difference",
     "Difference": "identify.difference",
     "Criteria": "identify.validate",
+    "Standing": "knowledge.standing",
     "validate": "identify.validate",
     "Verdict": "identify.validate",
     "load_study": "identify.study_file",

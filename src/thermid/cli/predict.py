@@ -10,6 +10,7 @@ import typer
 
 from thermid.cli.output import SCHEMA, clean
 from thermid.cli.pages import Force
+from thermid.cli.standing import Accept, leave
 
 __all__ = ["register"]
 
@@ -34,6 +35,7 @@ def predict(
     force: Force = False,
     data: Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project; THERMID_DATA does the same.")] = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the campaign.")] = None,
+    accept: Accept = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."""
@@ -50,7 +52,7 @@ def predict(
     given = load_scenario(scenario)
     if csv is not None:
         may_write(csv, TABLE)
-    found = run_stages(campaign, data=data, cache=results if results is not None else campaign.parent / "results")
+    found = run_stages(campaign, data=data, cache=results if results is not None else campaign.parent / "results", accept=accept or ())
     name = stage or list(found)[-1]
     predicted = run(found[name], given.vacuum() if vacuum else given, spread=_spreads(spread), draws=draws)
     times = [literal(_with_unit(t, "s"), "s", "--at") for t in at]
@@ -62,10 +64,11 @@ def predict(
     if as_json:
         content: dict[str, Any] = {"schema": SCHEMA, "status": "ok", "stage": name, **predicted.to_dict(times)}
         typer.echo(json.dumps(clean(content)))
-        return
+        leave(predicted.standing)
     typer.echo(str(predicted))
     for t in times:
         typer.echo(f"  at {t:g} s: " + ", ".join(f"{n} {b.at(t)}" for n, b in predicted.bands.items()))
+    leave(predicted.standing)
 
 
 def _spreads(given: list[str]) -> dict[str, str]:

@@ -17,6 +17,7 @@ from thermid.identify.prediction import Band, Prediction
 from thermid.identify.split import split, split_needed
 from thermid.identify.spread import Spread
 from thermid.identify.values import FittedValues, view
+from thermid.knowledge.standing import of_model, worst
 from thermid.model.model import Model
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
@@ -71,6 +72,7 @@ def predict(
     IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be split cannot be.
     """
     base = fit.fitted_model if model is None else fit.store.on(model)
+    standing = worst([fit.standing, of_model(base)]) if model is None else of_model(base)
     given = [spread] if isinstance(spread, Mapping | Spread) else list(spread)
     if draws < 0:
         raise IdentificationError(f"{draws} members cannot be drawn; give 0 for derivatives alone, or some hundred.", base.title)
@@ -101,7 +103,7 @@ def predict(
             rest[n] = Band(n, ready.times[-1:], np.array([settled[n]]), shift[n][-1:], {c: v[-1:] for c, v in parts.items()}).final
     words = {s.cause: _words([n for t in spreads if t.cause == s.cause for n in t.names]) for s in spreads if s.names}
     warnings = (*run.warnings, *([loose] * bool(loose)), *misfit.guessed(kept, run, moves))
-    return Prediction(base.title, scenario.title, ready.times, bands, rest, {**words, **misfit.words}, warnings, found)
+    return Prediction(base.title, scenario.title, ready.times, bands, rest, {**words, **misfit.words}, warnings, found, standing)
 
 
 def _in_gas(fit: Calibration, base: Model, scenario: Scenario, given: Sequence[Any]) -> tuple[Model, list[Spread], str]:

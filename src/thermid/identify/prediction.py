@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, nearest
 from thermid.files import TABLE, replacing
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure.amounts import short
 from thermid.physics.constants import ICE_POINT
 
@@ -120,6 +121,7 @@ class Prediction:
     settled : dict              Node -> Estimate with the inputs of the end held for good; empty where nothing settles.
     causes : dict               Cause -> what it stands for, in words.
     warnings : tuple of str     What a reader must know.
+    standing : Standing         Of the values that it rests on.
     """
 
     title: str
@@ -130,6 +132,7 @@ class Prediction:
     causes: Mapping[str, str]
     warnings: tuple[str, ...] = ()
     _find: Mapping[str, str] = field(default_factory=dict, repr=False)
+    standing: Standing = UNJUDGED
 
     def __getitem__(self, node: str) -> Band:
         """Return the band of a node; aliases are accepted.
@@ -165,6 +168,7 @@ class Prediction:
         return {
             "title": self.title,
             "scenario": self.scenario,
+            "standing": self.standing.to_dict(),
             "nodes": nodes,
             "causes": dict(self.causes),
             "warnings": list(self.warnings),
@@ -192,7 +196,7 @@ class Prediction:
                 f"  {name:<{width}}  end {e.celsius:8.2f} +- {short(e.error)} degC   95 %: {e.low:.2f} .. {e.high:.2f}{rest}{_why(e)}"
             )
         lines += [f"  {cause}: {text}" for cause, text in self.causes.items()]
-        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+        return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
 
 
 def _why(e: Estimate) -> str:

@@ -21,6 +21,7 @@ from thermid.identify.calibration import Calibration
 from thermid.identify.split_priors import Part, parts_of
 from thermid.identify.split_surface import Split, SplitSurface
 from thermid.identify.values import FittedValue, FittedValues
+from thermid.knowledge.standing import Standing, of_model
 from thermid.model.model import Model
 from thermid.network.network import compile_network
 from thermid.simulation.scenario import Scenario
@@ -72,7 +73,7 @@ def split(
     parts = parts_of(of, wanted, conditions, priors or {})
     joint = _Joint(base, parts)
     done = [joint.take(part) for part in parts]
-    values = joint.values()
+    values = joint.values(of.standing if isinstance(of, Calibration) else of_model(of))
     origin = f"split of '{values.stage}'"
     entries = tuple(joint.entry(p, used, remark) for p, (used, remark) in zip(parts, done, strict=True))
     return Split(entries, values, _laid(model, values, origin), _caution(model, base, parts))
@@ -207,13 +208,13 @@ class _Joint:
         self.mean = self.mean - column * (v / w * ratio)
         self.cov = self.cov - np.outer(column, column) * (v * v / (w * w) * ratio * (ratio + z))
 
-    def values(self) -> FittedValues:
-        """Return the fitted parameters and the emissivities with their joint covariance."""
+    def values(self, standing: Standing) -> FittedValues:
+        """Return the fitted parameters and the emissivities with their joint covariance; the latter have a standing of what was split."""
         items: dict[str, Any] = dict(self.base.items())
         for path, part in self.fresh.items():
             value, error = self.emissivity(part), self.deviation(part)
             origin = f"split: {part.prior.text}"
-            items[path] = FittedValue(path, value, error, error, True, "1", part.prior.mean, (0.0, 1.0), origin)
+            items[path] = FittedValue(path, value, error, error, True, "1", part.prior.mean, (0.0, 1.0), origin, standing=standing)
         return replace(self.base, items_=items, covariance=self.cov)  # one covariance, drawn from priors as well
 
     def entry(self, part: Part, used: bool, remark: str) -> SplitSurface:

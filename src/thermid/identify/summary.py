@@ -59,7 +59,7 @@ def summarise(request: Request, problem: Problem, found: Fit, known: Responses, 
     blocks = Predictions(found.sums, problem, found.fitted)
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
     freedom = round(problem.worth) - len(problem.unknowns)
-    moved = moves_above(request.inherited, request.model, problem, found, total, spread)
+    moved = moves_above(request, problem, found, spread.level if spread is not None else 1.0)
     return Calibration(
         name,
         request.model,

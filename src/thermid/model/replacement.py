@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from thermid.model.model import Layer, Model
     from thermid.model.parameter import Parameter
 
-__all__ = ["PLACE", "SCATTER", "Dropped", "Replacement", "Split", "coefficients", "replaced"]
+__all__ = ["PLACE", "SCATTER", "Dropped", "Replacement", "Split", "coefficients", "replaced", "short_text"]
 
 PLACE, SCATTER = 0.30, 0.25
 """Standard deviation of the logarithm: of a coefficient that the old part had at its place, and between joints of parts of one kind."""
@@ -53,6 +53,7 @@ class Split:
     log_sd : float      Standard deviation of its logarithm about the start. [-]
     origin : str        'twin': from joints of the same kind; 'place': what it was with the old part.
     twins : tuple       What shared it before.
+    of_part : bool      Whether it is a coefficient of the part's surfaces, and not of a joint.
     """
 
     path: str
@@ -60,11 +61,12 @@ class Split:
     log_sd: float
     origin: str
     twins: tuple[str, ...] = ()
+    of_part: bool = False
 
     def __str__(self) -> str:
         """As an assumption."""
         whose = f"that of {', '.join(self.twins)}" if self.twins else "what it was with the old part"
-        return f"{self.path} is {whose}, {self.text} within {100 * self.log_sd:.0f} %"
+        return f"{self.path} is {whose}, {short_text(self.text)} within {100 * self.log_sd:.0f} %"
 
 
 @dataclass(frozen=True)
@@ -118,10 +120,19 @@ def replaced(model: Model, raw: str, new: Model, keep: Sequence[str] = ()) -> tu
     dropped = tuple(
         Dropped(p, e.parameter.text, e.origin, "of its place" if p in place and p in now else "of the old part") for p, e in gone.items()
     )
-    of_surfaces = [Split(p, before[p].parameter.text, PLACE, "place") for p in sorted(place) if p in now]
+    of_surfaces = [Split(p, before[p].parameter.text, PLACE, "place", of_part=True) for p in sorted(place) if p in now]
     split = (*of_surfaces, *_joints(model, after, path, values, stays))
     assumes = (f"{new.title} has the values of its deck", *map(str, split), *(f"{p} stays as it was" for p in kept))
     return _apart(after, path, [p for p in gone if p in now]), Replacement(path, old.title, new.title, dropped, kept, split, assumes)
+
+
+def short_text(text: str) -> str:
+    """Return a value as people read it: fitted numbers have all their digits in a model."""
+    number, _, unit = text.partition(" [")
+    try:
+        return f"{float(number):.4g}" + (f" [{unit}" if unit else "")
+    except ValueError:
+        return text
 
 
 def coefficients(model: Model, values: ParameterSet, part: str) -> set[str]:

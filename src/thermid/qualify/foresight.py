@@ -18,6 +18,7 @@ from thermid.identify.prediction import Band, Prediction
 from thermid.identify.split import split, split_needed
 from thermid.identify.spread import Spread
 from thermid.identify.values import FittedValues
+from thermid.knowledge.standing import Standing, of_model, worst
 from thermid.model.model import Model
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
@@ -67,6 +68,11 @@ class Known:
         found = next((m for v in reversed(self.values) if (m := misfit_kept(v))), {})
         return {ahead + n: size for n, size in found.items()}
 
+    @property
+    def standing(self) -> Standing:
+        """Of the values of the model, and of the fit where it is at hand."""
+        return worst([of_model(self.model), *([self.fit.standing] if self.fit is not None else [])])
+
 
 @dataclass(frozen=True, eq=False)
 class Foresight:
@@ -84,6 +90,11 @@ class Foresight:
     solution: Solution
     prediction: Prediction
     before: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def standing(self) -> Standing:
+        """Of the values that it rests on."""
+        return self.prediction.standing
 
 
 @takes_objects
@@ -173,7 +184,7 @@ def _told(known: Known, scenario: Scenario, nodes: Sequence[str], given: Sequenc
     bands = {run[n].path: Band(run[n].path, ready.times, run[n].kelvin, still, parts[n]) for n in wanted}
     causes = {s.cause: f"what is left open of {', '.join(s.names[:4])}{' and more' if len(s.names) > 4 else ''}" for s in spreads}
     find = {n: run[n].path for n in wanted}
-    told = Prediction(known.model.title, scenario.title, ready.times, bands, {}, causes, tuple(run.warnings), find)
+    told = Prediction(known.model.title, scenario.title, ready.times, bands, {}, causes, tuple(run.warnings), find, known.standing)
     seen = Foresight(scenario, run, told, _sizes(ready, prior, wanted, run) if prior.names else {})
     return widened(seen, known.misfit, MISFIT, "what the model could not follow in the records that it was fitted to")
 

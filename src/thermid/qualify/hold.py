@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.drivers import Driver, drivers_of
@@ -78,6 +79,7 @@ class Hold:
     assumed : int               How many values of the model are assumed.
     warnings : tuple of str     What a reader must know.
     discrepancy : float         Standard deviation that members have for what a fit could not follow, the largest; None without. [K]
+    standing : Standing         Of the values that it rests on.
     """
 
     title: str
@@ -90,6 +92,7 @@ class Hold:
     assumed: int
     warnings: tuple[str, ...] = ()
     discrepancy: float | None = None
+    standing: Standing = UNJUDGED
 
     def __getitem__(self, name: str) -> HoldPoint:
         """Return the entry of a limit by the name that was given to it, or by its node."""
@@ -124,7 +127,7 @@ class Hold:
             lines.append(f"  {p.name} {'above' if p.side == 'highest' else 'below'} {p.limit:g} degC: kept for {until}, {never}")
             lines += [f"    driven by {named}" for named in [driven_by(p)] if named]
         lines.append(f"  {self.members} members; intervals are what their number leaves open, not what the model does not know")
-        return "\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)])
+        return self.standing.over("\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)]))
 
     @property
     def counted(self) -> str:
@@ -152,6 +155,7 @@ class Hold:
         return {
             "title": self.title,
             "scenario": self.scenario,
+            "standing": self.standing.to_dict(),
             "sentence": self.sentence,
             "watermark": self.watermark,
             "confidence": self.confidence,
@@ -190,7 +194,7 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
     points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))
     together = _together(runs, points, confidence)
     sizes = [runs.job.inputs.misfit[p.node] for p in points if runs.job.inputs.misfit]
-    known = (len(runs.assumed), runs.warnings, max(sizes, default=None))
+    known = (len(runs.assumed), runs.warnings, max(sizes, default=None), runs.standing)
     return Hold(runs.title, runs.scenario, confidence, runs.times, runs.reached.size, tuple(points), together, *known)
 
 

@@ -27,6 +27,7 @@ from thermid.qualify.trying import tried
 from thermid.units import counted
 
 if TYPE_CHECKING:
+    from thermid.knowledge.standing import Standing
     from thermid.qualify.foresight import Known
 
 __all__ = ["Qualification", "run_plan"]
@@ -43,6 +44,7 @@ class Qualification:
     trials : tuple of Trial         The tests, in the plan's order.
     margins : tuple of Margin       Of every reference point on both sides, over the service cases.
     assumptions : tuple             Assumed values, those that move a reference point most first.
+    accepted : tuple of str         Stages that are accepted as they are, whatever their standing.
     """
 
     plan: Plan
@@ -51,6 +53,7 @@ class Qualification:
     margins: tuple[Margin, ...]
     assumptions: tuple[Assumption, ...]
     limits: tuple[Limits, ...] = field(repr=False, default=())
+    accepted: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Trial:
         """Return a test by its name."""
@@ -70,6 +73,11 @@ class Qualification:
     def known(self) -> Known:
         """The model with what is known of its values."""
         return self.plan.known
+
+    @property
+    def standing(self) -> Standing:
+        """Of the values that every prediction rests on."""
+        return self.known.standing.accept(self.accepted)
 
     @property
     def passed(self) -> bool | None:
@@ -120,6 +128,7 @@ class Qualification:
             "schema": 1,
             "status": "ok",
             "title": self.plan.title,
+            "standing": self.standing.to_dict(),
             "passed": self.passed,
             "open": list(self.open),
             "waived": list(self.waived),
@@ -155,7 +164,7 @@ class Qualification:
         lines += [f"  not counted in {who}: {what}" for what, who in self._left_out().items()]
         lines += [f"  open: {o}" for o in self.open]
         lines += [f"  assumed: {a.path} = {a.text} moves {a.point} by {a.effect:.2g} K ({a.run})" for a in self.assumptions[:5]]
-        return "\n".join(lines)
+        return self.standing.over("\n".join(lines))
 
 
 def _margin(m: Margin) -> dict[str, Any]:
@@ -169,7 +178,11 @@ def _margin(m: Margin) -> dict[str, Any]:
 
 @takes_objects
 def run_plan(
-    plan: Plan | str | os.PathLike[str], *, data: str | os.PathLike[str] | None = None, notice: Callable[[str], None] | None = None
+    plan: Plan | str | os.PathLike[str],
+    *,
+    data: str | os.PathLike[str] | None = None,
+    notice: Callable[[str], None] | None = None,
+    accept: Sequence[str] = (),
 ) -> Qualification:
     """Return a plan worked through: predictions, limits, margins, and the verdict on every log that has come back.
 
@@ -178,6 +191,7 @@ def run_plan(
     plan : Plan or path     The plan.
     data : path             A folder of logs outside the project.
     notice : callable       Called with the name of each test before it is run.
+    accept : sequence       Stages that are accepted as they are: their standing stays and is told.
 
     Raises
     ------
@@ -201,7 +215,8 @@ def run_plan(
     trials = _alike(_informed(trials))
     found = {t.test.name: effects(t.known, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials}
     every = [a for several in found.values() for a in several]
-    return Qualification(given, lock_status(given), tuple(trials), tuple(_margins(given, trials, every)), ranked(every), given.limits)
+    margin = tuple(_margins(given, trials, every))
+    return Qualification(given, lock_status(given), tuple(trials), margin, ranked(every), given.limits, tuple(accept))
 
 
 def _informed(trials: Sequence[Trial]) -> list[Trial]:

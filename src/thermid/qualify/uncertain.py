@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.knowledge.standing import Standing, of_model
 from thermid.model.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.campaign_runs import Chunk, Job, Store, chunks
@@ -77,6 +78,11 @@ class UncertainRuns:
         return values | ({self.job.inputs.chosen: variant.astype(float)} if self.job.inputs.variants > 1 else {})
 
     @cached_property
+    def standing(self) -> Standing:
+        """Of the values that it rests on."""
+        return of_model(self.job.model)
+
+    @cached_property
     def assumed(self) -> tuple[str, ...]:
         """Values of the model that are assumed."""
         return assumed(self.job.model)
@@ -119,7 +125,7 @@ class UncertainRuns:
             lines.append(f"  {n:<{width}}  highest {middle:8.2f} degC   90 % between {low:.2f} and {high:.2f}")
         if self.assumed:
             lines.append(f"  demonstration, {len(self.assumed)} assumed parameters")
-        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+        return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
 
 
 @takes_objects

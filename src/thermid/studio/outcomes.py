@@ -143,7 +143,19 @@ def _tested(course: Course, told: Told) -> Outcome:
     bands = trial.foresight.prediction.bands
     remarks = (*(trial.course.remarks if trial.course is not None else ()), *trial.outside)
     title = f"{name} on {trial.known.model.title}"
-    return Outcome(title, trial.foresight.solution, trial.limits, trial.checks, trial.course, found, bands, state, file.name, remarks)
+    return Outcome(
+        title,
+        trial.foresight.solution,
+        trial.limits,
+        trial.checks,
+        trial.course,
+        found,
+        bands,
+        state,
+        file.name,
+        remarks,
+        trial.foresight.standing,
+    )
 
 
 def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:

@@ -15,6 +15,8 @@ from thermid.studio.outcomes import outcome_object
 from thermid.studio.project import Project
 from thermid.studio.work import Work
 
+NOT_CREDIBLE = "not credible"
+
 
 def idle(work: Work) -> None:
     while not work.state()["ended"]:
