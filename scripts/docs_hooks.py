@@ -39,6 +39,7 @@ ROOMS = {
     "measure": "Logs, their channels and sensors; weather.",
     "knowledge": "What is known of values: how far they may be trusted, their uncertainty by source.",
     "identify": "Fits, what logs can tell, campaigns, predictions, replaced parts.",
+    "prediction": "What is uncertain of a result, by named source, with what is left out.",
     "qualify": "Profiles, plans, limits, margins, correlation, hold times, deliveries.",
     "reporting": "Pages and pictures.",
     "physics": "The comparison of a measured coefficient with correlations.",
