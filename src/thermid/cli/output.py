@@ -105,9 +105,11 @@ def _moved(moves: Moves) -> dict[str, Any]:
             "stage": m.stage,
             "part": m.part,
             "below": m.below,
+            "alone": m.alone,
             "here": m.here,
             "deviations": m.deviations,
             "chance": m.chance,
+            "detectable": m.detectable,
             "verdict": m.verdict,
         }
         for m in moves.values

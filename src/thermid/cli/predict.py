@@ -26,7 +26,7 @@ def predict(
     scenario: Annotated[Path | None, typer.Option("--scenario", help="A scenario (TOML).")] = None,
     spread: Annotated[
         list[str],
-        typer.Option("--spread", help="NAME=STANDARD DEVIATION of what is not known exactly, such as air='1 [K]' or scale.heater='2 [%]'."),
+        typer.Option("--spread", help="NAME=SPREAD of what is not known exactly, such as air='1 [K]' or scale.heater='2 [%]'."),
     ] = [],  # noqa: B006
     at: Annotated[list[str], typer.Option("--at", help="A time to report, such as '1 [h]'; may be repeated.")] = [],  # noqa: B006
     draws: Annotated[int, typer.Option("--draws", min=0, help="Members drawn, for spreads so wide that derivatives do not do.")] = 0,
@@ -42,9 +42,9 @@ def predict(
     from thermid.cli.app import _with_unit
     from thermid.errors import ScenarioError
     from thermid.files import TABLE, may_write
-    from thermid.identify.predict import predict as run
     from thermid.identify.stages import run_stages
     from thermid.model.signal import literal
+    from thermid.prediction.predict import predict as run
     from thermid.simulation.scenario import load_scenario
 
     if scenario is None:
@@ -71,14 +71,19 @@ def predict(
     leave(predicted.standing)
 
 
-def _spreads(given: list[str]) -> dict[str, str]:
-    """Return ``NAME=SD`` options as a dictionary."""
+def _spreads(given: list[str]) -> dict[str, Any]:
+    """Return ``NAME=SPREAD`` options as a dictionary; a spread in braces is read as an inline table."""
+    import tomllib
+
     from thermid.errors import ScenarioError
 
-    out = {}
+    out: dict[str, Any] = {}
     for text in given:
         name, equals, value = text.partition("=")
         if not equals or not name.strip() or not value.strip():
-            raise ScenarioError(f"'{text}' must be written as NAME=STANDARD DEVIATION, such as air=1 [K].", "--spread")
-        out[name.strip()] = value.strip()
+            raise ScenarioError(f"'{text}' must be written as NAME=SPREAD, such as air=1 [K].", "--spread")
+        try:
+            out[name.strip()] = tomllib.loads(f"x = {value}")["x"] if value.lstrip().startswith("{") else value.strip()
+        except tomllib.TOMLDecodeError as error:
+            raise ScenarioError(f"'{value}' is no table such as {{ low = '-2 [K]', high = '2 [K]' }}: {error}", "--spread") from None
     return out

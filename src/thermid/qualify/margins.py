@@ -199,7 +199,7 @@ def margins(
 def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Policy, tested: bool, state: str) -> list[Margin]:
     """Return the tightest instant of a run in each state."""
     band = run.prediction[one.node]
-    error, sign = band.error, 1.0 if k else -1.0
+    error, sign = band.half_width / NormalDist().inv_cdf(0.975), 1.0 if k else -1.0
     out = []
     for own in ("operating", "non-operating", "start-up"):
         ends, inside = one.ends(own), times_in_state(run.solution, one, own, state or "operating")

@@ -12,9 +12,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
-from thermid.identify.coefficients import coefficient_path, constant_coefficients
-from thermid.identify.further import MISFIT
-from thermid.network.network import compile_network
+from thermid.prediction.omitted import SILENT, UNFITTED
 from thermid.qualify.assumptions import Assumption, effects, ranked, uncounted
 from thermid.qualify.foresight import IN_TESTS, widened
 from thermid.qualify.limits import Limits
@@ -28,7 +26,7 @@ from thermid.units import counted
 
 if TYPE_CHECKING:
     from thermid.knowledge.standing import Standing
-    from thermid.qualify.foresight import Known
+    from thermid.prediction.known import Known
 
 __all__ = ["Qualification", "run_plan"]
 
@@ -278,26 +276,14 @@ def _stated(t: Trial) -> list[str]:
     return [f"scale.{find(n.removeprefix('scale.'))}" if n.startswith("scale.") else find(n) for n in t.test.spread]
 
 
-def _fitted_constants(t: Trial) -> list[str]:
-    """Return the conductors whose constant coefficient stands for convection and was fitted; assumed ones are counted as such."""
-    ahead = f"{t.known.at}." if t.known.at else ""
-    fitted = [ahead + p for v in t.known.values for p in (*v, *(q for w in v.values() for q in w.also))]
-    network = compile_network(t.known.model, media=t.foresight.scenario.media())
-    moved = set(network.flat.parameters.downstream(fitted))
-    return [path for path, c in constant_coefficients(network).items() if coefficient_path(c) in moved]
-
-
 def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
     """Return in words what the uncertainty of a margin does not hold."""
     out = []
     if m.given and m.error <= 0:
         out.append("the temperature of the start, which is given and not predicted")
-    if not {MISFIT, IN_TESTS} & {*m.shares}:
-        out.append("discrepancy: no log of the fit is at hand and none of a test has come back")
-    constant = _fitted_constants(t) if t.known.fit is None else []
-    if constant:
-        listed = ", ".join(f"'{n}'" for n in constant[:3]) + (f" and {len(constant) - 3} more" if len(constant) > 3 else "")
-        out.append(f"what the fitted constant coefficient of {listed} leaves out (counted once [model] names campaign and stage)")
+    shown = (UNFITTED, SILENT) if IN_TESTS in m.shares else ()
+    # assumed values follow with what they do to this point in this run
+    out += [x.what for x in t.expected.prediction.left_out if not np.isfinite(x.kelvin) and x.what not in shown]
     if moved >= 0.05:
         out.append(f"assumed values that no spread names, up to {moved:.1f} K")
     return tuple(out)

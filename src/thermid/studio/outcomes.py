@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError
-from thermid.identify.prediction import Band
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.known import Known
+from thermid.prediction.prediction import Band
 from thermid.qualify.conduct import run_profile
-from thermid.qualify.foresight import Known, foresee
+from thermid.qualify.foresight import foresee
 from thermid.qualify.limit_checks import LimitCheck, check_limits, spans
 from thermid.qualify.limits import Limits
 from thermid.qualify.margins import Margin, margins
