@@ -161,4 +161,4 @@ def correlate(
         typer.echo(str(found))
         for path in page.values():
             typer.echo(f"report: {path}")
-    raise SystemExit(LEAVES[weigh(found.verdicts.values())])
+    leave(found.standing, LEAVES[weigh(found.verdicts.values())])

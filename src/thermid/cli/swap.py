@@ -93,6 +93,6 @@ def _object(plan: RetunePlan) -> dict[str, Any]:
         "neighbours": {n: {"exposed_before": a, "exposed_after": b, "change": dt} for n, (a, b, dt) in plan.neighbours.items()},
         "watts": list(plan.watts),
         "before": dict(plan.before),
-        "by_deck": dict(plan.by_deck),
+        "as_logged": dict(plan.as_logged),
         "after": dict(plan.after),
     }

@@ -63,11 +63,15 @@ class _Inherited:
 
 
 def _fixed(request: Request, problem: Problem) -> dict[tuple[str, ...], State]:
-    """Return what was inherited and is no unknown of a fit, by the paths where it acts."""
-    here = covering(problem.unknowns)
-    states = [s for s in request.store.parameters.values() if s.known and s.path not in request.prior]
-    acting = {tuple(p for p in s.acts if p not in here): s for s in states}
-    return {group: s for group, s in acting.items() if group}
+    """Return what was inherited and is no unknown of a fit, by the paths where it acts; instances of one part have one value."""
+    here, shared = covering(problem.unknowns), request.shared
+    groups: dict[tuple[frozenset[str], float], tuple[State, list[str]]] = {}
+    for s in request.store.parameters.values():
+        acts = [p for p in s.acts if p not in here]
+        if s.known and acts and s.path not in request.prior:
+            one = frozenset(shared.get(acts[0], (acts[0],)))
+            groups.setdefault((one, s.value), (s, []))[1].extend(acts)
+    return {tuple(dict.fromkeys(acts)): s for s, acts in groups.values()}
 
 
 def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...], State]) -> _Inherited:

@@ -56,7 +56,7 @@ class Move:
     @property
     def verdict(self) -> str:
         """Moved, not rejected, or this log cannot decide."""
-        if self.chance < ALPHA:
+        if self.chance < ALPHA and self.told:
             return MOVED
         near = abs(self.alone - self.below) <= STATED * self.below_error
         return NOT_REJECTED if near and self.detectable_share <= FINE else UNDECIDED

@@ -16,7 +16,7 @@ from thermid.model.model import Model
 from thermid.model.replacement import Replacement, Split
 from thermid.model.resolve import ParameterSet
 
-__all__ = ["placed", "starts_of"]
+__all__ = ["known_below", "placed", "starts_of"]
 
 STEP = 1e-4
 """Relative change by which the response of a joint to the number behind it is found."""
@@ -32,7 +32,7 @@ def placed(before: Store, old: Model, new: Model, what: Replacement, below: Stor
     what : Replacement      What became of the values.
     below : Store           What stages below found of the new part and its place; its values win over starts.
     """
-    told = below.only(lambda s: s.kind == "parameter" and all(inside(p, what.path) or p in {x.path for x in what.split} for p in s.paths))
+    told = known_below(below, what)
     starts = starts_of(before, old, new, [s for s in what.split if s.path not in told.states])
     rest = before.drop(what.path)
     for one in what.split:
@@ -41,11 +41,26 @@ def placed(before: Store, old: Model, new: Model, what: Replacement, below: Stor
     return replace(whole, dropped=(*whole.dropped, *what.dropped))
 
 
+def known_below(below: Store, what: Replacement) -> Store:
+    """Return what stages below found of the new part and its place.
+
+    What a test of the part alone says of a coefficient is that of its bench; where it is installed it starts from what the place had.
+    """
+    split = {s.path for s in what.split}
+    bench = {s.path for s in what.split if s.of_part}
+
+    def of_place(s: State) -> bool:
+        own = all(inside(p, what.path) or p in split for p in s.paths)
+        return s.kind == "parameter" and own and not (s.path in bench and s.at == what.path)
+
+    return below.only(of_place)
+
+
 def starts_of(before: Store, old: Model, new: Model, split: Sequence[Split]) -> Store:
     """Return the starts of values of a place as states.
 
-    A joint has the error of the joint that it is taken from, and what joints of one kind differ by. A coefficient inside the part has the
-    error that it had, or the stated one where that is wider.
+    A joint has the error of the joint that it is taken from and, besides, what joints of one kind differ by. A coefficient inside the
+    part has the stated error, of which what the fit before left open is a part, or that alone where it is more.
     """
     values, table = ParameterSet(old), ParameterSet(new).table
     columns = len(before.sources)
@@ -56,10 +71,8 @@ def starts_of(before: Store, old: Model, new: Model, split: Sequence[Split]) -> 
         literal = given.expression.literal
         assert literal is not None
         row = _response(before, values, one.path)
-        if one.of_part:
-            root[k, columns + k] = max(one.log_sd, float(np.linalg.norm(row)))
-        else:
-            root[k, :columns], root[k, columns + k] = row, one.log_sd
+        known = float(np.linalg.norm(row)) if one.of_part else 0.0
+        root[k, :columns], root[k, columns + k] = row, math.sqrt(max(one.log_sd**2 - known**2, 0.0))
         own.append(Source(f"start of {one.path} after a replacement", "stated", Normal(), str(one)))
         low = given.minimum if given.minimum is not None else 0.0
         high = given.maximum if given.maximum is not None else math.inf

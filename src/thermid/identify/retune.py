@@ -14,7 +14,7 @@ from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.campaignfile import placed as placed_in
 from thermid.identify.keys import key_of
-from thermid.identify.placing import placed
+from thermid.identify.placing import known_below, placed
 from thermid.identify.request import Request
 from thermid.identify.stages import Campaign
 from thermid.identify.staging import request_of
@@ -62,7 +62,7 @@ def retuned(
         try:
             told = _told_by(table, stage, renamed, again, plan)
             told = told.model_copy(update={"records": [], "steady": {}, "free": [], "priors": {}}) if carried else told
-            request = request_of(source, told, k, done, _model(source, table, k, stage, plan, again))
+            request = request_of(source, told, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
             request = request if stage.alone or again else _local(request, stage, before[stage.of], plan)
             requests[stage.name] = request
             keys[stage.name] = key_of(request, [keys[n] for i in told.inherit.values() for n in i.stages])
@@ -118,15 +118,18 @@ def _check_repeated(source: CampaignSource, data: Path, tests: Sequence[str]) ->
         )
 
 
-def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, plan: RetunePlan, everything: bool) -> Model:
-    """Return the deck of a stage with the new part in its place; of a fit of everything with the place's values apart from twins."""
+def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, plan: RetunePlan, before: Calibration | None) -> Model:
+    """Return the deck of a stage with the new part in its place; to fit all anew, after a fit before, with its place at its start."""
     if stage.alone:
         return plan.model
     model = source.model(table.model, source.where(f"stages.{k}"))
     if not stage.part:
         return model
     model = model.replace(stage.part, plan.model).cut(stage.part)  # a new unit, even of the same deck, has values of its own
-    return model.with_values({s.path: s.text for s in stage.starts}, START) if everything else model
+    if before is None:
+        return model
+    what = before.fitted_model.replaced(stage.part, plan.model)[1]
+    return model.with_values({s.path: s.text for s in what.split if s.of_part or s in stage.starts}, START)
 
 
 def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], everything: bool, plan: RetunePlan) -> StageTable:
@@ -154,14 +157,14 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
     """Return a request in which all but the stage's freed values stand where they stood, constant errors of instruments among them."""
     old = before.fitted_model
     what = old.replaced(stage.part, plan.model)[1]
-    told = {p for s in request.store.parameters.values() for p in s.paths}
+    told = known_below(request.store, what).states
     starts = {s.path: s.text for s in what.split if s.path not in told}
     gone = [*(s.path for s in what.split), stage.part]
     stood = {p: v for p, v in before.values.assignments.items() if not any(inside(p, place) for place in gone)}
     model = request.model.with_values(stood, f"stage '{stage.name}' before the swap").with_values(starts, START)
     store = placed(before.store, old, model, what, request.store)
     anew = [s.path for s in what.split if s.path in stage.free and s.path not in request.priors]
-    prior = [p for p in request.prior if inside(p, stage.part) and p not in anew]
+    prior = [p for p in request.prior if inside(p, stage.part) and p in told and p not in anew]
     return replace(
         request,
         model=model,

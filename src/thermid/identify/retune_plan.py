@@ -83,9 +83,10 @@ class RetunePlan:
     stages : tuple          StagePlan of every stage.
     touched : tuple         Touch of every value of the campaign at the part's interfaces.
     neighbours : dict       Surface beside the part -> exposed area before and after [m^2], and change at rest [K]; none is freed.
-    before, after : dict    Sensor -> temperature at rest: as in the last record, and with the new part at the power of its deck. [K]
-    by_deck : dict          Sensor -> the same with the old part at the power that its model has, in place of the logged one. [K]
-    watts : tuple           Power of the part in the last record, by its old model, and by the new deck. [W]
+    before, after : dict    Sensor -> temperature at rest, the old part at the power of its model and the new one at that of its deck, all
+                            else as in the last record. [K]
+    as_logged : dict        Sensor -> the same with the old part at the power that the last record has. [K]
+    watts : tuple           Power of the part by its old model, by the new deck, and in the last record. [W]
     replacement : Replacement   What became of the values at the place, in the uppermost model.
     campaign : Campaign     What was done before.
     model : Model           The new part.
@@ -99,7 +100,7 @@ class RetunePlan:
     neighbours: Mapping[str, tuple[float, float, float]]
     before: Mapping[str, float]
     after: Mapping[str, float]
-    by_deck: Mapping[str, float]
+    as_logged: Mapping[str, float]
     watts: tuple[float, float, float]
     replacement: Replacement
     campaign: Campaign = field(repr=False)
@@ -152,7 +153,7 @@ class RetunePlan:
         """What the plan takes for granted of the new part and its place, in words."""
         tested = any(s.alone for s in self.stages)
         own = "its own test is due" if tested else "no stage tests it alone"
-        return (f"{self.new} has the {self.watts[2]:.4g} W and all other values of its deck; {own}", *self.replacement.assumes[1:])
+        return (f"{self.new} has the {self.watts[1]:.4g} W and all other values of its deck; {own}", *self.replacement.assumes[1:])
 
     def __str__(self) -> str:
         """Return the plan as text."""
@@ -175,11 +176,11 @@ class RetunePlan:
         return self.standing.over("\n".join([*lines, *self._at_rest()]))
 
     def _at_rest(self) -> list[str]:
-        """Return the temperatures before and after, and those with both parts at the powers of their models."""
-        logged, old, new = self.watts
-        lines = [f"  at rest before -> after: {logged:.4g} W in the last record, {new:.4g} W by the new deck; all else as in that record:"]
+        """Return the temperatures before and after, and those of the last record where the old part had another power in it."""
+        old, new, logged = self.watts
+        lines = [f"  at rest before -> after: the old part at the {old:.4g} W of its model, the new one at the {new:.4g} W of its deck:"]
         lines += [f"    {s}: {self.before[s] - ICE:.2f} -> {t - ICE:.2f} degC" for s, t in self.after.items()]
         if abs(logged - old) > 1e-9:
-            moved = ", ".join(f"{s} {self.by_deck[s] - ICE:.2f} -> {t - ICE:.2f} degC" for s, t in self.after.items())
-            lines.append(f"  the same with the old part at the {old:.4g} W of its model: {moved}")
+            shown = ", ".join(f"{s} {self.as_logged[s] - ICE:.2f} degC" for s in self.after)
+            lines.append(f"  the old part at the {logged:.4g} W of the last record: {shown}")
         return lines

@@ -57,7 +57,7 @@ class Test:
     weights : array (models,)                       Probability of each noise model.
     information : array (models, known, known)      Of the known values, by the data alone.
     scores : array (models, known)                  Where they stand as known.
-    root : array (known, sources)                   Root of the covariance with which they are known.
+    root : array (known, columns)                   A root of the covariance with which they are known, with as few columns as it has.
     """
 
     weights: Array
@@ -86,7 +86,9 @@ class Test:
         solved = np.linalg.solve(inner, np.concatenate([across, (vector[:, rest] / size)[..., None]], axis=2))
         turned = np.swapaxes(across, 1, 2)
         information = whole[:, at][:, :, at] - turned @ solved[..., :-1]
-        return cls(data.weights, information, vector[:, at] - (turned @ solved[..., -1:])[..., 0], root)
+        sizes, vectors = np.linalg.eigh(root @ root.T)
+        short = vectors * np.sqrt(np.maximum(sizes, 0.0))
+        return cls(data.weights, information, vector[:, at] - (turned @ solved[..., -1:])[..., 0], short[:, sizes > 0])
 
 
 def _opened(a: Test, chosen: Sequence[int], loose: Sequence[int]) -> tuple[Array, Array, Array]:

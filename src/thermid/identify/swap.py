@@ -65,13 +65,15 @@ def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[st
         plan, touches = _staged(campaign, level, places[level.name], part, model)
         plans += plan
         touched += touches
-    logged, by_deck = _at_rest(campaign[top], ""), _at_rest(campaign[top], part)
-    cold, own, warm = _steady(above, logged), _steady(above, by_deck), _steady(swapped, by_deck)
-    watts = _watts(above, logged, part), _watts(above, by_deck, part), _watts(swapped, by_deck, part)
-    before, old_deck, after = (_observed(t, campaign[top]) for t in (cold, own, warm))
+    by_deck, logged = _at_rest(campaign[top], part), _at_rest(campaign[top], "")
+    cold, warm, shown = _steady(above, by_deck), _steady(swapped, by_deck), _steady(above, logged)
+    watts = _watts(above, by_deck, part), _watts(swapped, by_deck, part), _watts(above, logged, part)
+    before, after, as_logged = (_observed(t, campaign[top]) for t in (cold, warm, shown))
     neighbours = _neighbours(above, swapped, part, cold, warm)
-    plan_of = tuple(plans), tuple(touched), neighbours, before, after, old_deck
-    return RetunePlan(part, old.title, model.title, *plan_of, watts, what, campaign, model)
+    stages, values = tuple(plans), tuple(touched)
+    return RetunePlan(
+        part, old.title, model.title, stages, values, neighbours, before, after, as_logged, watts, what, campaign, model
+    )  # fmt: skip
 
 
 def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str, new: Model) -> tuple[list[StagePlan], list[Touch]]:

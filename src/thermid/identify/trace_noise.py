@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,11 @@ LARGEST, SMALLEST = 1e4, 0.05
 """Ratios of the variance of the autocorrelated part to that of the white part of the mean of a stretch."""
 FLAT = 1e-9
 """Information, in parts of what white noise would give, that stands for none."""
-SWEEPS, DRAWS, NEGLIGIBLE = 2, 128, 1e-3
+SWEEPS, DRAWS = 1, 128
+"""How often each trace is asked again given the others, and noise models that are drawn where there are several traces."""
+NEGLIGIBLE, UNLIKELY, SMALL = 1e-3, 1e-5, 0.03
+"""Chance of a noise model, and of a node given the trace alone, beside the likeliest, and shift of readings in units of their white noise,
+below which they do not count."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,31 +48,39 @@ class Weighed:
 class _Trace:
     """A trace in the bases in which its covariance is diagonal, one basis per correlation time.
 
-    `sizes` (times, stretches) are the eigenvalues of the correlations, `residuals` (times, stretches) and `slopes` (times, stretches,
-    unknowns) stand in their bases, divided by the error of the mean of a stretch.
+    `shrunk` (times, ratios, stretches) are the inverses of its variances, white noise alone being 1; `residuals` (times, stretches) and
+    `slopes` (times, stretches, unknowns) stand in these bases, divided by the white error of the mean of a stretch.
     """
 
-    sizes: Array
+    shrunk: Array
     residuals: Array
     slopes: Array
 
     @classmethod
-    def of(cls, b: Binned, scale: Array, bases: dict[bytes, tuple[Array, Array]]) -> _Trace:
+    def of(cls, b: Binned, scale: Array) -> _Trace:
         root = np.sqrt(b.count)
-        key = b.times.tobytes() + b.count.tobytes()
-        if key not in bases:
-            bases[key] = _bases(b.times, b.count)
-        sizes, vectors = bases[key]
+        sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
         turned = np.swapaxes(vectors, 1, 2)
-        return cls(sizes, turned @ (root * b.mean), turned @ (root[:, None] * -b.slopes * scale))
-
-    def shrunk(self) -> Array:
-        """Return what is left of each direction by the noise, (times, ratios, stretches)."""
-        return np.asarray(1.0 / (1.0 + _ratios()[:, None] * self.sizes[:, None, :]))
+        shrunk = 1.0 / (1.0 + np.geomspace(SMALLEST, LARGEST, RATIOS)[:, None] * sizes[:, None, :])
+        return cls(shrunk, turned @ (root * b.mean), turned @ (root[:, None] * -b.slopes * scale))
 
 
-def _bases(times: Array, count: Array) -> tuple[Array, Array]:
-    """Return eigenvalues (times, stretches) and eigenvectors of the correlations of a trace, for every correlation time."""
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Probability (nodes, sizes) of the noise of a trace at some nodes (time and ratio in one), and the white variances there."""
+
+    nodes: NDArray[np.intp]
+    chance: Array
+    variances: Array
+
+
+@lru_cache(maxsize=8)
+def _bases(given: bytes, counts: bytes) -> tuple[Array, Array]:
+    """Return eigenvalues (times, stretches) and eigenvectors of the correlations of a trace, for every correlation time.
+
+    `given` are the times of its stretches and `counts` their samples: sensors of one log share them, and so do logs of one kind.
+    """
+    times, count = np.frombuffer(given), np.frombuffer(counts)
     spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
     tried = np.geomspace(spacing, max(span, 2.0 * spacing), TIMES)
     typical = float(np.median(count))
@@ -93,10 +106,6 @@ def correlation_of_means(times: Array, samples: int, spacing: float, time: float
     return out
 
 
-def _ratios() -> Array:
-    return np.geomspace(SMALLEST, LARGEST, RATIOS)
-
-
 def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float = 1.0) -> Weighed:
     """Return what traces say of the unknowns, averaged over what their noise may be.
 
@@ -115,9 +124,8 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
     distribution given the others at their likeliest, and noise models are drawn from these (Latin hypercube, always the same).
     """
     scale = _scales(pieces, priors)
-    bases: dict[bytes, tuple[Array, Array]] = {}
     long = [b for b in pieces if b.count.size >= FEWEST]
-    traces = [_Trace.of(b, scale, bases) for b in long]
+    traces = [_Trace.of(b, scale) for b in long]
     known, start = priors * np.outer(scale, scale), pulls * scale
     for b in (b for b in pieces if b.count.size < FEWEST):
         turned = b.slopes * scale
@@ -138,48 +146,47 @@ def _scales(pieces: Sequence[Binned], priors: Array) -> Array:
 
 def _averaged(traces: Sequence[_Trace], known: Array, start: Array) -> tuple[Array, Array, Array]:
     """Return weights, information and scores of noise models of several traces."""
-    grids = [_likely(t, known, start) for t in traces]
+    grids = [_likely(t, known, start, np.arange(TIMES * RATIOS)) for t in traces]
     if len(traces) == 1:
-        chance, variances = grids[0]
-        kept = np.flatnonzero(chance.ravel() > NEGLIGIBLE * chance.max())
-        weights = chance.ravel()[kept]
-        information, scores = _sums(traces[0], kept, variances)
-        return weights / weights.sum(), information + known, scores + start
+        chance = grids[0].chance.ravel()
+        kept = np.flatnonzero(chance > NEGLIGIBLE * chance.max())
+        information, scores = _sums(traces[0], grids[0], kept)
+        return chance[kept] / chance[kept].sum(), information + known, scores + start
+    likeliest = [_sums(t, g, np.array([g.chance.argmax()])) for t, g in zip(traces, grids, strict=True)]
+    whole, vector = known + sum(m[0] for m, _ in likeliest), start + sum(v[0] for _, v in likeliest)
     for _ in range(SWEEPS):
-        likeliest = [_sums(t, np.array([chance.argmax()]), s) for t, (chance, s) in zip(traces, grids, strict=True)]
-        whole, vector = known + sum(m[0] for m, _ in likeliest), start + sum(v[0] for _, v in likeliest)
         for k, t in enumerate(traces):
-            m, v = likeliest[k]
-            grids[k] = _likely(t, whole - m[0], vector - v[0])
-            likeliest[k] = _sums(t, np.array([grids[k][0].argmax()]), grids[k][1])
-            whole, vector = whole - m[0] + likeliest[k][0][0], vector - v[0] + likeliest[k][1][0]
+            (m,), (v,) = likeliest[k]
+            most = grids[k].chance.sum(axis=1)
+            grids[k] = _likely(t, whole - m, vector - v, grids[k].nodes[most > UNLIKELY * most.max()])
+            likeliest[k] = _sums(t, grids[k], np.array([grids[k].chance.argmax()]))
+            whole, vector = whole - m + likeliest[k][0][0], vector - v + likeliest[k][1][0]
     rng = np.random.default_rng(17)
     information, scores = np.repeat(known[None], DRAWS, axis=0), np.repeat(start[None], DRAWS, axis=0)
-    for t, (chance, s) in zip(traces, grids, strict=True):
-        levels = (rng.permutation(DRAWS) + 0.5) / DRAWS
-        drawn = np.searchsorted(np.cumsum(chance.ravel()) / chance.sum(), levels)
-        kept, place = np.unique(drawn, return_inverse=True)
-        m, v = _sums(t, kept, s)
+    for t, g in zip(traces, grids, strict=True):
+        drawn = np.searchsorted(np.cumsum(g.chance.ravel()), (rng.permutation(DRAWS) + 0.5) / DRAWS)
+        kept, place = np.unique(np.minimum(drawn, g.chance.size - 1), return_inverse=True)
+        m, v = _sums(t, g, kept)
         information, scores = information + m[place], scores + v[place]
     return np.full(DRAWS, 1.0 / DRAWS), information, scores
 
 
-def _sums(t: _Trace, nodes: NDArray[np.intp], variances: Array) -> tuple[Array, Array]:
-    """Return X'V^-1 X and X'V^-1 z of a trace at some nodes of its grid."""
-    of_time, of_ratio, of_size = np.unravel_index(nodes, variances.shape)
-    pairs, place = np.unique(of_time * RATIOS + of_ratio, return_inverse=True)
-    shrunk = t.shrunk()
+def _sums(t: _Trace, grid: _Grid, flat: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Return X'V^-1 X and X'V^-1 z of a trace at some nodes and sizes of its grid, counted in one."""
+    of_node, of_size = np.divmod(flat, SIZES)
+    used, place = np.unique(of_node, return_inverse=True)
     information, scores = [], []
-    for at, ratio in zip(pairs // RATIOS, pairs % RATIOS, strict=True):
-        taken = t.slopes[at].T * shrunk[at, ratio]
+    for node in grid.nodes[used]:
+        at, ratio = divmod(int(node), RATIOS)
+        taken = t.slopes[at].T * t.shrunk[at, ratio]
         information.append(taken @ t.slopes[at])
         scores.append(taken @ t.residuals[at])
-    size = variances[of_time, of_ratio, of_size]
+    size = grid.variances[of_node, of_size]
     return np.array(information)[place] / size[:, None, None], np.array(scores)[place] / size[:, None]
 
 
-def _likely(t: _Trace, others: Array, vector: Array) -> tuple[Array, Array]:
-    """Return the probability of each node (times, ratios, sizes) of a trace's noise, and its white variance.
+def _likely(t: _Trace, others: Array, vector: Array, nodes: NDArray[np.intp]) -> _Grid:
+    """Return the probability of the noise of a trace at some nodes.
 
     `others` and `vector` are information and scores of all that is known beside this trace: they say where the unknowns may stand.
     """
@@ -187,27 +194,26 @@ def _likely(t: _Trace, others: Array, vector: Array) -> tuple[Array, Array]:
     root = vectors / np.sqrt(np.maximum(sizes, FLAT))
     middle = root @ (root.T @ vector)
     _, s, turn = np.linalg.svd(t.slopes[0] @ root, full_matrices=False)
-    root = root @ turn[s > 0.03].T
-    shrunk = t.shrunk()
-    z = t.residuals - np.einsum("tnm,m->tn", t.slopes, middle)
-    f = t.slopes @ root
-    square = np.einsum("tkn,tn->tk", shrunk, z**2)
-    inside = np.swapaxes(f, 1, 2)[:, None] @ (shrunk[..., None] * f[:, None])
-    along = np.einsum("tnr,tkn->tkr", f, shrunk * z[:, None, :])
-    spread, axes = np.linalg.eigh(inside)
+    of_time, of_ratio = np.divmod(nodes, RATIOS)
+    shrunk = t.shrunk[of_time, of_ratio]
+    z = (t.residuals - t.slopes @ middle)[of_time]
+    f = (t.slopes @ (root @ turn[s > SMALL].T))[of_time]
+    taken = shrunk[..., None] * f
+    square = np.sum(shrunk * z**2, axis=1)
+    spread, axes = np.linalg.eigh(np.swapaxes(f, 1, 2) @ taken)
     spread = np.maximum(spread, 0.0)
-    part = np.einsum("tkrs,tkr->tks", axes, along) ** 2
+    part = (np.swapaxes(axes, 1, 2) @ (np.swapaxes(taken, 1, 2) @ z[..., None]))[..., 0] ** 2
     count = z.shape[1]
     variance = square / count
-    for _ in range(6):
-        share = spread / (spread + variance[..., None])
-        left = square - np.sum(part / (spread + variance[..., None]), axis=-1)
-        variance = np.maximum(left, 1e-12 * square) / (count - share.sum(axis=-1))
-    width = np.sqrt(2.0 / max(count - float(share.sum(axis=-1).mean()), 4.0))
-    grid = variance[..., None] * np.exp(width * np.linspace(-2.4, 2.4, SIZES))
-    beside = spread[:, :, None, :] + grid[..., None]
-    quadratic = (square[..., None] - np.sum(part[:, :, None, :] / beside, axis=-1)) / grid
-    volume = np.log(grid) * (count - spread.shape[-1]) + np.log(beside).sum(axis=-1) - np.log(shrunk).sum(axis=-1)[..., None]
+    for _ in range(6):  # the likeliest white variance of each node, by its own equation
+        free = count - np.sum(spread / (spread + variance[:, None]), axis=1)
+        left = square - np.sum(part / (spread + variance[:, None]), axis=1)
+        variance = np.maximum(left, 1e-12 * square + 1e-300) / free
+    width = np.sqrt(2.0 / max(float(free.mean()), 4.0))
+    grid = variance[:, None] * np.exp(width * np.linspace(-2.4, 2.4, SIZES))
+    beside = spread[:, None, :] + grid[..., None]
+    quadratic = (square[:, None] - np.sum(part[:, None, :] / beside, axis=-1)) / grid
+    volume = np.log(grid) * (count - spread.shape[1]) + np.log(beside).sum(axis=-1) - np.log(shrunk).sum(axis=1)[:, None]
     twice = -(quadratic + volume)
     chance = np.exp(0.5 * (twice - twice.max()))
-    return chance / chance.sum(), grid
+    return _Grid(nodes, chance / chance.sum(), grid)

@@ -20,7 +20,7 @@ __all__ = ["PLACE", "SCATTER", "Dropped", "Replacement", "Split", "coefficients"
 
 PLACE, SCATTER = 0.30, 0.25
 """Standard deviation of the logarithm: of a coefficient that the old part had at its place, and between joints of parts of one kind."""
-INTERFACE = {"contact_conductance": "W/(m^2 K)", "conductance": "W/K", "conductivity": "W/(m K)"}
+INTERFACE = {"contact_conductance": "W/(m^2 K)", "conductance": "W/K", "conductivity": "W/(m K)", "gap.htc": "W/(m^2 K)"}
 """Fields by which joints and conductors differ from one another; areas and thicknesses are as drawn."""
 COEFFICIENTS = ("effective_htc", "htc", "htc.coefficient")
 
@@ -245,9 +245,9 @@ def _joints(model: Model, after: Model, path: str, values: ParameterSet, keep: f
     ties = local_identities(model)
     numbers = values.evaluate({})
     done = set(keep)
-    for fields in beside.elements.values():
+    for element, fields in beside.elements.items():
         for field in fields:
-            kind = field.rpartition(".")[2]
+            kind = field.removeprefix(f"{element}.")
             if kind not in INTERFACE or field not in known.table or inside(field, path):
                 continue
             root = _own_root(values, field, beside.shared)
@@ -255,7 +255,11 @@ def _joints(model: Model, after: Model, path: str, values: ParameterSet, keep: f
             if at in done or field in done:
                 continue
             done.add(at)
-            also = _sharing(values, beside.shared, field) if not root else {p.removesuffix(f".{kind}") for p in ties[at].paths if p != at}
+            also = (
+                _sharing(values, beside.shared, field, kind)
+                if not root
+                else {p.removesuffix(f".{kind}") for p in ties[at].paths if p != at}
+            )
             literal = values.table[at].parameter.expression.literal
             text = values.table[at].parameter.text if literal is not None else f"{float(numbers[field]):.9g} [{INTERFACE[kind]}]"
             yield Split(at, text, SCATTER, "twin" if also else "place", tuple(sorted(also)))
@@ -268,11 +272,10 @@ def _own_root(values: ParameterSet, field: str, shared: Mapping[str, str]) -> st
     return own[0] if len(own) == 1 else field if field in roots and not own[1:] and values.table[field].parameter.is_literal else ""
 
 
-def _sharing(values: ParameterSet, shared: Mapping[str, str], field: str) -> set[str]:
+def _sharing(values: ParameterSet, shared: Mapping[str, str], field: str, kind: str) -> set[str]:
     """Return the elements elsewhere that a number behind a field acts on by a field of the same name."""
-    kind = field.rpartition(".")[2]
     roots = [p for p in values.order if values.table[p].parameter.is_literal and field in values.downstream([p])]
-    return {shared[q] for p in roots for q in values.downstream([p]) if q in shared and q.rpartition(".")[2] == kind}
+    return {shared[q] for p in roots for q in values.downstream([p]) if q in shared and q == f"{shared[q]}.{kind}"}
 
 
 def _apart(model: Model, path: str, gone: Sequence[str]) -> Model:

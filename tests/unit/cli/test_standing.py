@@ -94,6 +94,36 @@ def test_bad_input_wins_over_a_failure_and_a_failure_over_inadequacy(own: int, s
     assert left.value.code == expected
 
 
+def test_plan_and_qualify(tmp_path: Path, call: Call) -> None:
+    """Values of a fit whose verdict failed: the plan and its verdicts are given, and say it; so does every margin."""
+    import numpy as np
+
+    import thermid as td
+    from thermid.identify.values import FittedValue, FittedValues
+    from unit.qualify.project import PLAN, project
+    from unit.qualify.things import unit
+
+    failed = Standing("failed", "verdict on soak: T_PROC max error 3 K, limit 1 K", "unit")
+    path = next(p for p in td.compile_network(unit()).numbers().values if p.endswith("capacitance"))
+    value = float(td.compile_network(unit()).numbers().values[path])
+    fitted = FittedValue(
+        path, value, 0.01 * value, 0.01 * value, True, "J/K", value, (0.5 * value, 2 * value), "unit: soak", standing=failed
+    )
+    FittedValues("unit", {path: fitted}, np.diag([1e-4]), {"records": {}, "synthetic": True}).save(tmp_path / "fit.values.toml")
+    file = project(tmp_path, PLAN.replace('deck = "unit.toml"', 'deck = "unit.toml"\nvalues = "fit.values.toml"'))
+    found = td.run_plan(file)
+    assert found.standing == failed
+    assert {m.standing.state for m in found.margins} == {"failed"}
+    line = "FAILED: rests on stage 'unit' (verdict on soak: T_PROC max error 3 K, limit 1 K)"
+    for command, own in (("plan", 0), ("qualify", 0 if found.passed else 4)):
+        said = call(command, file)
+        assert said.out.startswith(line)
+        assert said.code == (own or 1), "4 wins over 1"
+        taken = call(command, file, "--accept", "unit", "--json")
+        assert taken.object["standing"] == {**failed.to_dict(), "accepted": True}
+        assert taken.code == own
+
+
 def test_nothing_is_said_where_there_is_nothing_to_tell() -> None:
     for standing in (CREDIBLE, UNJUDGED):
         assert standing.over("text") == "text"

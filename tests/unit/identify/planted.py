@@ -46,6 +46,7 @@ name     = "box"
 model    = "box.toml"
 records  = ["box_bench"]
 scenario = { start = "24 [degC]" }
+search   = "local"
 free     = ["skin.effective_htc", "case.mass"]
 
 [[stages]]
@@ -53,6 +54,7 @@ name     = "pair"
 model    = "pair.toml"
 records  = ["pair_one"]
 scenario = { start = "24 [degC]" }
+search   = "local"
 free     = ["stack.contact_conductance"]
 inherit  = { a = { stage = "box" } }
 
@@ -61,6 +63,7 @@ name     = "whole"
 model    = "whole.toml"
 records  = ["whole_one"]
 scenario = { start = "24 [degC]" }
+search   = "local"
 free     = ["link"]
 inherit  = { p = { stage = "pair" } }
 

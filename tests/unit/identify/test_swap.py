@@ -120,11 +120,11 @@ def test_before_and_after_are_at_the_same_conditions(project: Path, campaign: Ca
     """A part in place of itself changes nothing, whatever its meter showed; a part with another power says which."""
     old = campaign["pair"].model.submodel("a")
     same = td.plan_retune(campaign, "a", old)
-    assert same.by_deck == pytest.approx(same.after)
+    assert same.before == pytest.approx(same.after)
     assert len({round(w, 9) for w in same.watts}) == 1
     other = td.plan_retune(campaign, "a", box(NEW))
-    assert other.watts == (4.0, 4.0, 3.0)
-    assert "at rest before -> after: 4 W in the last record, 3 W by the new deck; all else as in that record:" in str(other)
+    assert other.watts == (4.0, 3.0, 4.0)
+    assert "at rest before -> after: the old part at the 4 W of its model, the new one at the 3 W of its deck:" in str(other)
     assert all(other.after[s] < other.before[s] for s in other.before)
 
 

@@ -28,6 +28,8 @@ export function drawStages() {
 }
 at("find-stage").addEventListener("input", drawStages);
 
+// a standing as the studio writes it, as tiles have it: empty where there is nothing to be told
+export const told = ({ state, because }) => ({ standing: ["credible", "unjudged"].includes(state) ? "" : state, because, usable: !["not credible", "failed"].includes(state) });
 // how loud the standing of a stage is said
 export const mark = (state) => (!state?.standing ? "" : state.usable ? "not decided" : "passed a limit");
 
