@@ -147,9 +147,9 @@ def test_no_dataclass_keeps_what_it_works_out_in_a_field_of_its_own() -> None:
         for name, made in vars(module).items():
             if inspect.isclass(made) and made.__module__ == info.name and is_dataclass(made):
                 loose += [
-                    f"{info.name}.{name}.{f.name}"
+                    f"{name}.{f.name}"
                     for f in fields(made)
                     if (f.name.startswith("_") and f.init and f.default_factory in (dict, list))
                     or (f.type in ("Memo", Memo) and (f.init or f.compare or f.repr))
                 ]
-    assert loose == ["thermid.identify.prediction.Prediction._find"]  # names, given where it is made
+    assert loose == ["Prediction._find"]  # names, given where it is made
