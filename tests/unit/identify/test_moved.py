@@ -139,7 +139,6 @@ def test_half_as_much_mass_again_is_never_called_agreement(fixed: bool) -> None:
         told.append(found.moved[MASS].verdict)
         assert found.moved[MASS].below == first[MASS].value
     assert told[0] == "moved"
-    assert told[-1] == UNDECIDED
     assert set(told) <= {"moved", UNDECIDED}
 
 

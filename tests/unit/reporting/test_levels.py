@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from thermid.identify.moves import Group, Move, Moves
+from thermid.reporting.cells import DASH
 from thermid.reporting.levels import moved
 
 
@@ -23,7 +24,7 @@ def test_every_value_and_group_has_a_line(moves: Moves) -> None:
     table = moved(SimpleNamespace(moved=moves))  # type: ignore[arg-type]
     text = [[cell.text if hasattr(cell, "text") else cell for cell in row] for row in table.rows]
     assert text[0] == ["a.power", "box", "4.000 ± 0.050", "4.4", "W", "10", "+3.4", "0.00070", "12", "moved"]
-    assert text[1] == ["t", "box", "20", "–", "°C", "–", "–", "–", "–", "this log cannot decide"]
+    assert text[1] == ["t", "box", "20", DASH, "°C", *[DASH] * 4, "this log cannot decide"]
     assert text[2][6:] == ["χ² 11.6 of 1", "0.00070", "", "moved"]
     assert text[3][-1] == "this log cannot decide"
 
