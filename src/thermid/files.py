@@ -128,7 +128,7 @@ LOG: Final = Kind("log", lambda path: _header(path, rb".*\[s\]"))
 NETCDF: Final = Kind("netCDF file", _from_netcdf)
 COPY: Final = Kind("copy", lambda path: False)
 """Bytes as they are; what is there is never replaced."""
-OWN: Final = Kind("file of thermid", lambda path: True)
+OWN: Final = Kind("file of results", lambda path: True)
 """What only thermid writes, by names of its own, and what carries on the content of the file that it replaces."""
 
 
@@ -214,12 +214,12 @@ def may_write(path: str | os.PathLike[str], kind: Kind) -> Path:
     if not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
     running = _COMMAND.get() or _Command()
-    if running.force or kind is OWN:
+    if running.force:
         return target
     about = target.stat()
     if (about.st_dev, about.st_ino) in running.inputs:
         raise OutputError(f"this command reads it, and writing the {kind.name} there would destroy it. Give another name.", str(path))
-    if about.st_size and not kind.wrote(target):
+    if not kind.wrote(target):
         raise OutputError(
             f"it is there already and is no {kind.name} as thermid wrote it. "
             "Give another name or move it away; on the command line --force replaces it.",

@@ -204,7 +204,8 @@ def test_no_two_sections_meet(shown: Page) -> None:
 
 def test_a_stage_that_is_not_credible_has_no_green_tile(shown: Page) -> None:
     told = "const { s } = await import('/static/state.js'), { drawStages } = await import('/static/stages.js');"
-    mark = "Object.assign(s.project.stages[1], { standing: 'not credible', because: 'T would have to be wrong' }); drawStages();"
+    told += "const said = { standing: 'not credible', usable: false, because: 'T would have to be wrong' };"
+    mark = "Object.assign(s.project.stages[1], said); drawStages();"
     tile = "const t = [...document.querySelectorAll('#stages button')], edge = (e) => getComputedStyle(e).borderLeftColor;"
     text, title, edge, others = shown.wait(told + mark + tile + "return [t[1].innerText, t[1].title, edge(t[1]), edge(t[0])]")
     assert "NOT CREDIBLE" in text

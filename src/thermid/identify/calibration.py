@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.contradicted import LOUD, contradicted
+from thermid.identify.contradicted import BLAME, LOUD, contradicted
 from thermid.identify.moves import Moves
 from thermid.identify.residuals import Block, Predictions, Problem
 from thermid.identify.sensors import instrument_shares, sensor_shares
@@ -146,11 +146,6 @@ class Calibration:
         return [(b.record, b.sensor, Sums.of(b.residuals)) for b in self.blocks]
 
     @property
-    def held(self) -> tuple[FittedValues, ...]:
-        """FittedValues of stages below that the model holds as they were found, under their paths here."""
-        return self.request.held if self.request is not None else ()
-
-    @property
     def effective(self) -> Mapping[tuple[str, str], float]:
         """(record, sensor) -> independent samples that its readings are worth."""
         return self.wander.effective if self.wander is not None else {}
@@ -196,8 +191,9 @@ class Calibration:
         kind = " (synthetic data)" if self.synthetic else ""
         free, channels = counted(len(fitted), "free parameter"), counted(len(self.sensors), "channel")
         records = f" in {len(self.records)} records" if len(self.records) > 1 else ""
-        lines = [f"{self.stage}: {free}, {samples} samples of {channels}{records}{kind}"]
-        lines += [f"  {w}" for w in self.warnings if w.startswith(LOUD)]
+        counts = f"{free}, {samples} samples of {channels}{records}{kind}"
+        told = self.standing.line(self.stage) + (f". {BLAME}" if self.contradicted else "")
+        lines = [f"{self.stage}: {counts}"] if self.standing.fair else [f"{self.stage}: {told}", f"  {counts}"]
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
         lines += [f"  {v.path}: one value with {', '.join(v.also)}" for v in fitted.values() if v.also]

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.knowledge.sources import KNOWN, Kind, LeftOut, Source
 from thermid.knowledge.standing import UNJUDGED, Standing
+from thermid.model.identity import inside
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter, exact
+from thermid.model.replacement import Dropped
 from thermid.model.resolve import parameter_table
 
-__all__ = ["Dropped", "Origin", "State", "Store", "graft"]
+__all__ = ["Dropped", "Origin", "State", "Store", "graft", "structural_under"]
 
 Array = NDArray[np.float64]
 
@@ -119,24 +121,6 @@ class State:
         return other.origin in self.history
 
 
-@dataclass(frozen=True)
-class Dropped:
-    """A state that no longer applies.
-
-    Parameters
-    ----------
-    path : str      Where it stood.
-    text : str      The value that it had.
-    origin : str    Who had given it.
-    why : str       Why it was dropped.
-    """
-
-    path: str
-    text: str
-    origin: str
-    why: str
-
-
 @dataclass(frozen=True, eq=False)
 class Store:
     """Everything known of the values of one model.
@@ -216,17 +200,23 @@ class Store:
         return replace(self, states={names[k]: self.states[names[k]] for k in kept}, root=self.root[kept]).trimmed()
 
     def drop(self, place: str) -> Store:
-        """Return it without what stands at a path or inside a part; instruments stay."""
-        return self.only(lambda s: s.kind != "parameter" or not all(_inside(p, place) for p in s.paths))
+        """Return it without what stands at a path or inside a part; twins keep what they shared with it, and instruments stay."""
+        left = self.only(lambda s: s.kind != "parameter" or not all(inside(p, place) for p in s.paths))
+
+        def outside(s: State) -> State:
+            paths, hidden = (tuple(p for p in several if not inside(p, place)) for several in (s.paths, s.hidden))
+            return s if paths == s.paths else replace(s, path=paths[0], paths=paths, hidden=hidden)
+
+        return replace(left, states={s.path: s for s in map(outside, left.states.values())})
 
     def at(self, part: str) -> Store:
         """Return what it knows inside a part, by paths of the part, instruments among it."""
-        inner = self.only(lambda s: s.kind != "parameter" or any(_inside(p, part) for p in s.paths))
+        inner = self.only(lambda s: s.kind != "parameter" or any(inside(p, part) for p in s.paths))
         cut = len(part) + 1
 
         def moved(s: State) -> State:
-            paths = tuple(p[cut:] for p in s.paths if _inside(p, part))
-            hidden = tuple(p[cut:] for p in s.hidden if _inside(p, part))
+            paths = tuple(p[cut:] for p in s.paths if inside(p, part))
+            hidden = tuple(p[cut:] for p in s.hidden if inside(p, part))
             return replace(s, path=paths[0], paths=paths, hidden=hidden, at=s.at[cut:]) if s.kind == "parameter" else s
 
         states = [moved(s) for s in inner.states.values()]
@@ -355,10 +345,6 @@ def _depth(part: str) -> int:
     return part.count(".") + 1 if part else 0
 
 
-def _inside(path: str, place: str) -> bool:
-    return path == place or path.startswith(f"{place}.")
-
-
 def _under(path: str, part: str) -> str:
     return f"{part}.{path}" if part else path
 
@@ -366,4 +352,19 @@ def _under(path: str, part: str) -> str:
 def _provenance(known: Mapping[str, Any], part: str) -> Mapping[str, Any]:
     """Return what is known of a fit, its places by their paths in the model above."""
     moved = {n: {_under(p, part): x for p, x in known[n].items()} for n in ("conditions", "misfit") if n in known}
-    return {**known, **moved}
+    structural = {"structural": structural_under(known["structural"], f"{part}.")} if part and "structural" in known else {}
+    return {**known, **moved, **structural}
+
+
+def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
+    """Return what a fit keeps of structural errors (`Discrepancy.to_dict`), its places by their paths in the model above.
+
+    Parameters
+    ----------
+    kept : dict
+    ahead : str     What paths begin with there, such as ``unit.``; names of instruments hold a space and stay.
+    """
+    placed = {n: {ahead + p: x for p, x in kept[n].items()} for n in ("conditions", "misfit", "surfaces")}
+    modes = [{**m, "path": ahead + m["path"]} for m in kept["modes"]]
+    names = [n if " " in n else ahead + n for n in kept["names"]]
+    return {**kept, **placed, "modes": modes, "names": names, "separated": [ahead + p for p in kept["separated"]]}

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from thermid.model.model import Layer, Model
     from thermid.model.parameter import Parameter
 
-__all__ = ["PLACE", "SCATTER", "Dropped", "Replacement", "Split", "coefficients", "replaced"]
+__all__ = ["PLACE", "SCATTER", "Dropped", "Replacement", "Split", "coefficients", "replaced", "short_text"]
 
 PLACE, SCATTER = 0.30, 0.25
 """Standard deviation of the logarithm: of a coefficient that the old part had at its place, and between joints of parts of one kind."""
-INTERFACE = {"contact_conductance": "W/(m^2 K)", "conductance": "W/K", "conductivity": "W/(m K)"}
+INTERFACE = {"contact_conductance": "W/(m^2 K)", "conductance": "W/K", "conductivity": "W/(m K)", "gap.htc": "W/(m^2 K)"}
 """Fields by which joints and conductors differ from one another; areas and thicknesses are as drawn."""
 COEFFICIENTS = ("effective_htc", "htc", "htc.coefficient")
 
@@ -53,6 +53,7 @@ class Split:
     log_sd : float      Standard deviation of its logarithm about the start. [-]
     origin : str        'twin': from joints of the same kind; 'place': what it was with the old part.
     twins : tuple       What shared it before.
+    of_part : bool      Whether it is a coefficient of the part's surfaces, and not of a joint.
     """
 
     path: str
@@ -60,11 +61,12 @@ class Split:
     log_sd: float
     origin: str
     twins: tuple[str, ...] = ()
+    of_part: bool = False
 
     def __str__(self) -> str:
         """As an assumption."""
         whose = f"that of {', '.join(self.twins)}" if self.twins else "what it was with the old part"
-        return f"{self.path} is {whose}, {self.text} within {100 * self.log_sd:.0f} %"
+        return f"{self.path} is {whose}, {short_text(self.text)} within {100 * self.log_sd:.0f} %"
 
 
 @dataclass(frozen=True)
@@ -118,10 +120,19 @@ def replaced(model: Model, raw: str, new: Model, keep: Sequence[str] = ()) -> tu
     dropped = tuple(
         Dropped(p, e.parameter.text, e.origin, "of its place" if p in place and p in now else "of the old part") for p, e in gone.items()
     )
-    of_surfaces = [Split(p, before[p].parameter.text, PLACE, "place") for p in sorted(place) if p in now]
+    of_surfaces = [Split(p, before[p].parameter.text, PLACE, "place", of_part=True) for p in sorted(place) if p in now]
     split = (*of_surfaces, *_joints(model, after, path, values, stays))
     assumes = (f"{new.title} has the values of its deck", *map(str, split), *(f"{p} stays as it was" for p in kept))
     return _apart(after, path, [p for p in gone if p in now]), Replacement(path, old.title, new.title, dropped, kept, split, assumes)
+
+
+def short_text(text: str) -> str:
+    """Return a value as people read it: fitted numbers have all their digits in a model."""
+    number, _, unit = text.partition(" [")
+    try:
+        return f"{float(number):.4g}" + (f" [{unit}" if unit else "")
+    except ValueError:
+        return text
 
 
 def coefficients(model: Model, values: ParameterSet, part: str) -> set[str]:
@@ -234,9 +245,9 @@ def _joints(model: Model, after: Model, path: str, values: ParameterSet, keep: f
     ties = local_identities(model)
     numbers = values.evaluate({})
     done = set(keep)
-    for fields in beside.elements.values():
+    for element, fields in beside.elements.items():
         for field in fields:
-            kind = field.rpartition(".")[2]
+            kind = field.removeprefix(f"{element}.")
             if kind not in INTERFACE or field not in known.table or inside(field, path):
                 continue
             root = _own_root(values, field, beside.shared)
@@ -244,7 +255,11 @@ def _joints(model: Model, after: Model, path: str, values: ParameterSet, keep: f
             if at in done or field in done:
                 continue
             done.add(at)
-            also = _sharing(values, beside.shared, field) if not root else {p.removesuffix(f".{kind}") for p in ties[at].paths if p != at}
+            also = (
+                _sharing(values, beside.shared, field, kind)
+                if not root
+                else {p.removesuffix(f".{kind}") for p in ties[at].paths if p != at}
+            )
             literal = values.table[at].parameter.expression.literal
             text = values.table[at].parameter.text if literal is not None else f"{float(numbers[field]):.9g} [{INTERFACE[kind]}]"
             yield Split(at, text, SCATTER, "twin" if also else "place", tuple(sorted(also)))
@@ -257,11 +272,10 @@ def _own_root(values: ParameterSet, field: str, shared: Mapping[str, str]) -> st
     return own[0] if len(own) == 1 else field if field in roots and not own[1:] and values.table[field].parameter.is_literal else ""
 
 
-def _sharing(values: ParameterSet, shared: Mapping[str, str], field: str) -> set[str]:
+def _sharing(values: ParameterSet, shared: Mapping[str, str], field: str, kind: str) -> set[str]:
     """Return the elements elsewhere that a number behind a field acts on by a field of the same name."""
-    kind = field.rpartition(".")[2]
     roots = [p for p in values.order if values.table[p].parameter.is_literal and field in values.downstream([p])]
-    return {shared[q] for p in roots for q in values.downstream([p]) if q in shared and q.rpartition(".")[2] == kind}
+    return {shared[q] for p in roots for q in values.downstream([p]) if q in shared and q == f"{shared[q]}.{kind}"}
 
 
 def _apart(model: Model, path: str, gone: Sequence[str]) -> Model:

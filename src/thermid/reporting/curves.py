@@ -20,7 +20,7 @@ LOOKS: dict[str, tuple[tuple[str, str], float, str]] = {
     "simulated": (("--f-simulated", SIMULATED), 1.6, "6 2.5"),
     "bound": (("--f-residual", RESIDUAL), 1.6, "1.5 2.5"),
     "bound off": (("--f-residual", RESIDUAL), 1.6, "6 2 1.5 2"),
-    "bound start": (("--f-residual", RESIDUAL), 3.0, ""),
+    "bound start": (("--f-residual", RESIDUAL), 6.0, ""),
     "other": (("--s2", SERIES[2]), 1.4, "8 2.5 2 2.5"),
     "truth": (("--f-ink", INK), 1.1, ""),
 }

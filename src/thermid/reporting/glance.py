@@ -175,6 +175,8 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
     for c in _fits(campaign):
         if c.contradicted:
             yield f"Do not use {c.stage}: {_some(list(c.contradicted.values()))}. {BLAME}", c.stage
+        elif not c.standing.usable:
+            yield f"Do not use {c.stage}: it is {c.standing.state}, {c.standing.reason(c.stage)}.", c.stage
         for m in c.moved.values:
             if m.verdict == MOVED:
                 yield f"{m.path} moved from what {m.stage} found: look for what the part meets here and not alone.", c.stage

@@ -104,7 +104,8 @@ class Work:
 
             found = run_course(self.shelf, desk, course, values, asked, told)
             _going(j)
-            self.outcome = found if course.kind == "test" else replace(found, doubt=self._project.states[stage].because)
+            fit = self._project.done.get(stage)
+            self.outcome = found if course.kind == "test" or fit is None else replace(found, standing=fit.standing)
 
         return self._start("scenario", stage, job)
 

@@ -9,7 +9,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
-from thermid.qualify.foresight import Known, foresee
+from thermid.prediction.known import Known
+from thermid.qualify.foresight import foresee
 from thermid.qualify.heaters import heater_duty
 from thermid.qualify.limits import Limits
 from thermid.qualify.margins import margins
