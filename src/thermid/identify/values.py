@@ -225,7 +225,7 @@ class FittedValues(Mapping[str, FittedValue]):
         document.add("covariance", [[float(x) for x in row] for row in self.covariance])
         if self.weights is not None:
             document.add("weights", [[float(x) for x in row] for row in self.weights])
-        write_text(path, tomlkit.dumps(document), VALUES)
+        write_text(path, tomlkit.dumps(document), VALUES.of(self.stage))
 
 
 def _finite(number: float) -> float | str:
