@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.expression import Expression, Literal
-from thermid.files import VALUES, write_text
+from thermid.files import VALUES, parse_toml, read_text, write_text
 from thermid.model.parameter import Parameter
 from thermid.units import unit
 
@@ -244,7 +244,7 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
     if not target.is_file():
         raise DeckError(f"there is no values file '{target.name}'. Run the calibration first.")
     try:
-        data = tomllib.loads(target.read_text(encoding="utf-8"))
+        data = parse_toml(read_text(target))
         items = {
             name: FittedValue(
                 name,
