@@ -10,6 +10,8 @@ from html.parser import HTMLParser
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
+
 POLICY = re.compile(r'http-equiv="Content-Security-Policy" content="([^"]*)"')
 
 
@@ -25,6 +27,56 @@ def without_script(source: str) -> str:
     assert "<script" not in bare
     assert not re.search(r"https?://(?!www\.w3\.org)", source)
     return bare
+
+
+FIGURE = re.compile(r'<svg class="plot".*?</svg>', re.DOTALL)
+PANEL = re.compile(r'<g class="panel" [^>]*?data-ends="([^"]*)".*?(?=<g class="panel"|</svg>)', re.DOTALL)
+LINE = re.compile(r'<path class="line" data-n="([^"]*)" d="([^"]*)"')
+CAPTION = re.compile(r"<figcaption>(.*?)</figcaption>", re.DOTALL)
+GRID = 10_000
+
+
+def lines_of(figure: str) -> list[tuple[int, str, list[tuple[float, float]]]]:
+    """Return panel, name and points (x, y) of every line of a figure, gaps left in, as the script of a page reads them back."""
+    out = []
+    for k, panel in enumerate(PANEL.finditer(figure)):
+        x0, x1, y0, y1 = map(float, panel[1].split())
+        for name, path in LINE.findall(panel[0]):
+            px = py = 0
+            for command, numbers in re.findall(r"([Mlh])([^Mlh]*)", path):
+                n = [int(v) for v in re.findall(r"-?\d+", numbers)]
+                if command == "M":
+                    points: list[tuple[float, float]] = []
+                    out.append((k, html.unescape(name), points))
+                for dx, dy in zip(n[::2], n[1::2], strict=False):
+                    px, py = (dx, dy) if command == "M" else (px + dx, py + dy)
+                    points.append((x0 + (x1 - x0) * px / GRID, y1 - (y1 - y0) * py / GRID))
+    return out
+
+
+def crossings(figure: str) -> list[str]:
+    """Return the limits of a figure that a curve passes; a step of its grid is no crossing."""
+    found = lines_of(figure)
+    limits = [(name, points) for _, name, points in found if name.startswith("limit")]
+    ends = [float(v) for v in PANEL.search(figure)[1].split()]  # type: ignore[index]
+    out = []
+    for name, ((a, level), *_, (b, _)) in limits:
+        others = [points[0][1] for n, points in limits if n == name and points[0][0] == a and points[0][1] != level]
+        side = -1.0 if others and others[0] > level else 1.0
+        for curve, points in ((n, np.array(p).T) for _, n, p in found if not n.startswith("limit")):
+            x, y = points
+            at = np.unique(np.concatenate([[a, b], x[(x >= a) & (x <= b)]]))
+            at = at[(at >= x[0]) & (at <= x[-1])]
+            if at.size and (side * (np.interp(at, x, y) - level)).max() > 1.5 * (ends[3] - ends[2]) / GRID:
+                out.append(f"{curve} passes {name} of {level:.1f}")
+    return out
+
+
+def limited(page: str) -> list[tuple[str, str]]:
+    """Return caption and figure of every picture with limits in a page."""
+    figures = [(page.index(figure), figure) for figure in FIGURE.findall(page)]
+    captions = [(found.start(), html.unescape(found[1])) for found in CAPTION.finditer(page)]
+    return [(next(c for at, c in captions if at > place), figure) for place, figure in figures if 'data-n="limit, ' in figure]
 
 
 UNIT = re.compile(r"(?:^|[ (,])(K/h|K|°C|nK|W/\(m² K\)|W/\(m K\)|W/K|W|kg|cm²|m²|mm|kJ|J|s|min|h|%|% of rise)\)?$")

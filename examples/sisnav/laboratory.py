@@ -32,6 +32,8 @@ PARTS = ("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV", "m_PrE", "m_AccS", "m_
 
 EMISSIVITY = {"Acc": 0.3, "FOG_h": 0.1, "FOG_l": 0.1, "EleGFO": 0.06, "ProcSISNAV": 0.12, "m_AccS": 0.1, "m_IMU": 0.1, "m_Sd": 0.12}
 """Of the surfaces in each deck: machined steel and aluminium. [-]"""
+EXPONENT = 0.25
+"""Of the difference of temperature in a coefficient of convection: laminar, from plates. [-]"""
 GYRO = {"temperature_coefficient": "-0.004 [1/K]", "reference_temperature": "39 [degC]"}
 SENSOR = {"capacitance": "2.5 [J/K]", "glue": "0.12 [W/K]", "leads": "0.0012 [W/K]"}
 POWER_ACCURACY = 0.01
@@ -49,19 +51,21 @@ class World:
     models : dict   Name of a deck -> the hidden model in its place.
     truth : dict    What was changed -> factor over the deck's value. [-]
     swaps : dict    Where a part was replaced -> the deck that took its place.
+    exponent        Of the difference of temperature in its coefficients of convection. [-]
     """
 
     models: dict[str, td.Model]
     truth: dict[str, float]
     swaps: dict[str, str] = field(default_factory=dict)
+    exponent: float = EXPONENT
 
     @classmethod
-    def make(cls, seed: int = SEED, swaps: dict[str, str] | None = None) -> World:
+    def make(cls, seed: int = SEED, swaps: dict[str, str] | None = None, exponent: float = EXPONENT) -> World:
         """Return the hidden unit, made from the decks with one seed; `swaps` gives ``deck.part`` -> deck of the part that replaces it.
 
         A new part has a hidden counterpart of its own; all others are those of the unit before.
         """
-        world, rng = cls({}, {}, swaps or {}), np.random.default_rng(seed)
+        world, rng = cls({}, {}, swaps or {}, exponent), np.random.default_rng(seed)
         for new in world.swaps.values():
             world.models[new] = _hidden(new, world, np.random.default_rng([seed, *new.encode()]))
         for name in PARTS:
@@ -85,11 +89,13 @@ def _hidden(name: str, world: World, rng: np.random.Generator) -> td.Model:
     rest = td.steady(public, td.Scenario("bench", boundaries={"cv": f"{AMBIENT} [K]"}))
     for key, surface in deck.get("surfaces", {}).items():
         path = f"{key}.effective_htc"
-        surface["htc"] = {"coefficient": _natural(public, rest, path, factor("htc", path)), "exponent": 0.25}
+        coefficient = _natural(public, rest, path, factor("htc", path), world.exponent)
+        surface["htc"] = {"coefficient": coefficient, "exponent": world.exponent}
         surface["emissivity"] = EMISSIVITY[name.removesuffix("_v2")]
         del surface["effective_htc"]
     for path in [p for p in deck.get("set", {}) if p.endswith("effective_htc")]:
-        deck["set"][f"{path.removesuffix('effective_htc')}htc.coefficient"] = _natural(public, rest, path, factor("htc", path))
+        coefficient = _natural(public, rest, path, factor("htc", path), world.exponent)
+        deck["set"][f"{path.removesuffix('effective_htc')}htc.coefficient"] = coefficient
         del deck["set"][path]
     for key, parameter in deck.get("parameters", {}).items():
         if key.endswith("conductivity"):
@@ -113,7 +119,7 @@ def _hidden(name: str, world: World, rng: np.random.Generator) -> td.Model:
     return td.model_from_dict(deck | {"title": f"hidden {name}"})
 
 
-def _natural(public: td.Model, rest: dict[str, float], path: str, factor: float) -> str:
+def _natural(public: td.Model, rest: dict[str, float], path: str, factor: float, exponent: float) -> str:
     """Return the natural convection with which, radiation added, a surface at rest gives `factor` times its printed coefficient."""
     network = td.compile_network(public)
     *parts, surface, _ = path.split(".")
@@ -123,7 +129,7 @@ def _natural(public: td.Model, rest: dict[str, float], path: str, factor: float)
     node = network.find(".".join([*parts, owner.surfaces[surface].of]))
     radiation = radiation_conductance(radiation_coefficient(EMISSIVITY[owner.title.removesuffix("_v2")], 1.0), rest[node], AMBIENT)
     own = factor * float(network.numbers().values[path]) - float(radiation)
-    return f"{own / (rest[node] - AMBIENT) ** 0.25!r} [W/(m^2 K)]"
+    return f"{own / (rest[node] - AMBIENT) ** exponent!r} [W/(m^2 K)]"
 
 
 def _scaled(parameter: dict[str, Any], factor: float) -> dict[str, Any]:
@@ -212,7 +218,7 @@ TESTS = {
     "fog_l": Test("FOG_l", {"T_FOG2": "case_sensor"}, {"electronics": (3.0, 5.0)}),
     "elegfo": Test("EleGFO", {"T_ELE": "case_sensor"}, {"electronics": (3.0, 5.0)}),
     "procsisnav": Test("ProcSISNAV", {"T_PROC": "case_sensor"}, {"electronics": (3.0, 5.0)}),
-    "pre_both": Test("m_PrE", _PRE, {}),
+    "pre_both": Test("m_PrE", _PRE, {"proc.electronics": (3.0, 5.0), "ele.electronics": (3.0, 5.0)}),
     "pre_proc_only": Test("m_PrE", _PRE, {"ele.electronics": (0.0, 5.0)}),
     "pre_held_out": Test("m_PrE", _PRE, {"proc.electronics": (2.0, 3.5)}),
     "accs": Test("m_AccS", _ACC, {}),
@@ -253,9 +259,12 @@ def _pause(begin: float, end: float) -> Table:
     return Table(np.array(marks), np.array(([1.0] * (begin > 0)) + [0.0, 1.0]), hold=True)
 
 
-def run(name: str, world: World, seed: int) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-    """Return times (times,) [s], what the log of a test says, and the hidden true temperatures [degC] of the nodes under its sensors."""
-    test, rng = (TESTS | CHAMBER)[name], np.random.default_rng(seed)
+def run(name: str, world: World, seed: int, test: Test | None = None) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+    """Return times (times,) [s], what the log of a test says, and the hidden true temperatures [degC] of the nodes under its sensors.
+
+    `test` replaces the one of that name.
+    """
+    test, rng = test or (TESTS | CHAMBER)[name], np.random.default_rng(seed)
     times = np.arange(0.0, SECONDS + 1.0)
     air = room(times, rng)
     off = {load: _pause(*hours) for load, hours in test.off.items()}

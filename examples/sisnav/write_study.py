@@ -17,6 +17,7 @@ from string import Template
 import drawings
 import findings
 import page
+import warm_up
 import work
 
 import thermid as td
@@ -94,10 +95,11 @@ def text(done: work.Work) -> str:
     (flag,) = done.study.exceeded(ramp, at="imu.acc.acc_x")
     runs = done.vacuum("m_Sd", page.SEEN)
     widest = max(r.half_width for r in runs)
-    alone = [run for part in ("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV") for run in done.vacuum(part, {part: "case"})]
+    single = [run for part in ("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV") for run in done.vacuum(part, {part: "case"})]
     htc = findings.htc()
     seen = done.hidden_errors()
     outside = "; ".join(f"{r.stage}: {r.name}" for r in found if not r.inside) or "none"
+    meters = dict(zip(("alone", "paused", "flat"), warm_up.main(done.folder / "warm_up"), strict=True))
     values = {
         "document": done.study.document,
         "subject": done.study.subject,
@@ -125,14 +127,16 @@ def text(done: work.Work) -> str:
         "crossing": f"{flag.time / 3600:.3f}",
         "vacuum": rows(findings.vacuums(runs)),
         "widest": f"{100 * widest:.0f}",
-        "vacuum_alone": rows(findings.vacuums(alone)),
+        "vacuum_alone": rows(findings.vacuums(single)),
         "settling": rows(findings.settling(done)),
         "remarks": "\n".join(f"- {remark}" for remark in htc.remarks),
         "paint": findings.no_room_for_paint(),
-        "accelerometer": f"{100 * alone[0].half_width:.0f}",
+        "accelerometer": f"{100 * single[0].half_width:.0f}",
         "hidden": rows(findings.hidden(done)),
         "biot": rows(findings.biot()),
         "slips": rows(findings.slips(done)),
+        **{f"{name}_error": f"{100 * m.error:+.1f}" for name, m in meters.items()},
+        **{f"{name}_times": f"{m.times:.1f}" for name, m in meters.items()},
         "limits": chr(10).join(f"- {line}" for line in page.LIMITS),
     }
     return Template((work.HERE / "study.md.in").read_text(encoding="utf-8")).substitute(values)

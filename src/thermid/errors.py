@@ -65,8 +65,8 @@ class ExpressionError(ThermidError):
     """An expression cannot be read, needs itself, or is not arithmetic over names."""
 
 
-class NameNotFoundError(ThermidError):
-    """A node, parameter, port or channel of that name does not exist."""
+class NameNotFoundError(ThermidError, KeyError):
+    """A node, parameter, port or channel of that name does not exist; a `KeyError` too, so that `get` of a mapping has its default."""
 
 
 class DeckError(ThermidError):

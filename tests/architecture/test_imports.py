@@ -12,13 +12,14 @@ import pytest
 
 from .source import Module, room_of, within
 
-FOUNDATION = {"arguments", "errors", "files", "_units_table", "units", "expression", "dual"}
+FOUNDATION = {"arguments", "errors", "files", "memo", "_units_table", "units", "expression", "dual"}
 
 # Room: the rooms it may import. `thermid/__init__.py` offers the public names of all of them and stands outside.
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
     "arguments": {"errors"},
     "files": {"errors"},
+    "memo": set(),
     "_units_table": set(),
     "dual": set(),
     "units": {"errors", "_units_table"},
@@ -27,13 +28,15 @@ ARROWS: dict[str, set[str]] = {
     "model": FOUNDATION | {"physics"},
     "network": FOUNDATION | {"physics", "model", "_kernel"},
     "measure": FOUNDATION,
-    "simulation": FOUNDATION | {"physics", "model", "network", "measure", "_kernel"},
+    "knowledge": FOUNDATION | {"physics", "model", "measure"},
+    "simulation": FOUNDATION | {"physics", "model", "network", "measure", "knowledge", "_kernel"},
 }
-BELOW_IDENTIFY = FOUNDATION | {"physics", "model", "network", "measure", "simulation"}
+BELOW_IDENTIFY = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "knowledge"}
 ARROWS |= {
     "identify": BELOW_IDENTIFY,
-    "qualify": BELOW_IDENTIFY | {"identify"},
-    "reporting": BELOW_IDENTIFY | {"identify", "qualify"},
+    "prediction": BELOW_IDENTIFY | {"identify"},
+    "qualify": BELOW_IDENTIFY | {"identify", "prediction"},
+    "reporting": BELOW_IDENTIFY | {"identify", "prediction", "qualify"},
     "acquire": FOUNDATION | {"measure"},
     "interop": FOUNDATION | {"physics", "model", "network", "simulation"},
 }

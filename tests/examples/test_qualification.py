@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import thermid as td
-from webpage import faults, without_script
+from webpage import crossings, faults, limited, without_script
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ORDER = [
@@ -54,6 +54,8 @@ def test_the_unit_qualified_on_one_page(tmp_path: Path) -> None:
     assert "EXTRAPOLATION" in text
     without_script(text)
     assert faults(text) == []
+    assert [c for c, figure in limited(text) if crossings(figure) and not c.endswith("NOT met")] == []
+    assert len(limited(text)) == len(found.trials)
     sections = [s for s in re.findall(r'<section id="([\w-]+)"', text) if s in ORDER]
     assert sections == ORDER
     assert len(text) < 2_000_000

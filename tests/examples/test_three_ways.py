@@ -48,7 +48,7 @@ def test_on_the_navigation_unit(script: ModuleType, tmp_path: Path) -> None:
     for way, figures in page.items():
         assert reached[way] == pytest.approx(figures, abs=0.01)
     constants, joint = reached["constants upward"], reached["... and a joint fit"]
-    assert all(j < 0.85 * c for j, c in zip(joint[:2], constants[:2], strict=True)), "below the top constants cost most"
+    assert joint[1] < 0.85 * constants[1], "below the top constants cost most, where no test has a pause"
     assert reached["all at once, no stages"] == pytest.approx(reached["... and a joint fit"], abs=0.005)
     assert "imu.support_mass" in rows[-1].refused
     assert {w.name: w.moved for w in rows if w.moved} == {"... and a joint fit": "had to move", "priors upward": "held"}

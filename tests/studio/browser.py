@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from importlib.resources import files
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,20 @@ QUIET = (
     "--disable-sync",
     "--hide-scrollbars",
 )
+
+
+BOXES = """
+window.scrollTo(0, arguments[0] * (document.documentElement.scrollHeight - innerHeight));
+return [...document.querySelectorAll('main section')].filter((e) => e.checkVisibility()).map((e) => {
+  const r = e.getBoundingClientRect();
+  return [e.getAttribute('aria-labelledby'), r.left, r.top, r.right, r.bottom];
+});"""
+"""Scrolls to a share of the page, and says where its sections are."""
+
+
+def _meet(a: list[float], b: list[float]) -> bool:
+    """Return whether two rectangles (left, top, right, bottom) share more than an edge."""
+    return min(a[2], b[2]) - max(a[0], b[0]) > 0.5 and min(a[3], b[3]) - max(a[1], b[1]) > 0.5
 
 
 def needed() -> None:
@@ -124,6 +139,20 @@ class Page:
             self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
             yield width
         self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+    def meeting(self) -> list[tuple[int, int, str, str]]:
+        """Return width [px], place and names of every two sections that share more than an edge: five widths, twenty places of the page."""
+        found = []
+        for width in (1920, 1600, 1300, 820, 390):
+            size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
+            self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+            self.wait("await pause(60)")
+            for place in range(20):
+                boxes = self.run(BOXES, place / 19)
+                found += [(width, place, a[0], b[0]) for a, b in combinations(boxes, 2) if _meet(a[1:], b[1:])]
+        self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        self.run("window.scrollTo(0, 0)")
+        return found
 
     def serious(self, dark: bool) -> list[Any]:
         """Return what axe-core calls serious or critical in the page as it stands, in the light or the dark."""

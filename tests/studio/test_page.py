@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -119,6 +120,8 @@ def test_a_swap_marks_what_turns_stale(shown: Page) -> None:
         "return Object.fromEntries([...document.querySelectorAll('#stages button')].map((b) => [b.dataset.stage, b.dataset.state]))"
     )
     assert states == {"ProcSISNAV": "done", "EleGFO": "stale", "m_PrE": "stale"}
+    shown.wait("await pause(1500)")  # and what is on the disk, which is asked for every second, does not take the marks off
+    assert shown.run("return document.querySelector('[data-stage=EleGFO]').dataset.state") == "stale"
     shown.clean()
 
 
@@ -190,6 +193,38 @@ def test_axe_finds_nothing_serious(shown: Page, dark: bool) -> None:
 def test_a_narrow_window_needs_no_sideways_scrolling(shown: Page) -> None:
     for width in shown.widths():
         assert shown.run("return document.documentElement.scrollWidth") <= width
+
+
+def test_no_two_sections_meet(shown: Page) -> None:
+    """A panel that stays in sight covers nothing."""
+    shown.click("[data-stage=m_PrE]")
+    shown.until("document.querySelector('[data-sensor=T_ELE]') && document.querySelector('#table tbody tr')")
+    assert shown.meeting() == []
+
+
+def test_a_stage_that_is_not_credible_has_no_green_tile(shown: Page) -> None:
+    told = "const { s } = await import('/static/state.js'), { drawStages } = await import('/static/stages.js');"
+    told += "const said = { standing: 'not credible', usable: false, because: 'T would have to be wrong' };"
+    mark = "Object.assign(s.project.stages[1], said); drawStages();"
+    tile = "const t = [...document.querySelectorAll('#stages button')], edge = (e) => getComputedStyle(e).borderLeftColor;"
+    text, title, edge, others = shown.wait(told + mark + tile + "return [t[1].innerText, t[1].title, edge(t[1]), edge(t[0])]")
+    assert "NOT CREDIBLE" in text
+    assert "RMSE" not in text
+    assert title == "T would have to be wrong"
+    assert edge in ("rgb(163, 32, 29)", "rgb(255, 155, 148)")  # what is wrong, in the light or the dark
+    assert others not in (edge, "")
+
+
+def test_a_changed_deck_is_stale_within_two_seconds(shown: Page, folder: Path) -> None:
+    deck, state = folder.parent / "02_stack" / "EleGFO.toml", "document.querySelector('[data-stage=EleGFO]').dataset.state"
+    before = deck.read_text(encoding="utf-8")
+    deck.write_text(before.replace("960", "961", 1), encoding="utf-8")
+    begun = time.monotonic()
+    shown.until(f"{state} === 'stale'")
+    assert time.monotonic() - begun < 2.0
+    deck.write_text(before, encoding="utf-8")
+    shown.until(f"{state} === 'done'")
+    shown.clean()
 
 
 @pytest.mark.campaign

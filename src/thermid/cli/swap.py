@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from thermid.cli.pages import Force
+from thermid.cli.standing import Accept, leave
 
 if TYPE_CHECKING:
     from thermid.identify.retune_plan import RetunePlan
@@ -28,7 +29,9 @@ def swap(
     data: Annotated[Path | None, typer.Option("--data", help="Folder of the logs before the swap; THERMID_DATA does the same.")] = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the campaign.")] = None,
     new_data: Annotated[Path | None, typer.Option("--new-data", help="Folder of the repeated tests: retune with them.")] = None,
+    part_only: Annotated[bool, typer.Option("--part-only", help="Fit the new part to its own tests alone, before the others.")] = False,
     to: Annotated[Path | None, typer.Option("--to", help="Folder for the values files of the retune.")] = None,
+    accept: Accept = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
@@ -38,21 +41,22 @@ def swap(
     from thermid.identify.swap import plan_retune
 
     folder = results if results is not None else campaign.parent / "results"
-    plan = plan_retune(run_stages(campaign, data=data, cache=folder), part, deck)
+    plan = plan_retune(run_stages(campaign, data=data, cache=folder, accept=accept or ()), part, deck)
     found: dict[str, Any] = {"schema": 1, "status": "ok", "plan": _object(plan)}
-    texts, passed = [str(plan)], True
+    texts, standing, code = [str(plan)], plan.standing, 0
     if new_data is not None:
-        made = plan.run(new_data)
-        passed = made.passed
-        run = [s.name for s in plan.stages if s.action == "run"]
+        made = plan.run(new_data, part_only=part_only)
+        standing, code = made.standing, made.exit_code
+        run = [s.name for s in plan.stages if s.action == "run" and (s.alone or not part_only)]
         found["stages"] = [calibration_object(made[name]) for name in run]
         texts += [str(made[name]) for name in run]
         if to is not None:
             files = made.save(to)
             found["values_files"] = [f.name for f in files]
             texts.append(f"values: {', '.join(f.name for f in files)}")
+    found["standing"] = standing.to_dict()
     typer.echo(json.dumps(clean(found)) if as_json else "\n\n".join(texts))
-    raise SystemExit(0 if passed else 1)
+    leave(standing, code)
 
 
 def _object(plan: RetunePlan) -> dict[str, Any]:
@@ -61,6 +65,12 @@ def _object(plan: RetunePlan) -> dict[str, Any]:
         "part": plan.part,
         "old": plan.old,
         "new": plan.new,
+        "assumes": list(plan.assumes),
+        "dropped": [{"path": d.path, "text": d.text, "origin": d.origin, "why": d.why} for d in plan.replacement.dropped],
+        "kept": list(plan.replacement.kept),
+        "split": [
+            {"path": x.path, "text": x.text, "log_sd": x.log_sd, "origin": x.origin, "twins": list(x.twins)} for x in plan.replacement.split
+        ],
         "freed": list(plan.freed),
         "touched": [
             {"stage": t.stage, "path": t.path, "through": list(t.through), "kelvin": t.kelvin, "held": t.held} for t in plan.touched
@@ -83,5 +93,6 @@ def _object(plan: RetunePlan) -> dict[str, Any]:
         "neighbours": {n: {"exposed_before": a, "exposed_after": b, "change": dt} for n, (a, b, dt) in plan.neighbours.items()},
         "watts": list(plan.watts),
         "before": dict(plan.before),
+        "as_logged": dict(plan.as_logged),
         "after": dict(plan.after),
     }

@@ -109,7 +109,7 @@ def _known_step(problem: Problem, info: Information) -> tuple[Array, str] | None
         return None
     experiment, load, watts = found
     unknowns = tuple(replace(u, targets=tuple(replace(t, experiment=0) for t in u.targets if t.experiment == i)) for u in problem.unknowns)
-    again = replace(problem, experiments=(experiment,), unknowns=unknowns, _benches=[])
+    again = replace(problem, experiments=(experiment,), unknowns=unknowns)
     try:
         rows = Information.of(again, info.at, exact=False).data
     except SolverError:

@@ -13,6 +13,7 @@ from thermid.dual import value_of
 from thermid.errors import RecordError
 from thermid.identify.calibration import Calibration
 from thermid.identify.experiment import _bound, meet
+from thermid.identify.sensor_parts import at_their_seats, attached
 from thermid.measure import Record
 from thermid.measure.amounts import short
 from thermid.measure.steady import SteadyPoint
@@ -138,8 +139,9 @@ class _Case:
     """A stretch bound to a model: its inputs as numbers that can be moved one by one, to see what each error does."""
 
     def __init__(self, model: Model, point: SteadyPoint, scenario: Scenario | None) -> None:
-        self.model = model
-        experiment = meet(model, point.record, scenario)
+        record = at_their_seats(point.record)
+        self.model = attached(model, record)[0]
+        experiment = meet(model, record, scenario)
         network, self.base = experiment.network, experiment.scenario
         self.prescribed: list[str] = []
         self.slots: list[tuple[str, str]] = []

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.identify.statistics import Sums
 
-__all__ = ["Block", "Compressed", "Predictions"]
+__all__ = ["Block", "Compressed"]
 
 Array = NDArray[np.float64]
 
@@ -40,42 +38,6 @@ class Block:
     def residuals(self) -> Array:
         """Measured less predicted (samples,). [K]"""
         return self.measured - self.predicted
-
-
-class Predictions(Sequence[Block]):
-    """Blocks that are predicted when they are first looked at; what a fit needs of them it has in its sums.
-
-    Parameters
-    ----------
-    sums : sequence of (str, str, Sums)     Record, sensor, and the sums of its residuals.
-    make : callable                         Returns the blocks, in the same order.
-    """
-
-    def __init__(self, sums: Sequence[tuple[str, str, Sums]], make: Callable[[], Sequence[Block]]) -> None:
-        self.sums = tuple(sums)
-        self._make = make
-        self._made: tuple[Block, ...] = ()
-
-    def _blocks(self) -> tuple[Block, ...]:
-        if not self._made:
-            self._made = tuple(self._make())
-        return self._made
-
-    @overload
-    def __getitem__(self, at: int) -> Block: ...
-    @overload
-    def __getitem__(self, at: slice) -> tuple[Block, ...]: ...
-    def __getitem__(self, at: int | slice) -> Block | tuple[Block, ...]:
-        """Return a block, or several."""
-        return self._blocks()[at]
-
-    def __iter__(self) -> Iterator[Block]:
-        """Yield the blocks."""
-        return iter(self._blocks())
-
-    def __len__(self) -> int:
-        """How many there are."""
-        return len(self.sums)
 
 
 @dataclass(frozen=True, eq=False)

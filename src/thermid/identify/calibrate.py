@@ -13,11 +13,13 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
 from thermid.identify.calibration import Calibration
 from thermid.identify.clock_search import at_clocks, in_turns, with_clocks
+from thermid.identify.discrepancy import with_discrepancy
 from thermid.identify.gather import problem_for
 from thermid.identify.mistakes import mistakes, strange_powers
 from thermid.identify.refusals import refuse_after, refuse_before
 from thermid.identify.request import LocalSpec, Request
 from thermid.identify.residuals import Problem
+from thermid.identify.responses import responses
 from thermid.identify.search import searched
 from thermid.identify.selection import freed, priors_of
 from thermid.identify.solve import Fit, covariances, ended, minimise
@@ -114,7 +116,7 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         kept = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks")}
         found = replace(again, **kept)
     spread = wander(problem, found, request.loss, request.knee)
-    total, random, weights = covariances(found, spread.level, spread.excess)
+    _, random, weights = covariances(found, spread.level, spread.excess)
     asked = strange_powers(problem) if request.free else ()
     found = replace(found, remarks=(*found.remarks, *asked))
     if stated and request.free and len(problem.experiments) == len(request.records):
@@ -124,7 +126,8 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
     except IdentificationError as refusal:
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in asked)]), refusal.where) from None
-    return summarise(request, problem, found, total, random, weights, spread)
+    errors = responses(request, problem, found, spread.level, random, weights)
+    return with_discrepancy(summarise(request, problem, found, errors, random, spread))
 
 
 @contextmanager

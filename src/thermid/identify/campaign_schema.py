@@ -68,11 +68,13 @@ class ReadingTable(_Strict):
 
 
 class InheritTable(_Strict):
-    """Values of a stage below, handed to a submodel; ``fixed`` or with their covariance as ``prior``."""
+    """Values of a stage below, at every depth, handed to a submodel; ``fixed`` or with their covariance as ``prior``."""
 
     stage: str | list[str]
     as_: Literal["fixed", "prior"] = Field("fixed", alias="as")
     only: list[str] = []
+    without: list[str] = []
+    move: list[str] = []
 
     @property
     def stages(self) -> list[str]:
@@ -117,8 +119,9 @@ class StageTable(_Strict):
     loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"
     knee: float = Field(1.0, gt=0.0)
     search: Literal["auto", "local", "multistart", "differential evolution", "cma"] = "auto"
-    untie: bool = False
+    untie: bool | list[str] = False
     window: str = "0 [s]"
+    adequate: str = ""
     note: str = ""
 
 
@@ -157,6 +160,7 @@ class CampaignFile(_Strict):
     stages: list[StageTable]
     joint: JointTable | None = None
     verdicts: list[VerdictTable] = []
+    accept: list[str] = []
 
     @property
     def joint_table(self) -> JointTable:

@@ -74,7 +74,7 @@ def at_clocks(problem: Problem, fitted: Array) -> Problem:
                 unknowns[k] = replace(unknowns[k], start=float(fitted[k]))
     if all(e.ticks is None for e in experiments):
         return problem
-    return replace(problem, experiments=tuple(experiments), unknowns=tuple(unknowns), _benches=[], _moved={})
+    return replace(problem, experiments=tuple(experiments), unknowns=tuple(unknowns))
 
 
 def _grid(problem: Problem, i: int, at: Array, ticks: Ticks) -> list[Array]:

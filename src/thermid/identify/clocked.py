@@ -18,6 +18,7 @@ from thermid.identify.ticks import SHIFT, as_triangle
 from thermid.identify.unknowns import Unknown
 from thermid.identify.wander import BINS, Binned
 from thermid.measure import Record
+from thermid.memo import Memo
 from thermid.model.model import Model
 from thermid.model.signal import Table
 from thermid.simulation.scenario import Scenario
@@ -25,6 +26,8 @@ from thermid.simulation.scenario import Scenario
 __all__ = ["Clocked"]
 
 Array = NDArray[np.float64]
+KEPT = 8
+"""Offsets and rates whose residuals are kept."""
 CHANGES = 20
 """The largest changes of a sampled power whose instants are followed; what small ones do is small."""
 
@@ -41,6 +44,7 @@ class Clocked:
     ranges : tuple of (low, high)           Of offset [s] and rate [-]; equal values hold one.
     noise : dict                            Sensor -> standard deviation where a record states none. [K]
     unknowns : tuple                        What is looked for: the open ones of the clock, then constant errors and local values.
+    memo : Memo                             Residuals at offsets and rates.
     """
 
     model: Model
@@ -51,7 +55,7 @@ class Clocked:
     ranges: tuple[tuple[float, float], tuple[float, float]]
     noise: dict[str, float] = field(default_factory=dict)
     unknowns: tuple[Unknown, ...] = ()
-    _kept: dict[Any, Problem] = field(default_factory=dict, repr=False)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def opened(self, at: tuple[float, float]) -> Clocked:
         """Return the same with its unknowns, the clock starting at an offset [s] and rate."""
@@ -82,18 +86,15 @@ class Clocked:
         ------
         RecordError   When the logs do not overlap there.
         """
-        key = (*at, late)
-        if key not in self._kept:
-            if len(self._kept) > 8:
-                self._kept.clear()
+
+        def made() -> Problem:
             record = self.first.joined(self.second, *at)
             specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in self.local.items()}
             request = Request(self.model, (record,), (), {"*": self.scenario} if self.scenario else {}, specs, fit_start=False)
-            made = problem_for(request)
-            self._kept[key] = replace(
-                made, noise=made.noise | self.noise, experiments=(self._switched(made, late),), _benches=[], _moved={}
-            )
-        return self._kept[key]
+            plain = problem_for(request)
+            return replace(plain, noise=plain.noise | self.noise, experiments=(self._switched(plain, late),))
+
+        return self.memo.made((*at, late), made, KEPT)
 
     def _switched(self, problem: Problem, late: tuple[str, int, float] | None) -> Any:
         """Return the experiment with every change of a sampled power in the middle of the interval in which it happened."""
@@ -124,7 +125,7 @@ class Clocked:
 
         The latter are derivatives of the weighted residuals (samples,). [1/s]
         """
-        bare = replace(self, first=_as_prompt(self.first), second=_as_prompt(self.second), _kept={}).problem(at)
+        bare = replace(self, first=_as_prompt(self.first), second=_as_prompt(self.second)).problem(at)
         found = []
         for _, path, table in self._sampled(bare):
             found += [
@@ -171,7 +172,7 @@ class Clocked:
     @property
     def samples(self) -> int:
         """How many readings there are."""
-        return next(iter(self._kept.values())).samples
+        return self.problem(self.clock(np.array([u.start for u in self.unknowns]))).samples
 
     def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
         """Return the weighted residuals with their derivatives, made into a triangle.

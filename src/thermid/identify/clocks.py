@@ -98,10 +98,10 @@ def align(
     starts, noise = _nearest(Clocked(model, first, second, scenario, dict(local or {}), (offset, rate)))
     if not starts[0].ticking:
         return _at(starts[0], np.array([u.to_fitted(u.start) for u in starts[0].unknowns]), (0.0, 0.0))
-    ends = [(sides, minimise(sides, done=ROUGH)) for sides in (replace(each, noise=noise, _kept={}) for each in starts)]
+    ends = [(sides, minimise(sides, done=ROUGH)) for sides in (replace(each, noise=noise) for each in starts)]
     sides, found = min(ends, key=lambda end: end[1].cost)
     # the noise of sensors that state none is that of what is left at the end
-    sides = replace(sides, noise={s: _rms([b for b in sides.blocks(found.fitted) if b.sensor == s]) for s in noise}, _kept={})
+    sides = replace(sides, noise={s: _rms([b for b in sides.blocks(found.fitted) if b.sensor == s]) for s in noise})
     found = minimise(sides, start=found.fitted)
     errors = [0.0, 0.0]
     for place, k in enumerate(sides.ticking):

@@ -203,4 +203,4 @@ def with_patterns(network: Network, scenario: Scenario, patterns: Sequence[Patte
             loads.append(FlatLoad(name, node, node, {}))
             powers[name] = replace(p.watts, values=-p.watts.values) if away else p.watts
     flat = replace(network.flat, loads=(*network.flat.loads, *loads))
-    return replace(network, flat=flat, _static={}, _depends={}), scenario.with_(loads=powers)
+    return replace(network, flat=flat), scenario.with_(loads=powers)

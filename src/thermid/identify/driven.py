@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from thermid.measure import Channel, Record
-from thermid.model.signal import Constant, Signal, Table
+from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.simulation.scenario import Scenario
 
-__all__ = ["Inputs", "power_while_on", "signal_of"]
+__all__ = ["Inputs", "corrected", "power_while_on", "signal_of"]
 
 
 @dataclass
@@ -52,7 +53,28 @@ def _corrected(signal: Signal, factor: float = 1.0, shift: float = 0.0) -> Signa
     """Return a logged signal times a factor, with a constant added."""
     if isinstance(signal, Table):
         return replace(signal, values=factor * signal.values + shift)
-    return Constant(float(factor * signal.at(np.zeros(1))[0] + shift))
+    if isinstance(signal, Sine):
+        return replace(signal, mean=factor * signal.mean + shift, amplitude=factor * signal.amplitude)
+    return Constant(factor * signal.value + shift)
+
+
+def corrected(scenario: Scenario, found: Mapping[str, float]) -> Scenario:
+    """Return the scenario of a record with the boundaries, starts and powers that a fit found.
+
+    Parameters
+    ----------
+    scenario : Scenario     As the log gives it.
+    found : dict            Name in the wiring -> value: of a boundary its temperature, or what is added where it varies in time [K], of
+                            ``initial.<node>`` a temperature [K], of ``scale.<load>`` a factor on its power. Other names are ignored.
+    """
+    boundaries = {
+        b: Constant(found[b]) if isinstance(s, Constant) else _corrected(s, shift=found[b])
+        for b, s in scenario.boundaries.items()
+        if b in found
+    }
+    loads = {p: _corrected(s, factor=found[f"scale.{p}"]) for p, s in scenario.loads.items() if f"scale.{p}" in found}
+    initial = {name.removeprefix("initial."): t for name, t in found.items() if name.startswith("initial.")}
+    return scenario.with_(boundaries=boundaries, loads=loads, initial=initial)
 
 
 def signal_of(record: Record, name: str, zero: float, held: bool) -> Signal:

@@ -16,6 +16,7 @@ from thermid.identify.ticks import Ticks
 from thermid.measure import Channel, Record
 from thermid.measure.join import SecondClock
 from thermid.measure.part import SensorPart
+from thermid.memo import Memo
 from thermid.model.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.simulation.scenario import Scenario
@@ -89,6 +90,7 @@ class Experiment:
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
     ticks : Ticks or None       What was logged on a second clock that is known within a range only.
     noisy : dict                Logged boundary, or scale of a logged power -> standard deviation of one sample of it. [K, W]
+    memo : Memo                 Benches, by what is free in them and where the second clock stands.
     """
 
     record: Record
@@ -102,6 +104,7 @@ class Experiment:
     tips: Mapping[str, str] = field(default_factory=dict)
     ticks: Ticks | None = None
     noisy: Mapping[str, float] = field(default_factory=dict)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @property
     def bare(self) -> Scenario:

@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 
 from thermid.errors import IdentificationError, RecordError, nearest
 from thermid.identify.experiment import Experiment, meet
-from thermid.identify.inherit import handed_on
+from thermid.identify.inherit import known_before
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.identify.sensor_parts import gain_of, instruments
 from thermid.identify.starts import first_reading
 from thermid.identify.ticks import clock_unknowns
-from thermid.identify.ties import tied
 from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
-from thermid.model.signal import Constant, Table, literal
+from thermid.knowledge.sources import read_spread
+from thermid.model.signal import Constant, Table
 from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
 
-__all__ = ["prior_of", "problem_for"]
+__all__ = ["prior_of", "problem_for", "problem_of"]
 
 
 def problem_for(request: Request) -> Problem:
@@ -44,8 +44,17 @@ def problem_for(request: Request) -> Problem:
         meet(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
     )
     _check_weights(request, experiments, where)
+    return problem_of(request, experiments)
+
+
+def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequence[Sequence[str]] = ()) -> Problem:
+    """Return the residuals of a request whose records are bound to its model already.
+
+    `opened` are fixed values that become unknowns too, each as the paths where it acts; the first one names it.
+    """
     unknowns = [
         *_parameters(request, experiments),
+        *(_parameter(group, experiments) for group in opened),
         *_locals(request, experiments),
         *clock_unknowns(experiments),
         *_nuisances(request, experiments),
@@ -53,7 +62,8 @@ def problem_for(request: Request) -> Problem:
     starts = [_starts(request, e) for e in experiments]
     unknowns = _reaching(unknowns, starts, request.held_bias)
     settled = tuple(_settled(request, e, s) for e, s in zip(experiments, starts, strict=True))
-    coupled = tuple(handed_on(v, unknowns) for v in request.inherited)
+    below = known_before(request, unknowns)
+    coupled = ((below.at, below.mean, below.root),) if below.at.size else ()
     noise = {o.sensor: 1.0 for e in experiments for o in e.observations}
     return Problem(settled, tuple(unknowns), noise, request.options, dict(request.held_bias), coupled)
 
@@ -70,22 +80,19 @@ def _check_weights(request: Request, experiments: Sequence[Experiment], where: s
 def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
     """Return the freed parameters, those that come from a stage below with their covariance among them."""
     flat = experiments[0].network.flat
-    values = flat.parameters.evaluate({})
-    wanted = [*request.free, *(p for v in request.inherited for p in v.parameters)]
+    wanted = [*request.free, *(q for p in request.prior for q in request.store.states[p].acts)]
     priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
     finishes = {flat.parameters.literal_behind(path): finish(named) for path, named in flat.finishes.items()}
+    shared = request.shared
     unknowns: dict[str, Unknown] = {}
     taken: set[str] = set()
     for raw in wanted:
         path = flat.parameters.freeable(raw, request.model.canonical)
         if path in taken:
             continue
-        group = (path,) if request.untie else tied(request.model, flat.parameters, path)
+        group = tuple(p for p in shared.get(path, (path,)) if flat.parameters.table[p].parameter.is_literal)
         taken |= set(group)
-        targets = [Target(i, p) for i in range(len(experiments)) for p in group]
-        given = flat.parameters.table[path].parameter
-        unknown = parameter_unknown(path, given, flat.parameters.dimension(path), values[path], targets, None)
-        unknown = replace(unknown, also=tuple(p for p in group if p != path))
+        unknown = _parameter(group, experiments)
         if path in priors:
             unknown = replace(unknown, prior=prior_of(unknown, priors.pop(path)))
         elif path in finishes:
@@ -96,16 +103,25 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
     return list(unknowns.values())
 
 
+def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unknown:
+    """Return the unknown that the value of one or several paths is; the first path names it."""
+    path, *also = group
+    parameters = experiments[0].network.flat.parameters
+    targets = [Target(i, p) for i in range(len(experiments)) for p in group]
+    value = parameters.evaluate({}, [path])[path]
+    unknown = parameter_unknown(path, parameters.table[path].parameter, parameters.dimension(path), value, targets, None)
+    return replace(unknown, also=tuple(also))
+
+
 def prior_of(unknown: Unknown, texts: tuple[str, str]) -> Prior:
-    """Return a prior in the fitted form of an unknown."""
+    """Return a prior in the fitted form of an unknown: mean (empty: the start) and standard deviation as texts; see `read_spread`."""
     where = f"priors.{unknown.name}"
     slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
-    mean = literal(texts[0], slot, where) if texts[0] else unknown.start
-    relative = texts[1].rstrip(" ]").endswith("%")
-    sd = abs(mean) * literal(texts[1], "1", where) if relative else literal(texts[1], "K" if slot == TEMPERATURE else slot, where)
-    if sd <= 0 or (unknown.log and mean <= 0):
+    law = read_spread(({"mean": texts[0]} if texts[0] else {}) | {"sd": texts[1]}, slot, unknown.start, where)
+    if law.variance <= 0 or (unknown.log and law.mean <= 0):
         raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", where)
-    return Prior(math.log(mean), sd / mean) if unknown.log else Prior(mean, sd)
+    sd = math.sqrt(law.variance)
+    return Prior(math.log(law.mean), sd / law.mean) if unknown.log else Prior(law.mean, sd)
 
 
 def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:

@@ -104,7 +104,7 @@ def with_load(model: Model, path: str, load: HeatLoad) -> Model:
     part, _, name = path.rpartition(".")
     inner = model.submodel(part) if part else model
     changed = replace(inner, loads={**inner.loads, name: load})
-    return model.replace(part, changed) if part else changed
+    return model.with_part(part, changed) if part else changed
 
 
 def watts(into: str, **fields: object) -> HeatLoad:
@@ -207,11 +207,11 @@ def _history(asked: Request, problem: Problem, path: str, knots: Array, pins: Pi
         if u.kind == "parameter"
     }
     bare = _without(asked.model, path, count).with_values({k: v for k, v in texts.items()}, f"power of {path}")
-    experiment = problem.experiments[0]
     starts = {u.name.partition("initial.")[2]: float(x) for u, x in zip(problem.unknowns, found.x, strict=True) if ": initial." in u.name}
-    loads = {k: v for k, v in experiment.scenario.loads.items() if not k.startswith(f"{path}_at_")}
+    given = problem.experiments[0].bare
+    loads = {k: v for k, v in given.loads.items() if not k.startswith(f"{path}_at_")}
     loads = {**loads, path: Table(knots, power, False)}
-    scenario = replace(experiment.scenario, loads=loads, initial={**experiment.scenario.initial, **starts})
+    scenario = replace(given, loads=loads, initial={**given.initial, **starts})
     run = simulate(bare, scenario, times=knots)
     known = np.zeros(count, dtype=bool)
     known[pins.at] = True
@@ -248,4 +248,4 @@ def _without(model: Model, path: str, count: int) -> Model:
     inner = model.submodel(part) if part else model
     kept = {n: v for n, v in inner.loads.items() if not n.startswith(f"{name}_at_")}
     changed = replace(inner, loads=kept)
-    return model.replace(part, changed) if part else changed
+    return model.with_part(part, changed) if part else changed

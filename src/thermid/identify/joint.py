@@ -24,7 +24,8 @@ from thermid.identify.residuals import Problem
 from thermid.identify.selection import is_glob, matching
 from thermid.identify.sharing import Level, Shared, shared_parameters
 from thermid.identify.unknowns import Prior, Target, Unknown
-from thermid.identify.values import FittedValues
+from thermid.identify.values import FittedValue, FittedValues
+from thermid.knowledge.store import Store, graft
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
@@ -68,7 +69,18 @@ class Joint(Calibration):
             items[path] = replace(v, path=path, kind="parameter", also=also) if v.path in chosen else v
         values = FittedValues(f"{self.stage}, {stage}", items, self.values.covariance[np.ix_(kept, kept)], self.values.provenance)
         plain = {f.name: getattr(self, f.name) for f in fields(Calibration)}
-        return Calibration(**plain | {"stage": f"{self.stage}, {stage}", "model": model, "values": values})
+        store = self._store_at(items, chosen)
+        return Calibration(**plain | {"stage": f"{self.stage}, {stage}", "model": model, "values": values, "store": store})
+
+    def _store_at(self, items: Mapping[str, FittedValue], chosen: Mapping[str, str]) -> Store:
+        """Return what it knows of a level, under the paths that the values have there."""
+        rows, states = [], {}
+        for path, v in items.items():
+            name = next((q for q, p in chosen.items() if p == path), path)
+            paths = (path, *v.also) if v.kind == "parameter" else ()
+            states[path] = replace(self.store.states[name], path=path, paths=paths, kind=v.kind)
+            rows.append(self.store.rows([name])[0])
+        return replace(self.store, states=states, root=np.array(rows).reshape(len(rows), len(self.store.sources)))
 
 
 def fit_jointly(
@@ -157,7 +169,7 @@ def _once(requests: Mapping[str, Request]) -> tuple[list[Level], list[str]]:
 
 def _bare(request: Request, paths: Sequence[str]) -> Request:
     """Return a stage's request with every shared path free by itself, and nothing of what it was told by others."""
-    return replace(request, free=tuple(paths), untie=True, inherited=(), priors={}, bias_priors={})
+    return replace(request, free=tuple(paths), untie=True, store=Store(), prior=(), priors={}, bias_priors={})
 
 
 def _merged(levels: Sequence[Level], problems: Sequence[Problem], shared: Shared, done: Mapping[str, Calibration]) -> list[Unknown]:
@@ -240,9 +252,21 @@ def _judged(found: Calibration, levels: Sequence[Level], shared: Shared, done: M
     }
     values = FittedValues(found.values.stage, items, found.values.covariance, found.values.provenance)
     names = {level.name: shared.names_in(level) for level in levels}
-    plain = {f.name: getattr(found, f.name) for f in fields(Calibration)} | {"values": values}
+    store = _store(found.store, items, levels[-1].request)
+    plain = {f.name: getattr(found, f.name) for f in fields(Calibration)} | {"values": values, "store": store}
     held = {level.name: (level.request.model, names[level.name]) for level in levels}
     return Joint(**plain | {"moved": _moves(found.model, values, shared, done)}, levels=held)
+
+
+def _store(found: Store, items: Mapping[str, FittedValue], top: Request) -> Store:
+    """Return what is known of the uppermost model: what the joint fit found, and of the stages what it left as it was."""
+    states = {}
+    for p, s in found.states.items():
+        above = (p, *items[p].also) if items[p].kind == "parameter" else ()
+        states[p] = replace(s, kind=items[p].kind, paths=above)
+    here = {q for s in states.values() for q in (s.path, *s.paths)}
+    left = top.store.only(lambda s: not here & {s.path, *s.paths})
+    return graft(top.model, [(".", replace(found, states=states)), (".", left)])[0]
 
 
 def _moves(model: Model, values: FittedValues, shared: Shared, done: Mapping[str, Calibration]) -> Moves:

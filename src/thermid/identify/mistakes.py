@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from thermid.errors import ThermidError
 from thermid.identify.grouping import listed
+from thermid.knowledge.store import Store
 from thermid.measure import Channel, Record
 from thermid.measure.amounts import short
 
@@ -43,7 +44,7 @@ def mistakes(request: Request, problem: Problem, misfit: float, again: Callable[
     out = []
     for words, records in _others(request.records):
         try:
-            left = again(replace(request, records=records, inherited=(), seen={}))
+            left = again(replace(request, records=records, store=Store(), prior=(), seen={}))
         except ThermidError:
             continue
         if left < GAIN * misfit:

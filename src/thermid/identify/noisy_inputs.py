@@ -116,5 +116,5 @@ def _shifted(experiment: Experiment, paths: Sequence[str]) -> tuple[Experiment, 
     loads = [FlatLoad(name, node := nodes[p.removeprefix(SCALE)], node, {}) for p, name in beside.items()]
     flat = replace(network.flat, loads=(*network.flat.loads, *loads))
     scenario = scenario.with_(loads=dict.fromkeys(beside.values(), Constant(1.0)))
-    made = replace(experiment, network=replace(network, flat=flat, _static={}, _depends={}), scenario=scenario)
+    made = replace(experiment, network=replace(network, flat=flat), scenario=scenario)
     return made, [SCALE + beside[p] if p in beside else p for p in paths]

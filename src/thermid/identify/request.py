@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from thermid.errors import IdentificationError, ThermidError, nearest
 from thermid.identify.starts import first_reading
-from thermid.identify.values import FittedValues
+from thermid.identify.values import FittedValues, view
+from thermid.knowledge.store import State, Store
 from thermid.measure import Record
+from thermid.model.identity import local_identities
 from thermid.model.model import Model
 from thermid.model.signal import Constant, literal
 from thermid.simulation.engine import Options
@@ -87,13 +89,14 @@ class Request:
     local : dict                    Boundary or ``initial.<node>`` -> LocalSpec.
     record_local : dict             Record name -> the same, in place of `local` where both name it.
     priors : dict                   Parameter path -> (mean, sd) as texts; an empty mean is the start, an sd in % is relative.
-    inherited : tuple               FittedValues whose members are free here too, with their covariance as prior.
+    store : Store                   What stages below know of the model's values; the model has them laid over it.
+    prior : tuple of str            Those of its values that are free here too, with their covariance as prior.
     held_bias : dict                Sensor -> constant error that is not looked for. [K]
     held_errors : dict              Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given,
                                     even empty, no constant error of any instrument is looked for.
     bias_priors : dict              Sensor -> (mean, sd) of its constant error, from a stage below. [K]
     weights : dict                  Sensor -> weight of its residuals, 1 where none is given.
-    untie : bool                    Whether instances of one definition get values of their own.
+    untie : bool                    Whether all instances get values of their own; `Model.cut` does it for some.
     loss : str                      linear, soft_l1, huber or cauchy.
     knee : float                    Residual, in units of the noise, from which a robust loss bends.
     search : str                    auto, local, multistart, differential evolution or cma; see `searched`.
@@ -104,7 +107,9 @@ class Request:
     remarks : tuple of str          What a reader of the result must know before the fit has begun.
     fit_start : bool                Whether observed nodes' initial temperatures are looked for; else their first readings stand.
     options : Options               The integrator's.
-    held : tuple                    FittedValues of stages below that the model holds as they were found, under their paths here.
+    key : str                       Hash of everything that the result depends on; empty where nobody asked for it.
+    adequate : float                Standard deviation that the autocorrelated part of residuals may have; 0 for the usual limits. [K]
+    accepted : bool                 Whether the campaign accepts the stage as it is, whatever its standing.
     """
 
     model: Model
@@ -114,7 +119,8 @@ class Request:
     local: Mapping[str, LocalSpec] = field(default_factory=dict)
     record_local: Mapping[str, Mapping[str, LocalSpec]] = field(default_factory=dict)
     priors: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    inherited: tuple[FittedValues, ...] = ()
+    store: Store = field(default_factory=Store)
+    prior: tuple[str, ...] = ()
     held_bias: Mapping[str, float] = field(default_factory=dict)
     held_errors: Mapping[str, float] | None = None
     bias_priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -130,7 +136,31 @@ class Request:
     remarks: tuple[str, ...] = ()
     fit_start: bool = True
     options: Options = FITTING
-    held: tuple[FittedValues, ...] = ()
+    key: str = ""
+    adequate: float = 0.0
+    accepted: bool = False
+
+    @property
+    def inherited(self) -> tuple[FittedValues, ...]:
+        """Values of stages below that are free here too, by stage, with the instruments that their data met."""
+        return self._by_stage([self.store.states[p] for p in self.prior])
+
+    @property
+    def held(self) -> tuple[FittedValues, ...]:
+        """Values of stages below that are fixed here, by stage."""
+        return self._by_stage([s for p, s in self.store.parameters.items() if p not in self.prior and s.acts])
+
+    def _by_stage(self, states: Sequence[State]) -> tuple[FittedValues, ...]:
+        stages = dict.fromkeys(s.origin.stage for s in states)
+        return tuple(view(self.store, [s.path for s in states if s.origin.stage == n], n) for n in stages)
+
+    @property
+    def shared(self) -> Mapping[str, tuple[str, ...]]:
+        """Path -> every path of the model that has its value, its own first, of those that share one in this fit."""
+        if self.untie:
+            return {}
+        known = local_identities(self.model)
+        return {p: (p, *(q for q in one.paths if q != p)) for p, one in known.items() if len(one.paths) > 1}
 
     def locals_of(self, record: Record) -> dict[str, LocalSpec]:
         """Return the local values of a record; those of its own win over the stage's."""

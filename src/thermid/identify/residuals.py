@@ -1,20 +1,22 @@
-"""Weighted residuals of all records, with exact derivatives from the kernel."""
+"""Weighted residuals of all records, with exact derivatives from the kernel; the readings that they predict."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.identify.blocks import Block, Compressed, Predictions
+from thermid.identify.blocks import Block, Compressed
 from thermid.identify.experiment import Experiment, Observation
 from thermid.identify.statistics import Sums
 from thermid.identify.ticks import OFFSET, RATE, clock_at, compressed_in_full, slopes_of_clock
 from thermid.identify.unknowns import Target, Unknown
 from thermid.identify.wired import Bench
+from thermid.memo import Memo
 from thermid.simulation.engine import Options
 from thermid.simulation.squares import Weighing
 
@@ -23,8 +25,6 @@ __all__ = ["Block", "Compressed", "Predictions", "Problem"]
 Array = NDArray[np.float64]
 FAILED = 1e4
 """Residual that stands for a run that the integrator could not finish; the optimiser then turns back."""
-KEPT = 32
-"""Benches at other offsets and rates of second clocks that are kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +39,7 @@ class Problem:
     options : Options       The integrator's.
     fixed_bias : dict       Sensor -> constant error that is not looked for. [K]
     coupled : tuple         (positions of unknowns, mean, inverse square root of the covariance) of joint priors, in the fitted form.
+    memo : Memo             Its benches.
     """
 
     experiments: tuple[Experiment, ...]
@@ -47,26 +48,18 @@ class Problem:
     options: Options
     fixed_bias: dict[str, float] = field(default_factory=dict)
     coupled: tuple[tuple[NDArray[np.int64], Array, Array], ...] = ()
-    _benches: list[Bench] = field(default_factory=list, repr=False)
-    _moved: dict[tuple[int, float, float], Bench] = field(default_factory=dict, repr=False)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
-    def benches(self) -> list[Bench]:
+    def benches(self) -> tuple[Bench, ...]:
         """Return one bench per experiment, made once."""
-        if not self._benches:
-            for i, experiment in enumerate(self.experiments):
-                self._benches.append(Bench.of(experiment, self._names(i)))
-        return self._benches
+        return self.memo.made("benches", lambda: tuple(Bench.of(e, self._names(i)) for i, e in enumerate(self.experiments)))
 
     def bench(self, i: int, fitted: Array) -> Bench:
         """Return the bench of an experiment with its second clock where the unknowns put it."""
         experiment = self.experiments[i]
         if experiment.ticks is None or (at := clock_at(self, i, fitted)) == experiment.ticks.at:
             return self.benches()[i]
-        if (i, *at) not in self._moved:
-            if len(self._moved) > KEPT:
-                self._moved.clear()
-            self._moved[i, *at] = Bench.of(experiment.ticks.moved(experiment, at), self._names(i))
-        return self._moved[i, *at]
+        return Bench.of(experiment, self._names(i), at)
 
     def ticking(self, i: int) -> list[tuple[int, str]]:
         """Return position and name of the unknowns that are offset or rate of an experiment's second clock."""
@@ -213,8 +206,10 @@ class Problem:
     def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
         """Return the residuals of the priors and their derivatives."""
         values, slopes = [], []
+        below = {int(k) for at, _, _ in self.coupled for k in at}
         for k, u in enumerate(self.unknowns):
-            if u.prior is not None:
+            # what stages below found of an instrument holds its accuracy
+            if u.prior is not None and (u.kind == "parameter" or k not in below):
                 row = np.zeros(len(self.unknowns))
                 row[k] = 1.0 / u.prior.sd
                 values.append((float(fitted[k]) - u.prior.mean) / u.prior.sd)
@@ -229,3 +224,37 @@ class Problem:
     def observations(self) -> list[Observation]:
         """Return every observation of every experiment."""
         return [o for e in self.experiments for o in e.observations]
+
+
+class Predictions(Sequence[Block]):
+    """Blocks that are predicted when they are first looked at; what a fit needs of them it has in its sums.
+
+    Parameters
+    ----------
+    sums : sequence of (str, str, Sums)     Record, sensor, and the sums of its residuals.
+    problem : Problem                       Predicts the blocks, in the same order.
+    fitted : array (unknowns,)              Where.
+    """
+
+    def __init__(self, sums: Sequence[tuple[str, str, Sums]], problem: Problem, fitted: Array) -> None:
+        self.sums, self.problem, self.fitted = tuple(sums), problem, fitted
+        self.memo = Memo()
+
+    def _blocks(self) -> tuple[Block, ...]:
+        return self.memo.made("blocks", lambda: tuple(self.problem.blocks(self.fitted)))
+
+    @overload
+    def __getitem__(self, at: int) -> Block: ...
+    @overload
+    def __getitem__(self, at: slice) -> tuple[Block, ...]: ...
+    def __getitem__(self, at: int | slice) -> Block | tuple[Block, ...]:
+        """Return a block, or several."""
+        return self._blocks()[at]
+
+    def __iter__(self) -> Iterator[Block]:
+        """Yield the blocks."""
+        return iter(self._blocks())
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.sums)

@@ -11,11 +11,15 @@ from typing import TYPE_CHECKING
 from thermid.errors import MissingDataError, ThermidError
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.campaignfile import CampaignSource, placed, read_campaign
-from thermid.identify.considered import considered
+from thermid.identify.campaignfile import CampaignSource, read_campaign
+from thermid.identify.campaignfile import placed as placed_in
+from thermid.identify.keys import key_of
+from thermid.identify.placing import known_below, placed
 from thermid.identify.request import Request
 from thermid.identify.stages import Campaign
-from thermid.identify.staging import key_of, request_of
+from thermid.identify.staging import request_of
+from thermid.identify.values import view
+from thermid.model.identity import inside
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["retuned"]
 
+START = "start after a replacement"
 CARRIED = "carried over a swap: its model has the new part, its values and statistics are those of the tests before."
 
 
@@ -32,12 +37,14 @@ def retuned(
     data: str | os.PathLike[str] | CampaignSource,
     notice: Callable[[str, int, float], None] | None = None,
     everything: bool = False,
+    part_only: bool = False,
 ) -> Campaign:
     """Return the campaign after a retune; see `RetunePlan.run`."""
     before = plan.campaign
     assert before.source is not None
     source = data if isinstance(data, CampaignSource) else read_campaign(before.source.path, data)
-    source = _source(source, plan, everything)
+    due = tuple(r for s in plan.stages if s.alone for r in s.records) if part_only else plan.tests
+    source = _source(source, plan, due, everything)
     tables = {s.name: (k, s) for k, s in enumerate(before.source.content.stages)}
     renamed = {s.of: s.name for s in plan.stages if s.name != s.of}
     done: dict[str, Calibration] = {}
@@ -51,39 +58,52 @@ def retuned(
         if stage.action == "kept" and not again:
             done[stage.name] = before[stage.of]
             continue
+        carried = not again and (stage.action == "carried" or (part_only and not stage.alone))
         try:
-            told = _told_by(table, stage, renamed, again)
-            request = request_of(source, told, k, done, _model(source, table, k, stage, plan))
+            told = _told_by(table, stage, renamed, again, plan)
+            told = told.model_copy(update={"records": [], "steady": {}, "free": [], "priors": {}}) if carried else told
+            request = request_of(source, told, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
             request = request if stage.alone or again else _local(request, stage, before[stage.of], plan)
             requests[stage.name] = request
             keys[stage.name] = key_of(request, [keys[n] for i in told.inherit.values() for n in i.stages])
-            if stage.action == "carried" and not again:
-                done[stage.name] = replace(before[stage.of], model=request.model, warnings=(*before[stage.of].warnings, CARRIED))
+            if carried:
+                done[stage.name] = _carried(before[stage.of], request) if stage.part else before[stage.of]
             else:
-                made = fit(request, None if notice is None else _named(notice, stage.name))
-                whole = stage.alone or again
-                done[stage.name] = made if whole else considered(made, before[stage.of], _held(before[stage.of], stage))
+                done[stage.name] = fit(request, None if notice is None else _named(notice, stage.name))
         except ThermidError as error:
-            raise placed(error, source.where(f"stages.{k}")) from None
-    note = (
-        f"After {plan.old} was replaced by {plan.new} at {plan.part}: {len(plan.tests)} tests repeated, {len(plan.freed)} values retuned."
-    )
+            raise placed_in(error, source.where(f"stages.{k}")) from None
+    count = 0 if part_only else len(plan.freed)
+    note = f"After {plan.old} was replaced by {plan.new} at {plan.part}: {len(due)} tests repeated, {count} values retuned."
     return Campaign(before.title, done, (), keys, note, requests=requests)
+
+
+def _carried(before: Calibration, request: Request) -> Calibration:
+    """Return a fit with what is known after the swap: nothing of the old part."""
+    own = [p for p, s in request.store.states.items() if s.origin.stage == before.stage]
+    return replace(
+        before,
+        model=request.model,
+        values=view(request.store, own, before.stage),
+        store=request.store,
+        request=request,
+        problem=None,
+        warnings=(*before.warnings, CARRIED),
+    )
 
 
 def _named(notice: Callable[[str, int, float], None], name: str) -> Callable[[int, float], None]:
     return lambda count, rms: notice(name, count, rms)
 
 
-def _source(source: CampaignSource, plan: RetunePlan, everything: bool) -> CampaignSource:
+def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everything: bool) -> CampaignSource:
     """Return the campaign for the new logs, those of the repeated tests alone unless everything is run; other logs need not be there."""
     old = plan.campaign.source
     assert old is not None
-    tables = [table for name, (_, table) in old.names().items() if everything or name in plan.tests]
+    tables = [table for name, (_, table) in old.names().items() if everything or name in due]
     records = {name: source.content.records[name] for name, table in old.content.records.items() if any(table is t for t in tables)}
     found = replace(source, content=source.content.model_copy(update={"records": records, "verdicts": [], "checksums": {}}))
     if found.data is not None and found.data != old.data:
-        _check_repeated(found, found.data, plan.tests)
+        _check_repeated(found, found.data, due)
     return found
 
 
@@ -98,45 +118,58 @@ def _check_repeated(source: CampaignSource, data: Path, tests: Sequence[str]) ->
         )
 
 
-def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, plan: RetunePlan) -> Model:
-    """Return the deck of a stage with the new part in its place, nothing laid over it."""
+def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, plan: RetunePlan, before: Calibration | None) -> Model:
+    """Return the deck of a stage with the new part in its place; to fit all anew, after a fit before, with its place at its start."""
     if stage.alone:
         return plan.model
     model = source.model(table.model, source.where(f"stages.{k}"))
-    return model.replace(stage.part, plan.model) if stage.part else model
+    if not stage.part:
+        return model
+    model = model.replace(stage.part, plan.model).cut(stage.part)  # a new unit, even of the same deck, has values of its own
+    if before is None:
+        return model
+    what = before.fitted_model.replaced(stage.part, plan.model)[1]
+    return model.with_values({s.path: s.text for s in what.split if s.of_part or s in stage.starts}, START)
 
 
-def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], everything: bool) -> StageTable:
+def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], everything: bool, plan: RetunePlan) -> StageTable:
     """Return the stage's table: its name, its records by name, and the stage of the new part where it inherits at the part's place."""
     inherit = {}
     for part, i in table.inherit.items():
         at_part = stage.part and part == stage.part
-        inherit[part] = i.model_copy(update={"stage": [renamed.get(n, n) for n in i.stages]}) if at_part else i
+        told = {"stage": [renamed.get(n, n) for n in i.stages]} if at_part else {}
+        anew = [p for s in plan.stages if s.name in i.stages for p in (x.path for x in s.starts) if p in s.free]
+        inherit[part] = i.model_copy(update=told | ({"only": list(dict.fromkeys([*i.only, *anew]))} if i.only else {}))
     if everything:
-        return table.model_copy(update={"name": stage.name, "inherit": inherit})
+        from thermid.identify.campaign_schema import PriorTable
+
+        wide = {s.path: PriorTable(sd=f"{100 * s.log_sd} [%]") for s in stage.starts if s.path not in table.priors}
+        more = [p for p in stage.free if p not in table.free]
+        return table.model_copy(
+            update={"name": stage.name, "inherit": inherit, "free": [*table.free, *more], "priors": {**table.priors, **wide}}
+        )
     changes = {"name": stage.name, "inherit": inherit, "records": list(stage.records), "free": list(stage.free), "freeze": []}
     kept = {p: t for p, t in table.priors.items() if p in stage.free}
     return table.model_copy(update=changes | {"priors": kept})
 
 
-def _inside(path: str, stage: StagePlan) -> bool:
-    return path.startswith(f"{stage.part}.")
-
-
-def _held(before: Calibration, stage: StagePlan) -> tuple[str, ...]:
-    """Return the parameters that a stage fitted before the swap and holds now."""
-    return tuple(p for p in before.values.parameters if p not in stage.free and not _inside(p, stage))
-
-
 def _local(request: Request, stage: StagePlan, before: Calibration, plan: RetunePlan) -> Request:
     """Return a request in which all but the stage's freed values stand where they stood, constant errors of instruments among them."""
-    held = {p: v for p, v in before.values.assignments.items() if not _inside(p, stage) or p in stage.free}
-    own = f"{stage.part}."
-    handed = tuple(v.only([p for p in v.parameters if p.startswith(own)]).bare() for v in request.inherited)
+    old = before.fitted_model
+    what = old.replaced(stage.part, plan.model)[1]
+    told = known_below(request.store, what).states
+    starts = {s.path: s.text for s in what.split if s.path not in told}
+    gone = [*(s.path for s in what.split), stage.part]
+    stood = {p: v for p, v in before.values.assignments.items() if not any(inside(p, place) for place in gone)}
+    model = request.model.with_values(stood, f"stage '{stage.name}' before the swap").with_values(starts, START)
+    store = placed(before.store, old, model, what, request.store)
+    anew = [s.path for s in what.split if s.path in stage.free and s.path not in request.priors]
+    prior = [p for p in request.prior if inside(p, stage.part) and p in told and p not in anew]
     return replace(
         request,
-        model=request.model.with_values(held, f"stage '{stage.name}' before the swap"),
-        inherited=tuple(v for v in handed if v.parameters),
+        model=model,
+        store=store,
+        prior=(*prior, *anew),
         bias_priors={},
         held_bias=before.bias,
         held_errors=before.instrument_errors,

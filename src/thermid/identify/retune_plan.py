@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
+from thermid.knowledge.standing import Standing
 from thermid.model.model import Model
+from thermid.model.replacement import Replacement, Split, short_text
 
 if TYPE_CHECKING:
     from thermid.identify.campaignfile import CampaignSource
@@ -54,6 +56,7 @@ class StagePlan:
     model : Model       Its model after the swap.
     part : str          Where the part stands in it; empty where it is the part itself, or does not hold it.
     alone : bool        Whether it is the part alone.
+    starts : tuple      Splits of its replacement that the stage decides: values of the place that it fitted before.
     """
 
     name: str
@@ -66,6 +69,7 @@ class StagePlan:
     model: Model = field(repr=False)
     part: str = ""
     alone: bool = False
+    starts: tuple[Split, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +83,11 @@ class RetunePlan:
     stages : tuple          StagePlan of every stage.
     touched : tuple         Touch of every value of the campaign at the part's interfaces.
     neighbours : dict       Surface beside the part -> exposed area before and after [m^2], and change at rest [K]; none is freed.
-    before, after : dict    Sensor -> temperature at rest, each part with the powers of its own deck, all else as in the last record. [K]
-    watts : (float, float)  Power of the part by its deck, old and new. [W]
+    before, after : dict    Sensor -> temperature at rest, the old part at the power of its model and the new one at that of its deck, all
+                            else as in the last record. [K]
+    as_logged : dict        Sensor -> the same with the old part at the power that the last record has. [K]
+    watts : tuple           Power of the part by its old model, by the new deck, and in the last record. [W]
+    replacement : Replacement   What became of the values at the place, in the uppermost model.
     campaign : Campaign     What was done before.
     model : Model           The new part.
     """
@@ -93,9 +100,16 @@ class RetunePlan:
     neighbours: Mapping[str, tuple[float, float, float]]
     before: Mapping[str, float]
     after: Mapping[str, float]
-    watts: tuple[float, float]
+    as_logged: Mapping[str, float]
+    watts: tuple[float, float, float]
+    replacement: Replacement
     campaign: Campaign = field(repr=False)
     model: Model = field(repr=False)
+
+    @property
+    def standing(self) -> Standing:
+        """Of the values that the plan rests on: those of the last stage before."""
+        return list(self.campaign.stages.values())[-1].standing
 
     @property
     def freed(self) -> tuple[str, ...]:
@@ -114,13 +128,16 @@ class RetunePlan:
         return tuple(dict.fromkeys(r for r in known if r not in self.tests))
 
     @takes_objects
-    def run(self, data: str | os.PathLike[str] | CampaignSource, *, everything: bool = False, notice: Any = None) -> Campaign:
+    def run(
+        self, data: str | os.PathLike[str] | CampaignSource, *, everything: bool = False, part_only: bool = False, notice: Any = None
+    ) -> Campaign:
         """Return the campaign after the retune: the stages that are due are fitted to the repeated tests, all others are as they were.
 
         Parameters
         ----------
         data : path         Folder with the logs of the repeated tests, named as in the campaign; or the campaign as read with it.
         everything : bool   Fit every stage anew with all that it frees, which needs all tests: what a retune is measured against.
+        part_only : bool    Fit the new part to its own tests alone; the stages above know it then, and count what is assumed of its place.
         notice : callable   As in `run_stages`.
 
         Raises
@@ -129,26 +146,41 @@ class RetunePlan:
         """
         from thermid.identify.retune import retuned
 
-        return retuned(self, data, notice, everything)
+        return retuned(self, data, notice, everything, part_only)
+
+    @property
+    def assumes(self) -> tuple[str, ...]:
+        """What the plan takes for granted of the new part and its place, in words."""
+        tested = any(s.alone for s in self.stages)
+        own = "its own test is due" if tested else "no stage tests it alone"
+        return (f"{self.new} has the {self.watts[1]:.4g} W and all other values of its deck; {own}", *self.replacement.assumes[1:])
 
     def __str__(self) -> str:
         """Return the plan as text."""
-        total = len(self.tests) + len(self.kept_tests)
-        lines = [f"{self.part}: {self.old} -> {self.new}"]
+        lines = [f"{self.part}: {self.old} -> {self.new}", "  assumed:", *(f"    {a}" for a in self.assumes)]
+        lines += ["  dropped with the old part:"] * bool(self.replacement.dropped)
+        lines += [f"    {d.path} {short_text(d.text)}, {d.origin}, {d.why}" for d in self.replacement.dropped]
         lines.append(f"  retuned: {len(self.freed)} interface values, {', '.join(self.freed) or 'none'}")
         for t in self.touched:
-            what = "freed" if not t.held else f"held: {t.held}"
+            what = "freed" if not t.held else f"fixed: {t.held}"
             lines.append(f"    {t.stage}: {t.path}  {t.kelvin:.2f} K for 10 %, through {', '.join(t.through)}; {what}")
         lines.append("  stages:")
         for s in self.stages:
             changed = "" if s.identity[0] == s.identity[1] else f" ({s.identity[0][:8]} -> {s.identity[1][:8]})"
             lines.append(f"    {s.name}: {s.action}{changed}, {s.why}")
+        total = len(self.tests) + len(self.kept_tests)
         lines.append(f"  tests to repeat: {len(self.tests)} of {total}: {', '.join(self.tests)}")
         lines.append("  neighbours, exposed area before -> after; what they convect with is not freed:")
         for name, (a, b, dt) in self.neighbours.items():
             lines.append(f"    {name}: {1e4 * a:.4g} -> {1e4 * b:.4g} cm^2, {dt:+.2f} K at rest")
-        old, new = self.watts
-        powers = f"{old:.4g} W before and {new:.4g} W after" if abs(old - new) > 1e-9 else f"{old:.4g} W both times"
-        lines.append(f"  at rest before -> after; the part has the power of its deck, {powers}, all else is as in the last record:")
+        return self.standing.over("\n".join([*lines, *self._at_rest()]))
+
+    def _at_rest(self) -> list[str]:
+        """Return the temperatures before and after, and those of the last record where the old part had another power in it."""
+        old, new, logged = self.watts
+        lines = [f"  at rest before -> after: the old part at the {old:.4g} W of its model, the new one at the {new:.4g} W of its deck:"]
         lines += [f"    {s}: {self.before[s] - ICE:.2f} -> {t - ICE:.2f} degC" for s, t in self.after.items()]
-        return "\n".join(lines)
+        if abs(logged - old) > 1e-9:
+            shown = ", ".join(f"{s} {self.as_logged[s] - ICE:.2f} degC" for s in self.after)
+            lines.append(f"  the old part at the {logged:.4g} W of the last record: {shown}")
+        return lines

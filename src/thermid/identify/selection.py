@@ -6,7 +6,10 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 
+import numpy as np
+
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.knowledge.sources import read_spread
 from thermid.model.model import Model
 from thermid.model.resolve import ParameterSet
 from thermid.units import unit
@@ -15,6 +18,8 @@ __all__ = ["RANGE", "freed", "matching", "priors_of"]
 
 RANGE = "range"
 """In place of a prior: what the range of the data sheet says."""
+MIDPOINTS = 2000
+"""Of the shares that moments of a logarithm are taken over."""
 
 
 def is_glob(name: str) -> bool:
@@ -83,7 +88,7 @@ def priors_of(model: Model, given: Mapping[str, tuple[str, str] | str], where: s
     """Return path -> (mean, standard deviation) as texts, globs read and ranges turned into numbers.
 
     A range min..max of a data sheet is a rectangular distribution: its standard deviation is its half width over the square root of 3
-    (JCGM 100:2008, 4.3.7). Quantities that are fitted by their logarithm have the middle and the width of the logarithms.
+    (JCGM 100:2008, 4.3.7). Quantities that are fitted by their logarithm have mean and standard deviation of its logarithm.
 
     Raises
     ------
@@ -118,10 +123,11 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
     if low is None or high is None or not low < high:
         raise IdentificationError(f"'{path}' has no range: it needs both min and max. Give them, or a prior with mean and sd.", where)
     of = unit(given.unit or "1")
-    if low > 0:  # as it will be fitted: see `parameter_unknown`
-        mean = math.sqrt(low * high)
-        sd = mean * math.log(high / low) / math.sqrt(12.0)
-    else:
-        mean, sd = (low + high) / 2, (high - low) / math.sqrt(12.0)
+    law = read_spread(RANGE, of.text, float("nan"), where, bounds=(low, high))
+    mean, sd = law.mean, math.sqrt(law.variance)
+    if low > 0:  # as it will be fitted, by its logarithm: see `parameter_unknown`
+        logs = np.log(law.at((np.arange(MIDPOINTS) + 0.5) / MIDPOINTS))
+        mean = float(np.exp(logs.mean()))
+        sd = mean * float(logs.std())
     shown = (mean - float(of.offset)) / float(of.factor)
     return f"{shown!r} [{of.text}]", f"{sd / float(of.factor)!r} [{'K' if float(of.offset) else of.text}]"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from thermid.identify.experiment import Experiment
     from thermid.identify.values import FittedValue
 
-__all__ = ["Seat", "as_found", "attached", "gain_of", "instruments", "lag_of", "sensor_model"]
+__all__ = ["Seat", "as_found", "at_their_seats", "attached", "gain_of", "instruments", "lag_of", "sensor_model"]
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,13 @@ def attached(model: Model, record: Record) -> tuple[Model, dict[str, Seat]]:
         seats[channel.name] = _seat(channel, node)
         model = _with_sensor(model, names, channel, node, f"{record.name}, {channel.name}")
     return model, seats
+
+
+def at_their_seats(record: Record) -> Record:
+    """Return a record whose sensors read their nodes themselves, as they do once nothing changes: no lag, no heat capacity; leads stay."""
+    parts = {c: c.part for c in record.channels.values() if c.part is not None}
+    made = [replace(c, part=replace(part, lag=0.0, lag_accuracy=0.0, capacitance=0.0)) for c, part in parts.items()]
+    return record.with_channels(*made) if made else record
 
 
 def _named(channel: Channel) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from thermid.identify.calibration import Calibration
 from thermid.identify.request import Request
-from thermid.identify.ties import instances, tied
+from thermid.model.identity import definition_of, instances
 from thermid.model.model import Model
 from thermid.model.resolve import ParameterSet
 
@@ -149,9 +149,9 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
     fitted: dict[Key, list[str]] = {}
     starts: dict[Key, float] = {}
     for level in levels:
+        shared = level.request.shared
         for path in _free(level):
-            together = (path,) if level.request.untie else tied(level.request.model, level.values, path)
-            keys = [k for p in together for k in level.keys(p)]
+            keys = [k for p in shared.get(path, (path,)) for k in level.keys(p)]
             unite(keys)
             for k in keys:
                 fitted.setdefault(k, []).append(level.name)
@@ -178,7 +178,7 @@ def _own_name(levels: Sequence[Level], keys: set[Key], fitted: Sequence[str]) ->
 def _free(level: Level) -> Iterator[str]:
     """Yield the paths that a stage frees, those that it was handed as priors among them."""
     request = level.request
-    for raw in (*request.free, *(p for values in request.inherited for p in values.parameters)):
+    for raw in (*request.free, *(q for p in request.prior for q in request.store.states[p].acts)):
         yield level.values.freeable(raw, request.model.canonical)
 
 
@@ -205,4 +205,4 @@ def places_of(source: CampaignSource, levels: Sequence[Level], top: str) -> dict
 
 
 def _bare_identity(source: CampaignSource, deck: str) -> str:
-    return source.model(deck, deck).identity()
+    return definition_of(source.model(deck, deck))

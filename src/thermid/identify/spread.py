@@ -4,25 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError, ScenarioError, nearest
-from thermid.expression import parse
+from thermid.errors import IdentificationError
 from thermid.identify.values import FittedValues
-from thermid.model.signal import literal
-from thermid.units import TEMPERATURE
-
-if TYPE_CHECKING:
-    from thermid.simulation.simulator import Simulator
 
 __all__ = ["Spread"]
 
 Array = NDArray[np.float64]
-FORMS = {"sd": {"sd"}, "log_sd": {"log_sd"}, "low": {"low", "high"}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,73 +72,3 @@ class Spread:
         also = {ahead + p: tuple(ahead + q for q in v.also) for p, v in found.items() if v.also}
         names, logs = tuple(ahead + p for p in found), tuple(v.log for v in found.values())
         return cls(cause or f"fit of {values.stage}", names, found.covariance, logs, also)
-
-    @classmethod
-    def stated(cls, given: Mapping[str, Any], ready: Simulator, cause: str = "stated") -> Spread:
-        """Return independent spreads written as texts.
-
-        Parameters
-        ----------
-        given : dict        Name -> ``"0.5 [W]"`` or ``"10 [%]"`` (standard deviation), ``{"sd": ...}``, ``{"log_sd": 0.2}``, or
-                            ``{"low": ..., "high": ...}`` (anything between is as likely; its width over the root of 12 counts).
-        ready : Simulator   The model and scenario, with these names free; it knows their units.
-
-        Raises
-        ------
-        ScenarioError   When a spread is none of these forms.
-        """
-        sizes, logs = [], []
-        for raw, spread in given.items():
-            size, log = _size(ready, ready.canonical(raw), spread)
-            sizes.append(size)
-            logs.append(log)
-        return cls(cause, tuple(given), np.diag(np.array(sizes) ** 2), tuple(logs))
-
-    def root(self) -> Array:
-        """Return a matrix L (names, directions) with ``L L'`` the covariance."""
-        if not self.names:
-            return np.zeros((0, 0))
-        sizes, vectors = np.linalg.eigh(self.covariance)
-        return np.asarray(vectors * np.sqrt(np.clip(sizes, 0.0, None)))
-
-    def draws(self, centre: Mapping[str, float], members: int, generator: np.random.Generator) -> dict[str, Array]:
-        """Return name -> value of every member (members,), about the values given. [SI]"""
-        deviations = self.root() @ generator.standard_normal((len(self.names), members))
-        out: dict[str, Array] = {}
-        for row, name, log in zip(deviations, self.names, self.log, strict=True):
-            values = centre[name] * np.exp(row) if log else centre[name] + row
-            out |= dict.fromkeys((name, *self.also.get(name, ())), values)
-        return out
-
-
-def _size(ready: Simulator, name: str, spread: Any) -> tuple[float, bool]:
-    """Return a standard deviation, and whether it is that of the logarithm. [SI]"""
-    where = f"{ready.title}, spread of '{name}'"
-    given: Mapping[str, Any] = {"sd": spread} if isinstance(spread, str) else spread
-    form = next((f for f in FORMS if isinstance(given, Mapping) and f in given), "")
-    if not form or set(given) != FORMS[form]:
-        odd = next((k for k in given if k not in {"sd", "log_sd", "low", "high"}), "") if isinstance(given, Mapping) else ""
-        raise ScenarioError(f"write {{sd}}, {{log_sd}} or {{low, high}}.{nearest(odd, ('sd', 'log_sd', 'low', 'high'))}", where)
-    at, difference = ready.slots(name)
-    nominal = ready.nominal[name]
-    if form == "log_sd":
-        if not nominal > 0:
-            raise ScenarioError("only a value above zero has a logarithm to spread.", where)
-        return _above_zero(literal(given["log_sd"], "1", where), where), True
-    if form == "low":
-        low, high = (literal(given[k], at, where) for k in ("low", "high"))
-        if not low <= high:
-            raise ScenarioError("its low end lies above its high end.", where)
-        return float((high - low) / np.sqrt(12.0)), False
-    own = parse(given["sd"]).literal if isinstance(given["sd"], str) else None
-    if own is not None and own.unit.text == "%":
-        if at == TEMPERATURE or difference == "K":
-            raise ScenarioError("a temperature is not spread by per cent; give kelvin.", where)
-        return _above_zero(own.value * abs(nominal), where), False
-    return _above_zero(literal(given["sd"], difference, where), where), False
-
-
-def _above_zero(sd: float, where: str) -> float:
-    if not (sd >= 0 and np.isfinite(sd)):
-        raise ScenarioError("a standard deviation is a number from zero up.", where)
-    return sd

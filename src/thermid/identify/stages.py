@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,12 +15,15 @@ from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.identify.cache import file_name, recall, remember
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.campaignfile import CampaignSource, local_of, placed, read_campaign, scenario_of
+from thermid.identify.campaignfile import CampaignSource, accepting, local_of, placed, read_campaign, scenario_of
 from thermid.identify.joint import Joint, fit_jointly, joint_key
+from thermid.identify.keys import key_of
 from thermid.identify.looks import look
 from thermid.identify.request import Request
-from thermid.identify.staging import key_of, plain_readings, request_of
-from thermid.identify.validate import Criteria, Verdict, validate
+from thermid.identify.staging import plain_readings, request_of
+from thermid.identify.standings import as_now, judged, verdict_standing
+from thermid.identify.validate import Criteria, Verdict, not_judged, validate
+from thermid.knowledge.standing import Standing, worst
 from thermid.model.resolve import parameter_table
 from thermid.model.signal import literal
 
@@ -88,8 +91,20 @@ class Campaign:
 
     @property
     def passed(self) -> bool:
-        """Whether every verdict passed, and no fit contradicts what was stated of its instruments or known ahead."""
-        return all(v.passed for v in self.verdicts) and not any(c.contradicted for c in self.fits)
+        """Whether every verdict passed and every fit is usable: it neither is nor rests on what is not credible or failed."""
+        return all(v.passed for v in self.verdicts) and all(c.standing.usable for c in self.fits)
+
+    @property
+    def standing(self) -> Standing:
+        """The worst standing of its stages and of the joint fit."""
+        return worst(c.standing for c in self.fits)
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code: 1 where a verdict failed or was not judged, else that of the standing; what is accepted does not count."""
+        accepted = self.source.accepted if self.source is not None else ()
+        missed = [v for v in self.verdicts if v.passed is False and v.model not in accepted]
+        return 1 if missed else self.standing.exit_code
 
     @property
     def fits(self) -> tuple[Calibration, ...]:
@@ -111,10 +126,9 @@ class Campaign:
         return out
 
     def __str__(self) -> str:
-        """Return all stages and verdicts as text."""
-        return "\n\n".join(
-            [self.title, *map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
-        )
+        """Return all stages and verdicts as text, below a line that says which of them must not be used."""
+        parts = [*map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
+        return "\n\n".join([self.standing.over(self.title, "stage"), *parts])
 
 
 @takes_objects
@@ -124,8 +138,11 @@ def run_stages(
     data: str | os.PathLike[str] | None = None,
     notice: Notice | None = None,
     cache: str | os.PathLike[str] | None = None,
+    accept: Sequence[str] = (),
 ) -> Campaign:
     """Return the calibrations and verdicts of a campaign.
+
+    A stage that is not credible, or rests on one, is not judged: its hold-out records stay unopened.
 
     Parameters
     ----------
@@ -134,6 +151,8 @@ def run_stages(
     notice : callable       Called while stages run.
     cache : path            A results folder; a log that is as it was is not parsed again, and a stage of which nothing changed, the code
                             included, is not fitted again.
+    accept : sequence       Stages that are accepted as they are, beside those that the file accepts: their standing stays and is told,
+                            the exit codes of commands do not count it.
 
     Raises
     ------
@@ -142,6 +161,7 @@ def run_stages(
     source = campaign if isinstance(campaign, CampaignSource) else read_campaign(campaign, data)
     folder = Path(cache) if cache is not None else None
     source = replace(source, results=folder) if folder is not None else source
+    source = accepting(source, accept) if accept else source
     done: dict[str, Calibration] = {}
     keys: dict[str, str] = {}
     requests: dict[str, Request] = {}
@@ -161,7 +181,7 @@ def run_stages(
     used = {sha: user for c in done.values() for sha, user in c.seen.items()}
     verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, made, used, notice))
     verdicts = tuple(_looked(folder, v, made) for v in verdicts)
-    return replace(made, verdicts=verdicts)
+    return _judged(replace(made, verdicts=verdicts))
 
 
 @takes_objects
@@ -192,6 +212,17 @@ def joint(
     return made.joint or _joint(made, notice, Path(cache) if cache is not None else None)
 
 
+def _judged(made: Campaign) -> Campaign:
+    """Return a campaign in which failed verdicts are known to the stages that they are about, and to all that rests on these."""
+    accepted = made.source.accepted if made.source is not None else ()
+    stages = judged(made.stages, made.verdicts, accepted)
+    if made.joint is None:
+        return replace(made, stages=stages)
+    failed = [v for v in made.verdicts if v.passed is False and v.model not in stages]
+    joint = made.joint.judged(as_now(made.joint.rests, stages), verdict_standing(failed, False))
+    return replace(made, stages=stages, joint=joint)
+
+
 def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> Joint:
     source = campaign.source
     assert source is not None
@@ -200,7 +231,9 @@ def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> Jo
 
 
 def _looked(folder: Path | None, verdict: Verdict, made: Campaign) -> Verdict:
-    """Return a verdict with what the results folder knows of earlier looks at its record; this one is noted there."""
+    """Return a verdict with what the results folder knows of earlier looks at its record; this one is noted there if it was one."""
+    if verdict.prediction is None or verdict.passed is None:
+        return verdict
     joint = verdict.model not in made.keys
     key = joint_key(made.keys, made.source.content.joint_table) if joint and made.source is not None else made.keys[verdict.model]
     record = next(iter(verdict.prediction.records.items()))
@@ -218,10 +251,14 @@ def _judge(
     where = source.where(f"verdicts.{k}")
     stage = next(s for s in source.content.stages if s.name == table.model)
     for name in source.pick([table.record], where):
-        record = source.bound(name, stage)
         if notice is not None:
             notice(f"verdict on {name}", 0, 0.0)
+        fit = made.joint.at(table.model) if table.values == "joint" and made.joint is not None else made[table.model]
+        if not fit.standing.judgeable:
+            yield not_judged(fit, name, table.name)
+            continue
         try:
+            record = source.bound(name, stage)
             if record.origin.sha256 in used:
                 from thermid.errors import IdentificationError
 
@@ -229,7 +266,7 @@ def _judge(
                     f"record '{name}' was used by {used[record.origin.sha256]}; a validation needs data that no fit has seen."
                 )
             yield validate(
-                made.joint.at(table.model) if table.values == "joint" and made.joint is not None else made[table.model],
+                fit,
                 record,
                 Criteria.read(table.criteria, where),
                 scenario=scenario_of(table.scenario or stage.scenario, table.name or name),

@@ -1,72 +1,41 @@
-"""From a stage of a campaign to what its fit is asked, and the hash of everything that its result depends on."""
+"""From a stage of a campaign to what its fit is asked."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
-from dataclasses import replace
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from thermid.errors import NameNotFoundError, nearest
-from thermid.identify.cache import in_full
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, local_of, scenario_of
-from thermid.identify.inherit import counted_twice
+from thermid.identify.inherit import counted_twice, handed_on, may_move
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.selection import freed, priors_of
 from thermid.identify.steady_points import steady_points
-from thermid.identify.values import FittedValues
-from thermid.measure import Channel
+from thermid.knowledge.store import Store, graft
 from thermid.model.model import Model
-from thermid.model.resolve import parameter_table
 from thermid.model.signal import literal
 
 if TYPE_CHECKING:
     from thermid.identify.campaign_schema import StageTable
 
-__all__ = ["key_of", "plain_readings", "readings_of", "request_of"]
+__all__ = ["plain_readings", "readings_of", "request_of"]
 
 
 def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[str, Calibration], model: Model | None = None) -> Request:
     """Return what a stage asks, with what it inherits laid under the parent's own [set]; of its deck, or of a model in its place."""
     where = source.where(f"stages.{k}")
     model = source.model(stage.model, where) if model is None else model
-    handed: list[FittedValues] = []
-    held: list[FittedValues] = []
-    told: dict[str, Calibration] = {}
-    bias_priors: dict[str, tuple[float, float]] = {}
-    seen: dict[str, str] = {}
-    remarks: list[str] = []
-    for part, inherit in stage.inherit.items():
-        for name in inherit.stages:
-            below = done[name]
-            values = below.values.only(inherit.only) if inherit.only else below.values
-            part, prefix = model.canonical(part), "" if part == "." else f"{model.canonical(part)}."
-            model = _inherited(model, part, values)
-            hidden = _shadowed(model, prefix, values)
-            remarks += hidden.values()
-            seen |= below.seen
-            if inherit.as_ == "prior":
-                # a second part takes the same values, but what they say of sensors counts once
-                values = values.only([p for p in values.parameters if p not in hidden])
-                values = values.bare() if name in told else values
-                told[name] = below
-                handed.append(_prefixed(values, prefix))
-            else:
-                bias_priors |= {s: (v.value, v.error) for s, v in values.sensors.items()}
-                bias_priors |= {p: (v.value, v.error) for p, v in values.items() if v.kind == "instrument"}
-                remarks += _held(part, name, values)
-                held.append(_prefixed(values.only([p for p in values.parameters if p not in hidden]).bare(), prefix))
+    model = model.cut(*stage.untie) if isinstance(stage.untie, list) else model
+    store, moving, remarks = _from_below(model, stage, done, where)
+    model = store.on(model)
+    store, hidden = store.acting_in(model)
     records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
     scenario = scenario_of(stage.scenario, stage.name)
     points, settled = steady_points(source, stage, records, scenario, where)
     records = (*records, *points)
-    free, frozen = freed(model, stage.free, stage.freeze, where, [p for values in handed for p in values.parameters])
-    remarks += [line for values in handed for line in _frozen(values, frozen)]
-    held += [values.only([p for p in values.parameters if p in frozen]).bare() for values in handed if frozen]
-    handed = [values.only([p for p in values.parameters if p not in frozen]) if frozen else values for values in handed]
+    prior = [p for p in moving if store.states[p].acts and store.states[p].known and store.rows([p]).any()]
+    free, frozen = freed(model, stage.free, stage.freeze, where, prior)
+    prior = [p for p in prior if p not in frozen]
     return Request(
         model,
         records,
@@ -75,36 +44,38 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         {n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(stage.local).items()},
         record_local={r.name: source.local_of_record(r.name) for r in records if r.name not in settled},
         priors=priors_of(model, {p: t if isinstance(t, str) else (t.mean, t.sd) for p, t in stage.priors.items()}, where),
-        inherited=tuple(handed),
-        bias_priors=bias_priors,
+        store=store,
+        prior=tuple(prior),
         weights=stage.weights,
         knee=stage.knee,
-        untie=stage.untie,
+        untie=stage.untie is True,
         loss=stage.loss,
         search=stage.search,
         window=literal(stage.window, "s", where),
         name=stage.name,
-        remarks=(*remarks, *counted_twice(told, records)),
-        seen=seen,
+        remarks=(*remarks, *hidden, *counted_twice(store, prior, records)),
+        seen=store.seen,
         readings=readings_of(stage.readings),
-        held=tuple(held),
+        adequate=literal(stage.adequate, "K", f"{where}.adequate") if stage.adequate else 0.0,
+        accepted=stage.name in source.accepted,
     )
 
 
-def _held(part: str, stage: str, values: FittedValues) -> list[str]:
-    """Return a remark that values from below are taken as exact, where the stage below did not know them so."""
-    unsure = [p for p, v in values.parameters.items() if v.error > 0]
-    if not unsure:
-        return []
-    what = "the model" if part == "." else f"'{part}'"
-    some = f"1 value of {what} is" if len(unsure) == 1 else f"{len(unsure)} values of {what} are"
-    return [f"{some} held as found by stage '{stage}'; the errors here leave that out. Hand on with as = \"prior\" to count it."]
-
-
-def _frozen(values: FittedValues, frozen: set[str]) -> list[str]:
-    """Return a remark that some of the values handed on as a prior are held here."""
-    held = [p for p in values.parameters if p in frozen]
-    return [f"{', '.join(held)}: frozen as stage '{values.stage}' found them; the errors here leave theirs out."] if held else []
+def _from_below(
+    model: Model, stage: StageTable, done: Mapping[str, Calibration], where: str
+) -> tuple[Store, tuple[str, ...], tuple[str, ...]]:
+    """Return what the stages below know of a model, which of it may move, and remarks."""
+    below: list[tuple[str, Store]] = []
+    moving: dict[str, None] = {}
+    for part, inherit in stage.inherit.items():
+        for name in inherit.stages:
+            here = f"{where}.inherit.{part}"
+            store = handed_on(done[name].store, name, inherit, here)
+            below.append((part, store))
+            ahead = "" if part == "." else f"{model.canonical(part)}."
+            moving |= dict.fromkeys(ahead + p for p in may_move(store, inherit, here))
+    whole, remarks = graft(model, below)
+    return whole, tuple(p for p in whole.parameters if p in moving), remarks
 
 
 def readings_of(tables: Mapping[str, Any]) -> dict[str, Reading]:
@@ -115,80 +86,3 @@ def readings_of(tables: Mapping[str, Any]) -> dict[str, Reading]:
 def plain_readings(tables: Mapping[str, Any]) -> dict[str, Any]:
     """Return the readings of a stage or verdict as `validate` takes them."""
     return {n: t if isinstance(t, str) else t.model_dump() for n, t in tables.items()}
-
-
-def _inherited(model: Model, part: str, below: FittedValues) -> Model:
-    """Return the model with the values of a stage below laid over one of its parts; ``.`` is the model itself."""
-    values = below.assignments
-    if part == ".":
-        return model.with_values(values, _origin(below))
-    inner = model.submodel(part)
-    known = parameter_table(inner)
-    missing = [p for p in values if p not in known]
-    if missing:
-        raise NameNotFoundError(
-            f"stage '{below.stage}' fitted '{missing[0]}', which '{part}' does not have.{nearest(missing[0], known)}", model.title
-        )
-    return model.replace(part, inner.with_values(values, _origin(below)))
-
-
-def _origin(below: FittedValues) -> str:
-    return f"stage '{below.stage}'"
-
-
-def _shadowed(model: Model, prefix: str, below: FittedValues) -> dict[str, str]:
-    """Return path -> a remark for every inherited value that the deck's own [set] hides; it is not handed on as a prior either."""
-    table = {p: parameter_table(model)[prefix + p] for p in below.assignments}
-    return {
-        p: f"'{prefix}{p}' is {entry.parameter.text} by {entry.origin}, which hides what stage '{below.stage}' found."
-        for p, entry in table.items()
-        if any(who == _origin(below) for who, _ in entry.shadowed)
-    }
-
-
-def _prefixed(values: FittedValues, prefix: str) -> FittedValues:
-    """Return fitted values under the paths that they have in the model above."""
-    items = {prefix + p if v.kind == "parameter" else p: replace(v, also=tuple(prefix + q for q in v.also)) for p, v in values.items()}
-    conditions = {prefix + p: at for p, at in values.provenance.get("conditions", {}).items()}
-    misfit = {prefix + n: size for n, size in values.provenance.get("misfit", {}).items()}
-    return replace(values, items_=items, provenance={**values.provenance, "conditions": conditions, "misfit": misfit})
-
-
-def _channel_key(c: Channel) -> list[Any]:
-    """Return what a fit depends on of a channel beside its numbers in the file, whose hash is of them as they are written."""
-    known = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction]
-    return [*known, *([repr(c.part)] if c.part else [])]
-
-
-def key_of(request: Request, below: list[str]) -> str:
-    """Return the hash of everything that a stage's result depends on.
-
-    What it inherits is a result of the stages below, whose keys say what that depends on. Inherited errors are left out: a fit that was
-    recalled computes them anew, with other last digits than the search that came upon it.
-    """
-    content = {
-        "version": version("thermid"),
-        "model": request.model.identity(),
-        "records": {
-            r.name: [
-                r.origin.sha256,
-                list(r.steps),
-                *([repr(r.second)] if r.second else []),
-                {n: _channel_key(c) for n, c in r.channels.items()},
-            ]
-            for r in request.records
-        },
-        "free": request.free,
-        "scenario": request.scenarios,
-        "local": repr(sorted(request.local.items())),
-        "priors": repr(sorted(request.priors.items())),
-        "bias": repr(sorted(request.held_bias.items())),
-        "record_local": repr(sorted((n, sorted(t.items())) for n, t in request.record_local.items())),
-        "bias priors": repr(sorted((name, mean) for name, (mean, _) in request.bias_priors.items())),
-        "how": [request.untie, request.loss, request.knee, request.search, request.window, repr(request.options)],
-        "readings": repr(sorted(request.readings.items())),
-        "weights": sorted(request.weights.items()),
-        "inherited": [list(values) for values in request.inherited],
-        "below": below,
-    }
-    return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()

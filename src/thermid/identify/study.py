@@ -203,7 +203,7 @@ class Study:
         """Return what every stage and every verdict found, sensor by sensor."""
         action = {stage: a.name for a in self.actions for stage in a.stages}
         steps = [_step(action.get(stage, ""), stage, block) for stage, c in campaign.stages.items() for block in c.blocks]
-        steps += [_step(action.get(v.model, ""), v.model, block, True) for v in campaign.verdicts for block in v.prediction.blocks]
+        steps += [_step(action.get(v.model, ""), v.model, block, True) for v in campaign.verdicts for block in v.blocks]
         return tuple(steps)
 
     @takes_objects

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from thermid.identify.calibration import Calibration, Local
 from thermid.identify.contradicted import FAR, loudly
-from thermid.identify.discrepancy import conditions_found, misfit_found
 from thermid.identify.moved import moves_above
 from thermid.identify.residuals import Predictions, Problem
+from thermid.identify.responses import Responses
 from thermid.identify.solve import Fit
+from thermid.identify.standings import at_bounds, own_standing, rests_on
+from thermid.identify.stored import stored
 from thermid.identify.unknowns import Unknown
 from thermid.identify.values import FittedValue, FittedValues
+from thermid.knowledge.standing import worst
 from thermid.measure.amounts import short
 
 if TYPE_CHECKING:
@@ -29,11 +32,9 @@ Array = NDArray[np.float64]
 CHANCE = 0.01
 
 
-def summarise(
-    request: Request, problem: Problem, found: Fit, total: Array, random: Array, weights: Array, spread: Wander | None = None
-) -> Calibration:
-    """Return the calibration that a fit ended with; `weights` is the covariance that its weights stand for."""
-    name = request.name or request.model.title
+def summarise(request: Request, problem: Problem, found: Fit, known: Responses, random: Array, spread: Wander | None = None) -> Calibration:
+    """Return the calibration that a fit ended with; `known` says what its errors come from, `random` is their part by noise."""
+    name, total = request.name or request.model.title, known.total
     origin = f"{name}: {_listed([r.name for r in request.records])}"
     kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
     items = {u.name: _value(u, float(found.fitted[k]), total[k, k], random[k, k], origin) for k in kept for u in (problem.unknowns[k],)}
@@ -45,17 +46,15 @@ def summarise(
         "records": records,
         "synthetic": any(r.origin.synthetic for r in request.records),
     }
-    paths = [q for v in items.values() if v.kind == "parameter" for q in (v.path, *v.also)]
-    conditions = conditions_found(problem, found.fitted, paths)
-    provenance |= {"conditions": conditions} if conditions else {}
-    provenance |= {"misfit": misfit_found(problem, spread)} if spread is not None else {}
     own = np.ix_(kept, kept)
-    values = FittedValues(name, items, total[own], provenance, None if np.array_equal(weights, total) else weights[own])
+    values = FittedValues(name, items, total[own], provenance)
+    alone, rests = own_standing(request, problem, found, values, total, spread), rests_on(request, values)
+    values = values.judged(worst([alone, *rests.values()]))
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
-    blocks = Predictions(found.sums, lambda: problem.blocks(found.fitted))
+    blocks = Predictions(found.sums, problem, found.fitted)
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
     freedom = round(problem.worth) - len(problem.unknowns)
-    moved = moves_above(request.inherited, request.model, problem, found, total, spread)
+    moved = moves_above(request, problem, found, spread.level if spread is not None else 1.0)
     return Calibration(
         name,
         request.model,
@@ -87,6 +86,9 @@ def summarise(
         moved,
         spread,
         search=found.search,
+        own=alone,
+        rests=rests,
+        store=stored(request, problem, values, known),
     )
 
 
@@ -126,13 +128,10 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Wander | None)
     out = []
     if not found.converged:
         out.append(f"the fit did not converge: {found.message}")
+    for u, side, bound in at_bounds(problem, found, total):
+        shown = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
+        out.append(f"'{u.name}' ended at its {side} bound {shown:.6g}; its error is not meaningful. Widen the bound or fix it.")
     for k, u in enumerate(problem.unknowns):
-        low, high = u.fitted_bounds()
-        error = float(np.sqrt(total[k, k]))
-        for bound, side in ((low, "lower"), (high, "upper")):
-            if np.isfinite(bound) and abs(found.fitted[k] - bound) < max(1e-4 * max(abs(bound), u.scale), 0.02 * error):
-                shown = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
-                out.append(f"'{u.name}' ended at its {side} bound {shown:.6g}; its error is not meaningful. Widen the bound or fix it.")
         far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0
         if 3.0 < far <= FAR:  # what lies farther stands at the head of the fit
             out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")

@@ -14,12 +14,14 @@ from thermid.errors import DeckError, IdentificationError, SolverError
 from thermid.identify.calibration import Calibration
 from thermid.identify.retune_plan import RetunePlan, StagePlan, Touch
 from thermid.identify.sharing import Level, places_of
-from thermid.identify.touching import touching
 from thermid.model.areas import ledger
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model
+from thermid.model.parameter import exact
+from thermid.model.replacement import Split
 from thermid.model.resolve import ParameterSet
-from thermid.model.signal import Table
+from thermid.model.signal import Constant, Table
+from thermid.model.touching import touching
 from thermid.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -55,19 +57,23 @@ def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[st
     part = above.canonical(part)
     old = above.submodel(part)
     places = places_of(source, levels, top)
-    swapped = above.replace(part, model)
+    swapped, what = above.replaced(part, model)
+    swapped = what.starting(swapped)
     plans: list[StagePlan] = []
     touched: list[Touch] = []
     for level in levels:
         plan, touches = _staged(campaign, level, places[level.name], part, model)
         plans += plan
         touched += touches
-    rest = _at_rest(campaign[top], part)  # the same conditions for both: the part's own powers are those of its decks
-    cold, warm = _steady(above, rest), _steady(swapped, rest)
-    watts = _watts(above, rest, part), _watts(swapped, rest, part)
-    before, after = _observed(cold, campaign[top]), _observed(warm, campaign[top])
+    by_deck, logged = _at_rest(campaign[top], part), _at_rest(campaign[top], "")
+    cold, warm, shown = _steady(above, by_deck), _steady(swapped, by_deck), _steady(above, logged)
+    watts = _watts(above, by_deck, part), _watts(swapped, by_deck, part), _watts(above, logged, part)
+    before, after, as_logged = (_observed(t, campaign[top]) for t in (cold, warm, shown))
     neighbours = _neighbours(above, swapped, part, cold, warm)
-    return RetunePlan(part, old.title, model.title, tuple(plans), tuple(touched), neighbours, before, after, watts, campaign, model)
+    stages, values = tuple(plans), tuple(touched)
+    return RetunePlan(
+        part, old.title, model.title, stages, values, neighbours, before, after, as_logged, watts, what, campaign, model
+    )  # fmt: skip
 
 
 def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str, new: Model) -> tuple[list[StagePlan], list[Touch]]:
@@ -96,44 +102,55 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
         )
     inner = part.removeprefix(holds[0])
     model = request.model.replace(inner, new)
-    touches = _touches(done, level, inner, new)
+    touches, starts = _touches(done, level, inner, new)
     free = tuple(t.path for t in touches if not t.held)
     identity = (request.model.identity(), model.identity())
     if not free:
         why = "its model changes, but of what it fits nothing is to be retuned"
-        return [StagePlan(level.name, level.name, "carried", why, (), (), identity, model, inner)], touches
-    return [StagePlan(level.name, level.name, "run", f"{', '.join(free)} anew", free, records, identity, model, inner)], touches
+        return [StagePlan(level.name, level.name, "carried", why, (), (), identity, model, inner, starts=starts)], touches
+    why = f"{', '.join(free)} anew"
+    return [StagePlan(level.name, level.name, "run", why, free, records, identity, model, inner, starts=starts)], touches
 
 
-def _touches(done: Calibration, level: Level, inner: str, new: Model) -> list[Touch]:
-    """Return the values of a stage that act at the part's interfaces, with the old part or the new one."""
+def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[Split, ...]]:
+    """Return the values of a stage that act at the part's interfaces, and those of the place that it decides and that start anew."""
     model = done.fitted_model
     values, found = ParameterSet(model), touching(model, inner)
-    states = [(model, _at_rest(done, "")), (model.replace(inner, new), _at_rest(done, inner))]
-    known = ParameterSet(states[1][0]).table
-    rest = [_observed(_steady(m, s), done) for m, s in states]
+    bare, what = model.replaced(inner, new)
+    after = what.starting(bare)
+    known = ParameterSet(after)
+    numbers = known.evaluate({})
+    fitted = done.values.assignments
+    behind = {s.path: [p for p in fitted if s.path in values.downstream([p])] for s in what.split if s.path in values.table}
+    starts = tuple(s for s in what.split if behind.get(s.path))
+    anew = {p: s.path for s in starts for p in behind[s.path]}
+    rest = _at_rest(done, inner)
+    still = _observed(_steady(after, rest), done)
     out = []
-    for path, v in done.values.parameters.items():
+    for path in dict.fromkeys((*(s.path for s in starts), *fitted)):
         through, elsewhere = found.why(values, path)
         inside = path.startswith(f"{inner}.") and path not in found.settings
-        if path not in known or not (through or inside):
+        if path not in known.table or not (through or inside) or (path in anew and anew[path] != path and not elsewhere):
             continue
-        share = 1.1 if 1.1 * v.value <= v.bounds[1] else 0.9
-        kelvin = 0.0
-        for (m, s), still in zip(states, rest, strict=True):
-            changed = m.with_values({path: replace(v, value=share * v.value)}, "a change of 10 %")
-            kelvin = max(kelvin, *(abs(t - still[o]) for o, t in _observed(_steady(changed, s), done).items()))
+        given = known.table[path].parameter
+        high = given.maximum if given.maximum is not None else np.inf
+        number = float(numbers[path]) * (1.1 if 1.1 * float(numbers[path]) <= high else 0.9)
+        changed = after.with_values({path: exact(number, given.unit)}, "a change of 10 %") if given.is_literal else after
+        moved = _observed(_steady(changed, rest), done)
+        kelvin = max(abs(t - still[o]) for o, t in moved.items())
         held = ""
-        if elsewhere:
-            held = f"shared with {', '.join(elsewhere)}, which the swap leaves alone; give the part's joint a value of its own to free it"
+        if path in anew and anew[path] != path:
+            held = f"stays with {', '.join(elsewhere)}; {anew[path]} has a number of its own"
+        elif elsewhere and path not in anew:
+            held = f"shared with {', '.join(elsewhere)}, which the swap leaves alone"
         elif kelvin < FELT and not inside:
             held = f"10 % move no sensor by {FELT} K"
         out.append(Touch(level.name, path, tuple(through) or ("the part itself",), kelvin, held))
-    return out
+    return out, starts
 
 
 def _at_rest(done: Calibration, without: str) -> Scenario:
-    """Return the last record of a fit with every input at its mean; loads of a part are left to its deck."""
+    """Return the last record of a fit with every input at its mean; loads of a part, where one is named, are left to its deck."""
     given = done.experiments[-1].bare
 
     def constant(signals: Mapping[str, Any], unit: str) -> dict[str, Any]:
@@ -150,12 +167,14 @@ def _at_rest(done: Calibration, without: str) -> Scenario:
 
 
 def _watts(model: Model, scenario: Scenario, part: str) -> float:
-    """Return the power of a part by its deck, commands at their means. [W]"""
+    """Return the power of a part: by its deck, or as a scenario gives it. [W]"""
     from thermid.dual import value_of
     from thermid.network.network import compile_network
 
+    given = {model.canonical(n): v.value for n, v in scenario.loads.items() if isinstance(v, Constant)}
     rows = compile_network(model, media=scenario.media()).numbers().loads
-    return sum(float(value_of(row.coefficients[0])) for row in rows if row.name.startswith(f"{part}."))
+    inside = {row.name: float(value_of(row.coefficients[0])) for row in rows if row.name.startswith(f"{part}.")}
+    return float(sum(given.get(name, watts) for name, watts in inside.items()))
 
 
 def _steady(model: Model, scenario: Scenario) -> Mapping[str, float]:

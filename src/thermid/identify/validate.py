@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,8 +13,10 @@ from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.looks import Look
 from thermid.identify.request import LocalSpec, Reading, Request
+from thermid.identify.residuals import Block
 from thermid.identify.sensor_parts import as_found
 from thermid.identify.statistics import SensorStatistics
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
 from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario
@@ -103,9 +105,10 @@ class Verdict:
     checks : tuple of Check
     statistics : dict               Sensor -> SensorStatistics.
     fitted_locally : tuple of str   What was fitted to this very record; the verdict is then conditional on it.
-    prediction : Calibration        Measured and predicted readings.
+    prediction : Calibration        Measured and predicted readings; None where it was not judged.
     title : str                     What it is about.
     failed_before : tuple of Look   Failed verdicts on this record by other values, of which the results folder knows.
+    standing : Standing             Of the values that were judged, before the verdict.
     """
 
     model: str
@@ -113,14 +116,20 @@ class Verdict:
     checks: tuple[Check, ...]
     statistics: Mapping[str, SensorStatistics]
     fitted_locally: tuple[str, ...]
-    prediction: Calibration
+    prediction: Calibration | None
     title: str = ""
     failed_before: tuple[Look, ...] = ()
+    standing: Standing = UNJUDGED
 
     @property
-    def passed(self) -> bool:
-        """Whether every criterion is met."""
-        return all(c.passed for c in self.checks)
+    def passed(self) -> bool | None:
+        """Whether every criterion is met; None where the values were not judged, because they are not credible."""
+        return all(c.passed for c in self.checks) if self.prediction is not None else None
+
+    @property
+    def blocks(self) -> Sequence[Block]:
+        """Measured and predicted readings; none where it was not judged."""
+        return self.prediction.blocks if self.prediction is not None else ()
 
     @property
     def unseen(self) -> bool:
@@ -134,9 +143,11 @@ class Verdict:
 
     def __str__(self) -> str:
         """Return the verdict as text, criterion by criterion."""
+        about = f" ({self.title})" if self.title else ""
+        if self.passed is None:
+            return f"{self.model} on {self.record}{about}: NOT JUDGED; the record stays unopened. {self.standing.line(self.model)}"
         word = "PASSED" if self.passed else "FAILED"
         condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.conditional else ""
-        about = f" ({self.title})" if self.title else ""
         lines = [f"{self.model} on {self.record}{about}: {word}{condition}"]
         if self.failed_before:
             first = self.failed_before[0]
@@ -179,7 +190,13 @@ def validate(
     Raises
     ------
     IdentificationError   When the record was used by a fit, whatever was cut from it since.
+
+    Notes
+    -----
+    Values that are not credible, or rest on such, are not judged: the verdict says so, and the record is not looked at.
     """
+    if not calibration.standing.judgeable:
+        return not_judged(calibration, record.name, title)
     user = calibration.seen.get(record.origin.sha256)
     if user is not None:
         raise IdentificationError(f"record '{record.name}' was used by {user}; a validation needs data that no fit has seen.")
@@ -208,4 +225,9 @@ def validate(
         found = {"rmse": s.rmse, "max_error": abs(s.largest), "mean_error": abs(s.mean)}
         checks += [Check(sensor, k, found[k], limit) for k, limit in criteria.limits(sensor).items()]
     locally = tuple(dict.fromkeys(i.name for i in prediction.local))
-    return Verdict(calibration.stage, record.name, tuple(checks), statistics, locally, prediction, title)
+    return Verdict(calibration.stage, record.name, tuple(checks), statistics, locally, prediction, title, standing=calibration.standing)
+
+
+def not_judged(calibration: Calibration, record: str, title: str = "") -> Verdict:
+    """Return that values are not credible, so that the record was not opened for them."""
+    return Verdict(calibration.stage, record, (), {}, (), None, title, standing=calibration.standing)

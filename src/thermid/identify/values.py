@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from thermid.files import VALUES, parse_toml, read_text, write_text
 from thermid.model.parameter import Parameter
 from thermid.units import unit
 
-__all__ = ["FittedValue", "FittedValues", "load_values"]
+__all__ = ["FittedValue", "FittedValues", "load_values", "view"]
 
 Array = NDArray[np.float64]
 
@@ -43,6 +43,7 @@ class FittedValue:
                             (the constant error of a logged boundary or power), or 'level' (of a joint fit: a parameter of a level below,
                             which the uppermost model sets otherwise).
     also : tuple of str     Paths of other instances that share the value.
+    standing : Standing     How far it may be trusted: that of its fit.
     prior : (float, float)  Mean and standard deviation, fitted form, of the prior that its error already holds; None without.
     """
 
@@ -58,17 +59,11 @@ class FittedValue:
     kind: str = "parameter"
     prior: tuple[float, float] | None = None
     also: tuple[str, ...] = ()
+    standing: Standing = UNJUDGED
 
     def as_parameter(self) -> Parameter:
         """Return it as a parameter of a model."""
-        of = unit(self.unit)
-        plain = (self.value - float(of.offset)) / float(of.factor)
-        text = f"{plain!r} [{self.unit}]"
-        # the float itself is kept, so that a value does not change by being written and read
-        import ast
-
-        tree = ast.parse(repr(abs(plain)), mode="eval").body
-        return Parameter(Expression(text, (), Literal(self.value, of), tree), source="", note=self.origin)
+        return exact(self.value, self.unit, self.origin)
 
     def shown(self, difference: float) -> float:
         """Return an SI difference, such as an error, in the value's unit."""
@@ -95,14 +90,12 @@ class FittedValues(Mapping[str, FittedValue]):
     items_ : dict                   Path -> FittedValue.
     covariance : array              Of the fitted forms, in the order of `items_`.
     provenance : dict               Records with checksums, version, date.
-    weights : array or None         The covariance that the weights of the fit stand for, where wandering residuals made the errors wider.
     """
 
     stage: str
     items_: Mapping[str, FittedValue]
     covariance: Array
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    weights: Array | None = None
 
     def __getitem__(self, path: str) -> FittedValue:
         """Return one value.
@@ -148,8 +141,7 @@ class FittedValues(Mapping[str, FittedValue]):
     def _some(self, kept: Sequence[int], items: Mapping[str, FittedValue]) -> FittedValues:
         """Return the values at some positions."""
         own = np.ix_(kept, kept)
-        weights = self.weights[own] if self.weights is not None else None
-        return FittedValues(self.stage, items, self.covariance[own], self.provenance, weights)
+        return FittedValues(self.stage, items, self.covariance[own], self.provenance)
 
     def draws(self, members: int, seed: int) -> dict[str, Array]:
         """Return path -> value of every member (members,) for `ensemble`, normal in the fitted forms with their covariance.
@@ -174,6 +166,15 @@ class FittedValues(Mapping[str, FittedValue]):
             values = v.value * np.exp(row) if v.log else v.value + row
             out |= dict.fromkeys((path, *v.also), values)
         return out
+
+    @property
+    def standing(self) -> Standing:
+        """The worst standing among them; unjudged where there is none."""
+        return worst(v.standing for v in self.items_.values()) if self.items_ else UNJUDGED
+
+    def judged(self, standing: Standing) -> FittedValues:
+        """Return the values with another standing."""
+        return replace(self, items_={p: replace(v, standing=standing) for p, v in self.items_.items()})
 
     @property
     def parameters(self) -> dict[str, FittedValue]:
@@ -202,6 +203,7 @@ class FittedValues(Mapping[str, FittedValue]):
         document.add(tomlkit.comment("Fitted values. Written by thermid; the decks stay as their authors wrote them."))
         document.add("schema", 1)
         document.add("stage", self.stage)
+        document.add("standing", self.standing.kept())
         document.add("provenance", dict(self.provenance))
         table = tomlkit.table(is_super_table=True)
         for name, v in self.items_.items():
@@ -226,6 +228,28 @@ class FittedValues(Mapping[str, FittedValue]):
         if self.weights is not None:
             document.add("weights", [[float(x) for x in row] for row in self.weights])
         write_text(path, tomlkit.dumps(document), VALUES.of(self.stage))
+
+
+def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
+    """Return some states of a store as fitted values, with their covariance."""
+    states = [store[p] for p in paths]
+    covariance = store.covariance(paths, KNOWN)
+    for k, s in enumerate(states):
+        if not s.known:
+            covariance[k, k] = np.inf
+    items = {}
+    for s in states:
+        name, *also = s.acts or (s.path,)
+        numbers = (s.value, store.error(s.path), s.random, s.log, s.unit, s.start, s.bounds)
+        items[name] = FittedValue(name, *numbers, _words(s), s.kind, s.prior, tuple(also), s.standing)
+    return FittedValues(stage, items, covariance, store.provenance.get(stage, {}))
+
+
+def _words(state: State) -> str:
+    """Return stage and records of a state, for people."""
+    records = list(state.origin.records)
+    shown = ", ".join(records) if len(records) <= 4 else f"{records[0]} ... {records[-1]} ({len(records)} records)"
+    return f"{state.origin.stage}: {shown}" if shown else str(state.origin)
 
 
 def _finite(number: float) -> float | str:
@@ -259,11 +283,11 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
                 v["kind"],
                 (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None,
                 tuple(v.get("also", ())),
+                standing,
             )
             for name, v in data["values"].items()
         }
         covariance = np.array(data["covariance"], dtype=float).reshape(len(items), len(items))
-        weights = np.array(data["weights"], dtype=float).reshape(covariance.shape) if "weights" in data else None
-        return FittedValues(data["stage"], items, covariance, data["provenance"], weights)
+        return FittedValues(data["stage"], items, covariance, data["provenance"])
     except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError, UnicodeDecodeError) as error:
         raise DeckError(f"this is no values file of thermid: {error}.", target.name) from None

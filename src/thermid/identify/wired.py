@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.identify.experiment import Experiment
+from thermid.memo import Memo
 from thermid.simulation.engine import Engine, Options
 from thermid.simulation.squares import Squares, Weighing
 from thermid.simulation.traces import Traces, kept_for
@@ -19,6 +19,8 @@ from thermid.simulation.wiring import Wiring
 __all__ = ["Bench"]
 
 Array = NDArray[np.float64]
+KEPT = 32
+"""Benches of one experiment that are kept: a search for a second clock asks for many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +31,18 @@ class Bench:
     free: tuple[str, ...]
     wiring: Wiring
     engine: Engine
-    _readings: list[Any] = field(default_factory=list, repr=False)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @classmethod
-    def of(cls, experiment: Experiment, free: Sequence[str]) -> Bench:
-        """Return the bench of an experiment."""
-        wiring = Wiring(experiment.network, experiment.scenario, free)
-        return cls(experiment, tuple(free), wiring, Engine(wiring))
+    def of(cls, experiment: Experiment, free: Sequence[str], at: tuple[float, float] | None = None) -> Bench:
+        """Return the bench of an experiment, made once, with its second clock at an offset [s] and rate other than its own if asked."""
+
+        def made() -> Bench:
+            moved = experiment if at is None or experiment.ticks is None else experiment.ticks.moved(experiment, at)
+            wiring = Wiring(moved.network, moved.scenario, free)
+            return cls(moved, tuple(free), wiring, Engine(wiring))
+
+        return experiment.memo.made((tuple(free), at), made, KEPT)
 
     def temperatures(
         self, x: Array, gradients: bool, options: Options, times: Array | None = None, *, from_rest: bool = False
@@ -80,13 +87,14 @@ class Bench:
         for k, place, _ in self.scales():
             one = Dual(1.0 + x[place], np.eye(size)[place]) if gradients else 1.0 + x[place]
             parts[k], scaled[k] = {node: one * weight for node, weight in parts[k].items()}, True
-        if not self._readings:
-            given = self.engine.readings(times, [tuple(p) for p in parts], [o.index for o in seen], [o.measured for o in seen], scaled)
-            self._readings.append(given)
+        readings = self.memo.made(
+            "readings",
+            lambda: self.engine.readings(times, [tuple(p) for p in parts], [o.index for o in seen], [o.measured for o in seen], scaled),
+        )
         numbers = [number for p in parts for number in p.values()]
         weights = np.array([value_of(n) for n in numbers]), np.array([gradient_of(n, size) for n in numbers]).reshape(len(numbers), size)
         duration = max(self.experiment.scenario.seconds, float(times[-1]))
-        return self.engine.least_squares(assembled, self._readings[0], weights, weighing, duration, options, gradients, mesh)
+        return self.engine.least_squares(assembled, readings, weights, weighing, duration, options, gradients, mesh)
 
 
 def _parts(node: str, recover: Mapping[str, Mapping[str, Number]]) -> dict[str, Number]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import Number, gradient_of, value_of
 from thermid.errors import DeckError, nearest
+from thermid.memo import Memo
 from thermid.model.elements import Enclosure, Surface
 from thermid.model.kinds import Law
 from thermid.model.signal import literal
@@ -106,7 +107,7 @@ def enclosure_to(enclosure: Enclosure) -> dict[str, Any]:
     return out | ({"rest": enclosure.rest} if enclosure.rest else {})
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class _Exchange:
     """The exchange areas of an enclosure at the values of its faces; the latest are kept, since every pair asks for them."""
 
@@ -115,7 +116,7 @@ class _Exchange:
     faces: Sequence[Face]
     rest: bool
     where: str
-    _latest: dict[bytes, list[list[Number]]] = field(default_factory=dict)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def at(self, values: Mapping[str, Number]) -> list[list[Number]]:
         """Return the exchange areas (faces, faces), the rest as a last face. [m^2]"""
@@ -123,9 +124,7 @@ class _Exchange:
         grey = [values[f"{f.path}.emissivity"] for f in self.faces]
         free = max((gradient_of(x, 0).size for x in (*areas, *grey)), default=0)
         key = np.concatenate([[value_of(x), *gradient_of(x, free)] for x in (*areas, *grey)]).tobytes()
-        if key not in self._latest:
-            self._latest = {key: self._found(areas, grey)}
-        return self._latest[key]
+        return self.memo.made(key, lambda: self._found(areas, grey), 1)
 
     def _found(self, areas: list[Number], grey: list[Number]) -> list[list[Number]]:
         for face, number in zip(self.faces, grey, strict=True):
@@ -174,6 +173,19 @@ class _Exchange:
         return [[0.5 * (areas[i] * factors[i, j] + areas[j] * factors[j, i]) for j in each] for i in each]
 
 
+@dataclass(frozen=True, eq=False)
+class _Recipe:
+    """The law of one pair of faces at some values."""
+
+    exchange: _Exchange
+    first: int
+    second: int
+
+    def __call__(self, values: Mapping[str, Any]) -> Law:
+        """Return it."""
+        return Law("radiation", (STEFAN_BOLTZMANN * self.exchange.at(values)[self.first][self.second],), "radiation")
+
+
 def pairs(path: str, enclosure: Enclosure, faces: Sequence[Face], rest: str, where: str) -> list[Pair]:
     """Return the radiating pairs of an enclosure.
 
@@ -194,12 +206,5 @@ def pairs(path: str, enclosure: Enclosure, faces: Sequence[Face], rest: str, whe
     for i, (first, a) in enumerate(nodes):
         for j, (second, b) in enumerate(nodes[:i]):
             if a != b:
-                out.append(Pair(f"{path}.{second}.{first}", (b, a), fields, _recipe(exchange, j, i)))
+                out.append(Pair(f"{path}.{second}.{first}", (b, a), fields, _Recipe(exchange, j, i)))
     return out
-
-
-def _recipe(exchange: _Exchange, i: int, j: int) -> Callable[[Mapping[str, Any]], Law]:
-    def recipe(values: Mapping[str, Any]) -> Law:
-        return Law("radiation", (STEFAN_BOLTZMANN * exchange.at(values)[i][j],), "radiation")
-
-    return recipe

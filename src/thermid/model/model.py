@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.errors import NameNotFoundError, nearest
 from thermid.model.elements import Conductor, Enclosure, HeatLoad, Joint, Node, Surface
 from thermid.model.parameter import Parameter, parameter
+from thermid.model.standing import UNJUDGED
 
 if TYPE_CHECKING:
+    from thermid.model.replacement import Replacement
     from thermid.model.rules import Finding
 
 __all__ = ["Layer", "Model", "Submodel"]
@@ -30,7 +32,7 @@ class Submodel:
     ----------
     model : Model       The part.
     bind : dict         Need of the part -> path of a node of the user.
-    definition : str    Identity of the definition; instances of one definition share fitted values.
+    definition : str    Hash of its deck as it was read, see `definition_of`; instances of one definition share their values.
     """
 
     model: Model
@@ -46,10 +48,12 @@ class Layer:
     ----------
     origin : str        Who set them: a stage, the command line, a caller.
     values : dict       Path -> Parameter.
+    ties : tuple        Groups of its paths that one fitted value stands for.
     """
 
     origin: str
     values: Mapping[str, Parameter]
+    ties: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,7 @@ class Model:
     submodels : dict            Name -> Submodel.
     settings : dict             Path -> Parameter: the deck's own [set], over the decks of its submodels.
     layers : tuple of Layer     Values laid over it, the last one winning; a user's [set] wins over them.
+    cuts : tuple of str         Instances and values that share with no other, although one deck writes them.
     aliases : dict              Other name -> canonical path.
     box : str                   white, light grey, dark grey or black.
     use : str                   The intended use, in words.
@@ -86,6 +91,7 @@ class Model:
     submodels: Mapping[str, Submodel] = field(default_factory=dict)
     settings: Mapping[str, Parameter] = field(default_factory=dict)
     layers: tuple[Layer, ...] = ()
+    cuts: tuple[str, ...] = ()
     aliases: Mapping[str, str] = field(default_factory=dict)
     box: str = "light grey"
     use: str = ""
@@ -171,22 +177,30 @@ class Model:
         raise NameNotFoundError(f"nothing at '{path}'.{nearest(path, known)}", self.title)
 
     @takes_objects
-    def with_values(self, values: Mapping[str, Any], origin: str = "caller") -> Model:
+    def with_values(self, values: Mapping[str, Any], origin: str = "caller", at: str = "") -> Model:
         """Return the model with values laid over it.
+
+        Given to one of several instances of a deck, a value cuts it from the others: `check` says so. A fitted value given to several
+        instances stays one value of them all.
 
         Parameters
         ----------
         values : dict   Path -> text with unit, `Parameter`, or anything with ``as_parameter()`` such as a fitted value.
         origin : str    Who sets them.
+        at : str        Path of a submodel whose own values these are, by their paths there: what a [set] above says still wins over them.
 
         Raises
         ------
         NameNotFoundError   When a path is no parameter of the model.
         """
+        from thermid.model.identity import laid_ties
         from thermid.model.resolve import parameter_table
 
+        if at:
+            return self.with_part(at, self.submodel(at).with_values(values, origin))
         known = parameter_table(self)
         layer: dict[str, Parameter] = {}
+        shared: dict[int, list[str]] = {}
         for raw, value in values.items():
             path = self.canonical(raw)
             if path not in known:
@@ -194,38 +208,81 @@ class Model:
             given = value.as_parameter() if hasattr(value, "as_parameter") else parameter(value, path)
             old = known[path].parameter
             keep = {k: getattr(old, k) for k in ("minimum", "maximum") if getattr(given, k) is None}
-            layer[path] = replace(given, **keep, note=given.note or old.note)
-        return replace(self, layers=(*self.layers, Layer(origin, layer))) if layer else self
+            standing = getattr(value, "standing", None) or UNJUDGED
+            layer[path] = replace(given, **keep, note=given.note or old.note, standing=standing)
+            if hasattr(value, "as_parameter"):
+                shared.setdefault(id(value), []).append(path)
+        if not layer:
+            return self
+        cuts, ties = laid_ties(self, layer, list(shared.values()))
+        cut = self.cut(*cuts)
+        return replace(cut, layers=(*cut.layers, Layer(origin, layer, ties)))
 
     @takes_objects
-    def replace(self, path: str, new: Model) -> Model:
-        """Return the model with the submodel at `path` replaced.
+    def cut(self, *places: str) -> Model:
+        """Return the model in which some instances or values share with no other; numbers stay as they are.
+
+        Parameters
+        ----------
+        places : str    Paths of submodels or of values.
 
         Raises
         ------
-        DeckError   When the new part needs or offers other ports than are used; the message names them.
+        NameNotFoundError   When a path is neither.
+        """
+        from thermid.model.identity import cut_layers, instances
+        from thermid.model.resolve import parameter_table
+
+        if not places:
+            return self
+        known = {*(prefix.removesuffix(".") for prefix, _ in instances(self)), *parameter_table(self)}
+        cuts, layers = dict.fromkeys(self.cuts), self.layers
+        for raw in places:
+            place = self.canonical(raw)
+            if place not in known:
+                raise NameNotFoundError(f"no submodel or parameter '{raw}' to be cut.{nearest(place, known)}", self.title)
+            cuts[place], layers = None, cut_layers(layers, place)
+        return replace(self, cuts=tuple(cuts), layers=layers)
+
+    @takes_objects
+    def with_part(self, path: str, changed: Model) -> Model:
+        """Return the model with a submodel in another state; it stays the same part, and what lies over it stays too.
+
+        Raises
+        ------
+        NameNotFoundError   When there is no such submodel.
         """
         head, _, rest = self.canonical(path).partition(".")
-        if head not in self.submodels:
-            raise NameNotFoundError(f"no submodel '{head}'.{nearest(head, self.submodels) or self._parts()}", self.title)
+        self.submodel(head)
         old = self.submodels[head]
-        if rest:
-            changed = old.model.replace(rest, new)
-            return replace(self, submodels={**self.submodels, head: Submodel(changed, old.bind, changed.identity())})
-        from thermid.model.names import used_offers
+        inner = old.model.with_part(rest, changed) if rest else changed
+        return replace(self, submodels={**self.submodels, head: replace(old, model=inner)})
 
-        gone = sorted(used_offers(self, head) - {new.canonical(offer) for offer in new.offers})
-        unbound = sorted(set(new.needs) - set(old.bind))
-        if gone or unbound:
-            has, new_has = (", ".join(sorted({*m.needs, *m.offers})) for m in (old.model, new))
-            lack = "; ".join(
-                [f"it does not offer {g}, which is used here" for g in gone] + [f"its need {u} is bound to nothing" for u in unbound]
-            )
-            raise DeckError(
-                f"'{path}' has ports {has}; its replacement has {new_has}: {lack}. Add the port or keep the old part.", self.title
-            )
-        kept = {need: node for need, node in old.bind.items() if need in new.needs}
-        return replace(self, submodels={**self.submodels, head: Submodel(new, kept, new.identity())})
+    @takes_objects
+    def replace(self, path: str, new: Model, keep: Sequence[str] = ()) -> Model:
+        """Return the model with the submodel at `path` replaced; see `replaced`, which says what became of the old one's values too."""
+        return self.replaced(path, new, keep)[0]
+
+    @takes_objects
+    def replaced(self, path: str, new: Model, keep: Sequence[str] = ()) -> tuple[Model, Replacement]:
+        """Return the model with the submodel at `path` replaced, and what became of the values there.
+
+        The new part has the values of its own deck. What a [set], a stage or a caller gave the old one is dropped at every level, with
+        its ties; twins keep theirs. What a deck above derives from its own values stays. `with_part` changes the state of one part.
+
+        Parameters
+        ----------
+        path : str      The submodel.
+        new : Model     The new part.
+        keep : list     Paths inside the part whose rows stay as they are, and fields of joints that stay shared.
+
+        Raises
+        ------
+        DeckError   When the new part needs or offers other ports than are used, or lacks a value that a deck above reads.
+        """
+        from thermid.model.replacement import replaced
+
+        return replaced(self, path, new, keep)
 
     def interfaces(self) -> tuple[str, ...]:
         """Return the paths of the parameters that belong to no part alone: what a submodel stage tunes."""
@@ -251,12 +308,22 @@ class Model:
 
         tables: dict[str, Any] = {t: {n: e for n, e in getattr(self, t).items() if not e.test_only} for t in TABLES}
         inner = {n: replace(s, model=s.model.without_test_only()) for n, s in self.submodels.items()}
-        bare = replace(self, **tables, submodels=inner, settings={}, layers=())
+        bare = replace(self, **tables, submodels=inner, settings={}, layers=(), cuts=())
         values, names = parameter_table(bare), local_names(bare)
         return replace(
             bare,
             offers=tuple(o for o in self.offers if bare.canonical(o) in names),
             aliases={a: p for a, p in self.aliases.items() if bare.canonical(p) in names},
             settings={p: v for p, v in self.settings.items() if bare.canonical(p) in values},
-            layers=tuple(Layer(x.origin, {p: v for p, v in x.values.items() if bare.canonical(p) in values}) for x in self.layers),
+            layers=tuple(
+                Layer(x.origin, {p: v for p, v in x.values.items() if bare.canonical(p) in values}, _among(x.ties, values))
+                for x in self.layers
+            ),
+            cuts=tuple(c for c in self.cuts if c in values or c in names),
         )
+
+
+def _among(ties: tuple[tuple[str, ...], ...], known: Container[str]) -> tuple[tuple[str, ...], ...]:
+    """Return the groups of what is still there."""
+    kept = (tuple(p for p in group if p in known) for group in ties)
+    return tuple(group for group in kept if len(group) > 1)

@@ -15,8 +15,9 @@ from thermid.expression import NAME
 from thermid.files import parse_toml, read_text
 from thermid.model.build import elements_from
 from thermid.model.curves import Curve
+from thermid.model.identity import definition_of
 from thermid.model.lines import line_numbers
-from thermid.model.model import Model, Submodel
+from thermid.model.model import Layer, Model, Submodel
 from thermid.model.parameter import Parameter, parameter
 
 __all__ = ["load_model", "model_from_dict", "project_root", "refuse_another_kind", "resolve_inside", "save_model", "to_dict"]
@@ -135,7 +136,7 @@ def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loa
             return _load(resolve_inside(path.parent, name, where), (*trail, here), known)
 
         model = model_from_dict(data, file=path.name, lines=lines, use=use)
-        known[here] = model, model.identity()
+        known[here] = model, definition_of(model)
     return known[here]
 
 
@@ -172,7 +173,7 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
     submodels = {}
     for name, table in deck["submodels"].items():
         if name in inner:
-            part, definition = inner[name], inner[name].identity()
+            part, definition = inner[name], definition_of(inner[name])
         elif use is None:
             raise DeckError("a file can be used from a deck only; give a Model here.", where(f"submodels.{name}.use"))
         else:
@@ -194,7 +195,7 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
         **elements,
     )
     _check_names(model)
-    return model
+    return model.cut(*deck["cuts"])
 
 
 def _tables(value: Any) -> list[tuple[str, Mapping[str, Any]]]:
@@ -261,8 +262,13 @@ def _alias_in(model: Model, path: str) -> str | None:
     return next((a for a in (path, path.partition(".")[0]) if a in model.aliases), None)
 
 
-def to_dict(model: Model) -> dict[str, Any]:
-    """Return the dictionary that describes a model, without its layers; submodels stand as dictionaries under `use`."""
+def to_dict(model: Model, bare: bool = False) -> dict[str, Any]:
+    """Return the dictionary that describes a model; submodels stand as dictionaries under `use`.
+
+    Parameters
+    ----------
+    bare : bool     Leave out what was laid over the decks or cut.
+    """
     from thermid.model.written import elements_to
 
     out: dict[str, Any] = {"title": model.title, "box": model.box}
@@ -271,12 +277,19 @@ def to_dict(model: Model) -> dict[str, Any]:
             out[key] = value
     out["parameters"] = {n: value_to(p) for n, p in model.parameters.items()}
     out |= elements_to(model)
-    out["submodels"] = {n: {"use": to_dict(s.model), "bind": dict(s.bind)} for n, s in model.submodels.items()}
+    out["submodels"] = {n: {"use": to_dict(s.model, bare), "bind": dict(s.bind)} for n, s in model.submodels.items()}
     out["set"] = {n: value_to(p) for n, p in model.settings.items()}
-    if model.layers:
-        out["layers"] = [{"origin": layer.origin, "values": {n: value_to(p) for n, p in layer.values.items()}} for layer in model.layers]
+    if not bare:
+        out["layers"] = [_layer_to(layer) for layer in model.layers]
+        out["cuts"] = list(model.cuts)
     out["aliases"] = dict(model.aliases)
     return {k: v for k, v in out.items() if v not in ({}, [])}
+
+
+def _layer_to(layer: Layer) -> dict[str, Any]:
+    """Return a layer as a dictionary, with the groups of paths that it lays as one value."""
+    out = {"origin": layer.origin, "values": {n: value_to(p) for n, p in layer.values.items()}}
+    return {**out, "ties": [list(group) for group in layer.ties]} if layer.ties else out
 
 
 def value_to(given: Parameter) -> Any:
@@ -298,7 +311,8 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     Raises
     ------
     DeckError       When two different submodels would be written to one file.
-    OutputError     When a deck is there that thermid did not write, or that was changed since; with `like` the deck itself it is changed.
+    OutputError     When a deck is there that thermid did not write, or that was changed since; the deck that `like` names may be
+                    overwritten.
     """
     from thermid.model.save import write
 

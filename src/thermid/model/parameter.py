@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, get_args
 
 from thermid.errors import DeckError, ThermidError, UnitError
-from thermid.expression import Expression, parse
+from thermid.expression import Expression, Literal, parse
 from thermid.model.options import Source
+from thermid.model.standing import Standing
 from thermid.units import describe, unit
 
-__all__ = ["Parameter", "parameter"]
+__all__ = ["Parameter", "exact", "parameter"]
 
 SOURCES: Final = get_args(Source)
 
@@ -26,6 +27,8 @@ class Parameter:
     minimum, maximum : float    Bounds, or None. [SI]
     source : str                published, datasheet, derived, assumed, measured, or empty.
     note, basis : str           Free text: what it is, and what it rests on.
+    standing : Standing         How far a value that was laid over a model may be trusted; None for that of a deck. It is no part of what
+                                the value is: two that differ in it alone are equal.
     """
 
     expression: Expression
@@ -34,6 +37,7 @@ class Parameter:
     source: str = ""
     note: str = ""
     basis: str = ""
+    standing: Standing | None = field(default=None, compare=False, repr=False)
 
     @property
     def text(self) -> str:
@@ -49,6 +53,16 @@ class Parameter:
     def unit(self) -> str:
         """The unit it was written in; empty for a derived value."""
         return self.expression.literal.unit.text if self.expression.literal else ""
+
+
+def exact(value: float, unit_text: str, note: str = "") -> Parameter:
+    """Return an SI number as a parameter written in a unit; the float itself is kept, so that writing and reading do not change it."""
+    import ast
+
+    of = unit(unit_text)
+    plain = (value - float(of.offset)) / float(of.factor)
+    tree = ast.parse(repr(abs(plain)), mode="eval").body
+    return Parameter(Expression(f"{plain!r} [{unit_text}]", (), Literal(value, of), tree), source="", note=note)
 
 
 def _bound(value: Any, expression: Expression) -> float | None:

@@ -11,7 +11,10 @@ from thermid.model.model import Model
 from thermid.model.parameter import Parameter, check_bounds
 from thermid.units import Dimension
 
-__all__ = ["Entry", "ParameterSet", "parameter_table"]
+__all__ = ["Entry", "ParameterSet", "deck_text", "parameter_table"]
+
+
+SET = "[set] of "
 
 
 @dataclass(frozen=True)
@@ -49,11 +52,17 @@ def parameter_table(model: Model, prefix: str = "") -> dict[str, Entry]:
     for name, part in model.submodels.items():
         table |= parameter_table(part.model, f"{prefix}{name}.")
     for raw, given in model.settings.items():
-        _lay(table, model, prefix, raw, given, f"[set] of {model.title}", model.where(f"set.{raw}"))
+        _lay(table, model, prefix, raw, given, f"{SET}{model.title}", model.where(f"set.{raw}"))
     for layer in model.layers:
         for raw, given in layer.values.items():
             _lay(table, model, prefix, raw, given, layer.origin, f"{layer.origin}, {raw}")
     return table
+
+
+def deck_text(entry: Entry) -> str:
+    """Return the text that the decks have of a value: that of the outermost [set], or of the deck of the part; layers are left out."""
+    every = [*entry.shadowed, (entry.origin, entry.parameter.text)]
+    return next((text for origin, text in reversed(every[1:]) if origin.startswith(SET)), every[0][1])
 
 
 def _lay(table: dict[str, Entry], model: Model, prefix: str, raw: str, given: Parameter, origin: str, where: str) -> None:

@@ -15,6 +15,7 @@ from thermid.dual import value_of
 from thermid.errors import ThermidError
 from thermid.model.curves import evaluate
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
+from thermid.model.identity import APART, cuts_of, local_identities
 from thermid.model.model import Model
 from thermid.model.takes import exposed_area
 
@@ -199,6 +200,33 @@ def _shadowed(view: _View) -> Iterator[Finding]:
             yield Finding("note", entry.where, f"'{path}' is {entry.parameter.text}, set by {entry.origin}; it hides {hidden}.")
 
 
+def _ties(view: _View) -> Iterator[Finding]:
+    """Values that several instances share, and what is cut from its twins."""
+    literals = {path for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
+    known = {one.paths: one for path, one in local_identities(view.model).items() if path in literals}
+    shared: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    where = view.model.where("")
+    for paths, one in known.items():
+        if one.why == APART:
+            yield Finding("note", where, f"{_list(list(paths))}: set for this instance; its twins have another value.")
+        elif len(paths) > 1:
+            field = _ending(paths)
+            places = tuple(p.removesuffix(field).rstrip(".") for p in paths)
+            shared.setdefault((one.why, places), []).append(field.lstrip("."))
+    for (why, places), fields in shared.items():
+        values = "one value" if len(fields) == 1 else f"each of {len(fields)} values"
+        yield Finding("note", where, f"{_list(list(places))} share {values}, {why}: {_list(fields)}. A fit changes all instances together.")
+    for place in cuts_of(view.model):
+        yield Finding("note", where, f"'{place}' is cut from its twins: a fit finds values of its own.")
+
+
+def _ending(paths: tuple[str, ...]) -> str:
+    """Return the steps at the end that all paths have in common."""
+    steps = [p.split(".")[::-1] for p in paths]
+    count = next((n for n, row in enumerate(zip(*steps, strict=False)) if len(set(row)) > 1), min(map(len, steps)))
+    return ".".join(steps[0][:count][::-1])
+
+
 def _unused(view: _View) -> Iterator[Finding]:
     """A declared parameter that nothing needs, neither as written nor after values were laid over it."""
     table = view.flat.parameters.table
@@ -289,6 +317,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _fractions,
     _absorptances,
     _shadowed,
+    _ties,
     _test_only,
     _effective,
     _sources,

@@ -232,6 +232,7 @@ class Deck(_Strict):
     loads: dict[str, LoadTable] = {}
     submodels: dict[str, SubmodelTable] = {}
     set: dict[str, Value] = {}
+    cuts: list[str] = []
     aliases: dict[str, str] = {}
 
 

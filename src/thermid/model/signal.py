@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thermid.errors import ScenarioError, ThermidError
 from thermid.expression import parse
 from thermid.units import require
+from thermid.units import unit as read_unit
 
 __all__ = ["Constant", "Signal", "Sine", "Table", "literal", "signal"]
 
@@ -36,11 +37,13 @@ class Table:
     times : array (samples,)    Strictly increasing. [s]
     values : array (samples,)   [SI]
     hold : bool                 Whether each value holds until the next sample.
+    unit : str                  Unit in which a log had the values; what it stands for must be of the same dimension. Empty where none said.
     """
 
     times: NDArray[np.float64]
     values: NDArray[np.float64]
     hold: bool = False
+    unit: str = ""
 
     def __post_init__(self) -> None:
         """Refuse tables that are no function of time."""
@@ -115,6 +118,12 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
     ------
     ThermidError    When it is none of these.
     """
+    if isinstance(value, Table) and value.unit:
+        of = read_unit(value.unit)
+        try:
+            require(of.dimension, slot, value.unit, of.absolute)
+        except ThermidError as error:
+            raise error.located(where) from None
     if isinstance(value, Constant | Table | Sine):
         return value
     if isinstance(value, Mapping):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import Number
 from thermid.errors import ScenarioError
+from thermid.memo import Memo
 from thermid.model.flat import FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Signal, Table
@@ -44,13 +45,13 @@ class Media:
     environments : dict     Gas node -> Environment; ``*`` stands for every gas not named; one atmosphere where none is given.
     as_printed : bool       Whether convection is set to zero as the source document does, radiation inside it included: a bound.
     irradiation : dict      Surface -> what falls on it; ``*`` for every surface outdoors.
+    memo : Memo             States of gases, and winds in time.
     """
 
     environments: Mapping[str, Environment] = field(default_factory=dict)
     as_printed: bool = False
     irradiation: Mapping[str, Irradiation | OpenSky] = field(default_factory=dict)
-    _streams: dict[str, tuple[Table, Array]] = field(default_factory=dict, repr=False, compare=False)
-    _states: dict[str, str] = field(default_factory=dict, repr=False, compare=False)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def signals(self) -> dict[str, Signal]:
         """Return what rows of gases that change in time are multiplied by."""
@@ -99,9 +100,7 @@ class Media:
     def _state(self, gas: str) -> str:
         """Return air, vacuum, jumping or thin for a gas node; asked for every conductor of every evaluation, worked out once."""
         key = self._key(gas)
-        if key not in self._states:
-            self._states[key] = self._state_of(key)
-        return self._states[key]
+        return self.memo.made(("state", key), lambda: self._state_of(key))
 
     def _state_of(self, gas: str) -> str:
         environment = self._environment(gas)
@@ -132,10 +131,12 @@ class Media:
 
     def _stream(self, key: str, pressure: Signal, environment: Environment) -> tuple[Table, Array]:
         """Return the wind of a gas in time, thinned as its gas is, and the levels between which it is interpolated. [m/s]"""
-        if key not in self._streams:
+
+        def made() -> tuple[Table, Array]:
             given = stream(environment.wind, pressure)
-            self._streams[key] = given, levels_of(given)
-        return self._streams[key]
+            return given, levels_of(given)
+
+        return self.memo.made(("stream", key), made)
 
     def empty(self, gas: str) -> bool:
         """Return whether there is no gas at a gas node at any time."""

@@ -11,6 +11,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ThermidError
+from thermid.memo import Memo
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.model import Model
 from thermid.model.stores import Store
@@ -61,6 +62,7 @@ class Network:
     boundaries : tuple of str   Nodes whose temperature is given: the model's needs, then prescribed nodes.
     media : Media               What each gas does at the scenario's pressure.
     stores : dict               Node -> how it stores heat, where that changes with temperature.
+    memo : Memo                 Rows at the model's own values, and what depends on which parameters.
     """
 
     title: str
@@ -70,8 +72,7 @@ class Network:
     media: Media
     prescribed: tuple[str, ...] = ()
     stores: Mapping[str, Store] = field(default_factory=dict)
-    _static: dict[str, Any] = field(default_factory=dict, repr=False)
-    _depends: dict[tuple[str, ...], _Reached] = field(default_factory=dict, repr=False)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def find(self, name: str, where: str = "") -> str:
         """Return the canonical path of a node or boundary; aliases are accepted."""
@@ -89,14 +90,20 @@ class Network:
         DeckError   When a capacitance or conductance is negative, or joints take more area than a surface has.
         """
         given = dict(overrides or {})
-        if not self._static:
-            self._static.update(self._evaluate({}))
-        return self._numbers(self._evaluate(given) if given else self._static)
+        return self._numbers(self._evaluate(given, self._static()) if given else self._static())
 
-    def _evaluate(self, overrides: Mapping[str, Number]) -> dict[str, Any]:
-        """Evaluate parameters and rows: all at the model's own values, later only what depends on `overrides`."""
-        changed = self._reached(tuple(overrides))
-        kept = self._static
+    def _static(self) -> Mapping[str, Any]:
+        """Return parameters and rows at the model's own values."""
+        flat = self.flat
+        return self.memo.made("static", lambda: self._at({}, _Reached(flat.parameters.order, flat.nodes, flat.conductors, flat.loads), {}))
+
+    def _evaluate(self, overrides: Mapping[str, Number], kept: Mapping[str, Any]) -> dict[str, Any]:
+        """Return parameters and rows with some parameters replaced; what does not depend on them stays as it was."""
+        names = tuple(overrides)
+        return self._at(overrides, self.memo.made(("reached", names), lambda: self._reached(names)), kept)
+
+    def _at(self, overrides: Mapping[str, Number], changed: _Reached, kept: Mapping[str, Any]) -> dict[str, Any]:
+        """Return `kept` with what changed evaluated anew."""
         values = self.flat.parameters.evaluate(overrides, changed.paths, kept.get("values"))
         capacitances, conductors, loads = (dict(kept.get(k, {})) for k in ("capacitances", "conductors", "loads"))
         for node in changed.nodes:
@@ -108,20 +115,16 @@ class Network:
         return {"values": values, "capacitances": capacitances, "conductors": conductors, "loads": loads}
 
     def _reached(self, names: tuple[str, ...]) -> _Reached:
-        """Return what depends on parameters of some names, or everything while nothing is known; kept, since a fit asks often."""
+        """Return what depends on parameters of some names."""
         flat = self.flat
-        if not self._static:
-            return _Reached(flat.parameters.order, flat.nodes, flat.conductors, flat.loads)
-        if names not in self._depends:
-            changed = flat.parameters.downstream(names)
-            touched = set(changed)
-            self._depends[names] = _Reached(
-                changed,
-                tuple(n for n in flat.nodes if touched & set(n.fields.values())),
-                tuple(c for c in flat.conductors if touched & {*c.fields.values(), *(t.path for t in c.takes), c.emissivity}),
-                tuple(load for load in flat.loads if touched & {*load.fields.values(), *(t.path for t in load.takes)}),
-            )
-        return self._depends[names]
+        changed = flat.parameters.downstream(names)
+        touched = set(changed)
+        return _Reached(
+            changed,
+            tuple(n for n in flat.nodes if touched & set(n.fields.values())),
+            tuple(c for c in flat.conductors if touched & {*c.fields.values(), *(t.path for t in c.takes), c.emissivity}),
+            tuple(load for load in flat.loads if touched & {*load.fields.values(), *(t.path for t in load.takes)}),
+        )
 
     def _numbers(self, parts: Mapping[str, Any]) -> Numbers:
         kept = {n: c for n, c in parts["capacitances"].items() if n not in self.boundaries}
@@ -140,6 +143,10 @@ class Network:
             raise DeckError(f"'{c.path}' would have a negative conductance; heat would flow uphill.", c.where)
         if c.factor != 1.0:
             laws = tuple(replace(law, coefficients=(c.factor * law.coefficients[0], *law.coefficients[1:])) for law in laws)
+        try:
+            laws = tuple(piece for law in laws for piece in law.pieces())
+        except ThermidError as error:
+            raise error.located(c.where) from None
         emissivity = values[c.emissivity] if c.emissivity else None
         # a fit at its bound of 1 may lie a rounding above
         for given in (emissivity, fields.get("emissivity")):

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.measure.steady import correlation_factor
+from thermid.memo import Memo
 from thermid.qualify.mixture import Mixture
 
 __all__ = ["Approach", "approach"]
@@ -113,18 +114,17 @@ class Reference:
     ----------
     times, values : array (samples,)    Temperature less its last level. [s], [K]
     last : float                        Its last level, which is taken to hold. [K]
+    memo : Memo                         It behind time constants.
     """
 
     times: Array
     values: Array
     last: float
-    _seen: dict[float, Array] = field(default_factory=dict, repr=False)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def filtered(self, tau: float) -> Array:
         """Return it behind one time constant (samples,), straight between samples. [K]"""
-        if tau not in self._seen:
-            self._seen[tau] = self._filter(tau)
-        return self._seen[tau]
+        return self.memo.made(tau, lambda: self._filter(tau))
 
     def _filter(self, tau: float) -> Array:
         out = np.empty(self.values.size)

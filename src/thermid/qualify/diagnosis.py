@@ -126,7 +126,7 @@ def diagnose(
             several[0].stage if several else "diagnose",
         )
     known = {s: accuracy if o.accuracy is None else o.accuracy for s, o in noted.items()}
-    grown, candidates = suspects(several[0].fitted_model, {s: o.node for s, o in noted.items()})
+    grown, candidates = suspects(several[0].fitted_model, {s: o.seat for s, o in noted.items()})
     extra = list(spread or {})
     cases = [c for t in several for c in cases_of(t, grown, candidates, extra)]
     bench = FaultBench(cases, candidates, floor, known)

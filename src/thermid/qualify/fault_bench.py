@@ -132,13 +132,13 @@ def cases_of(told: Calibration, grown: Any, candidates: Sequence[Candidate], ext
             deviations[k] = np.interp(centres, centres[filled], sums[filled] / count[filled])
             noise = float(e.observations[k].noise or 0.05) if k < len(e.observations) else 0.05
             errors[k] = np.where(filled, noise / np.sqrt(np.maximum(count, 1)), 10.0)
-        begun = {o.sensor: tuple(f"initial.{n}" for n in e.loose if n == o.node) for o in e.observations}
+        begun = {o.sensor: tuple(f"initial.{n}" for n in e.loose if n == o.seat) for o in e.observations}
         for node, sensor in e.readings.items():
             begun[sensor] = (*begun.get(sensor, ()), f"initial.{node}")
         starts = {s: tuple(dict.fromkeys(names)) for s, names in begun.items() if names}
         initial = [n for names in starts.values() for n in names]
         free = tuple(dict.fromkeys([c.free for c in candidates if c.free] + list(extra) + initial))
-        ready = prepare(grown, e.scenario, free, times=np.linspace(0.0, e.scenario.seconds, 4 * BINS + 1))
+        ready = prepare(grown, e.bare, free, times=np.linspace(0.0, e.bare.seconds, 4 * BINS + 1))
         room = ready.wiring.network.boundaries[0]
         out.append(Case(ready, tuple(b.sensor for b in own), tuple(b.node for b in own), centres, deviations, errors, room, starts))
     return out

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, SolverError
+from thermid.memo import Memo
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Table
 from thermid.network.environment import Environment
@@ -130,6 +131,7 @@ class Bench:
     ground : float              Pressure of the room. [Pa]
     options : Options
     memory : str                Why stretches cannot be run apart (a thermostat's state, a clock); empty where they can.
+    memo : Memo                 Stretches that were made ready.
     """
 
     model: Model
@@ -140,7 +142,7 @@ class Bench:
     ground: float
     options: Options
     memory: str
-    _legs: dict[Any, Leg] = field(default_factory=dict, repr=False, compare=False)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def switched(self, base: Scenario, on: Signal, seconds: float) -> dict[str, Any]:
         """Return commands and loads with the equipment switched."""
@@ -158,12 +160,12 @@ class Bench:
         if self.memory:
             course = past.then(span, after) if span else past.then(0.0, after)
             return Leg.of(self, course.scenario(self.base, self, "profile", tail=TAIL), past.times[-1])
-        key = (before, after, span)
-        if key not in self._legs:
+
+        def made() -> Leg:
             course = Plan((0.0, span), (before, after)) if span else Plan((0.0,), (after,))
-            scenario = replace(course.scenario(self.base, self, "profile", tail=TAIL), initial={}, start=293.15)
-            self._legs[key] = Leg.of(self, scenario, 0.0)
-        return self._legs[key]
+            return Leg.of(self, replace(course.scenario(self.base, self, "profile", tail=TAIL), initial={}, start=293.15), 0.0)
+
+        return self.memo.made((before, after, span), made)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.qualify.limits import STATES, Ends, Limits, text_of
 from thermid.simulation.solution import Solution
 
-__all__ = ["Crossing", "LimitCheck", "check_limits", "check_readings", "times_in_state"]
+__all__ = ["Crossing", "LimitCheck", "Span", "check_limits", "check_readings", "spans", "times_in_state"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -105,6 +105,41 @@ class LimitCheck:
             for c in self.crossings
         )
         return f"{head}: {said}" + (f" (not decided: {self.undecided})" if self.undecided else "")
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of a run in which a state, and with it its limits (low, high) [K], holds for a reference point.
+
+    Parameters
+    ----------
+    state : str
+    limits : (low, high)    [K]
+    start, end : float      First and last stored time in that state. [s]
+    """
+
+    state: str
+    limits: Ends
+    start: float
+    end: float
+
+
+def spans(run: Solution, limits: Limits, default: str = "operating") -> tuple[Span, ...]:
+    """Return where the limits of a reference point hold; of a state without limits of its own nothing is returned.
+
+    Parameters
+    ----------
+    run, limits, default    As in `times_in_state`.
+    """
+    out = []
+    for state in STATES:
+        ends = limits.ends(state)
+        if ends is None:
+            continue
+        inside = times_in_state(run, limits, state, default)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+        out += [Span(state, ends, float(run.times[a]), float(run.times[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return tuple(out)
 
 
 def times_in_state(run: Solution, limits: Limits, state: str, default: str = "operating") -> Bools:

@@ -56,7 +56,8 @@ def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.Pat
             f"no submodel '{at}' to be the unit.{nearest(at, model.submodels)} A macro model holds its unit.", model.title
         )
     if unit is not None:
-        model = model.replace(at, unit if isinstance(unit, Model) else load_model(unit))
+        set_here = [p for p in map(model.canonical, model.settings) if p.startswith(f"{at}.")]  # what the host says of any unit in it
+        model = model.replace(at, unit if isinstance(unit, Model) else load_model(unit), set_here)
     bare = [v.path for v in host_values(model, at) if not v.source]
     if bare:
         few = ", ".join(f"'{p}'" for p in bare[:12]) + (f" and {len(bare) - 12} more" if len(bare) > 12 else "")

@@ -22,7 +22,8 @@ __all__ = ["data", "held", "made_records", "models", "versions"]
 def _uses(campaign: Campaign) -> Iterator[tuple[str, str, str, bool, Record | None]]:
     """Yield record, checksum, what it was used for, whether it is synthetic, and the record itself where it is kept."""
     fits = [("fit", c) for c in campaign.stages.values()]
-    for kind, calibration in [*fits, *(("held out, verdict on", v.prediction) for v in campaign.verdicts)]:
+    judged = [("held out, verdict on", v.prediction) for v in campaign.verdicts if v.prediction is not None]
+    for kind, calibration in [*fits, *judged]:
         kept = {e.record.name: e.record for e in calibration.experiments}
         for name, sha in calibration.records.items():
             record = kept.get(name)

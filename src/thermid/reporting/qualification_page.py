@@ -8,12 +8,13 @@ from pathlib import Path
 
 from thermid.arguments import takes_objects
 from thermid.qualify.correlation import Correlation
-from thermid.qualify.marks import weigh
+from thermid.qualify.marks import VERDICTS, weigh
 from thermid.qualify.programme import Qualification
 from thermid.reporting import qualification_judged as judged
 from thermid.reporting import qualification_tables as tables
 from thermid.reporting.cells import DASH, Table
 from thermid.reporting.extras import write_page
+from thermid.reporting.figures import Entry
 from thermid.reporting.origins import versions
 from thermid.reporting.qualification_cells import hours
 from thermid.reporting.qualification_figures import course
@@ -140,9 +141,13 @@ def _signatures(q: Qualification) -> list[str]:
 
 def _courses(q: Qualification) -> list[Block]:
     """Return the worst part of every test over time."""
-    plots = []
+    plots: list[Plot] = []
+    legend: dict[str, Entry] = {}
     for k, t in enumerate(q.trials):
         drawn, worst = course(t, f"course-{k}"), t.worst
         if drawn is not None and worst is not None:
-            plots.append(Plot(drawn, f"{t.test.name}: {worst.point}, {worst.state}, {worst.room:.1f} K from its limit"))
-    return [Figures(tuple(plots), plots[0].drawn.legend)] if plots else []
+            met = weigh([c.passed for c in t.checks if c.point == worst.point])
+            far = f"{worst.room:.1f} K from its limit" if worst.room >= 0 else f"{-worst.room:.1f} K beyond its limit"
+            plots.append(Plot(drawn, f"{t.test.name}: {worst.point}, {worst.state}, {worst.by}, {far}: {VERDICTS[met]}"))
+            legend |= {e.label: e for e in drawn.legend if e.label not in legend}
+    return [Figures(tuple(plots), tuple(legend.values()))] if plots else []

@@ -113,9 +113,15 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
     told = [(_is_coefficient(names[0][1]), names, found) for names, found in lines]
     htc = [_level_row(names, found, campaign) for is_htc, names, found in told if is_htc]
     rest = [_level_row(names, found, campaign) for is_htc, names, found in told if not is_htc and any(v for _, v in found.values())]
-    columns = [Column("part"), Column("parameter"), Column("unit"), *(Column(stage, True) for stage in campaign)]
+    columns = [Column("part"), Column("parameter"), Column("unit"), *(_stage_column(campaign[stage], stage) for stage in campaign)]
     how = "Strong: fitted at that stage, with its total standard error. Plain: held there. A dash: not in that model."
     return Table.of(columns, htc, how), Table.of(columns, rest, how)
+
+
+def _stage_column(fit: Calibration, stage: str) -> Column:
+    """Return the column of a stage, with its standing where a reader must know it."""
+    told = fit.standing
+    return Column(stage, True) if told.fair else Column(f"{stage} ({told.state})", True, told.line(stage))
 
 
 def _is_coefficient(path: str) -> bool:
@@ -268,6 +274,9 @@ def verdicts(campaign: Campaign) -> Table:
     ]
     rows: list[Line] = []
     for v in campaign.verdicts:
+        if v.passed is None:
+            why = Cell("not judged", v.standing.line(v.model), "warn")
+            rows.append([Cell(v.model, v.title, "main"), Cell(v.record, v.title), DASH, DASH, DASH, DASH, DASH, why, Cell("nothing")])
         for k, c in enumerate(v.checks):
             first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if k == 0 else [Cell("", "", "same"), Cell("", "", "same")]
             result = Cell("✓ met", "", "good") if c.passed else Cell("✗ not met", "", "bad")
@@ -288,6 +297,6 @@ def _outside(verdict: Verdict, check: Check) -> str:
     """Return how many samples lie beyond the limit of a single error."""
     if check.criterion != "max_error":
         return DASH
-    residuals = [b.residuals for b in verdict.prediction.blocks if b.sensor == check.sensor]
+    residuals = [b.residuals for b in verdict.blocks if b.sensor == check.sensor]
     beyond = sum(int(np.count_nonzero(np.abs(r) > check.limit)) for r in residuals)
     return f"{beyond} of {sum(r.size for r in residuals)}"

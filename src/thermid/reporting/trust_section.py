@@ -50,6 +50,9 @@ def _looks(campaign: Campaign, c: Calibration) -> str:
     lines = []
     for v in campaign.verdicts:
         if v.model == c.stage:
+            if v.passed is None:
+                lines.append(f"{v.record}: not judged, not opened; {v.standing.reason(v.model)}")
+                continue
             word = "passed" if v.passed else "failed"
             before = (
                 f"{len(v.failed_before)} failed verdicts before, by other values: no longer unseen"

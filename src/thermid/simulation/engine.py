@@ -115,6 +115,10 @@ class Engine:
         self.nodes: tuple[str, ...] = s["nodes"]
         self.modal = Modal(wiring, self.problem)
 
+    def __reduce__(self) -> tuple[type[Engine], tuple[Wiring]]:
+        """Return how to make it in another process: the kernel's problem is laid out anew."""
+        return Engine, (self.wiring,)
+
     def integrate(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, gradients: bool = False) -> Answer:
         """Return temperatures at times of some nodes, from zero to `end` [s].
 

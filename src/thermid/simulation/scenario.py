@@ -22,6 +22,8 @@ __all__ = ["STEADY", "Scenario", "load_scenario"]
 
 SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent")
 """Tables of a scenario file that stand for boundaries, gases and radiation."""
+SLOTS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ""}
+"""Tables of signals, and what each holds; only the model knows the unit of a scheduled parameter."""
 STEADY = "steady"
 """`start = "steady"`: the run starts where the inputs at its beginning would have settled."""
 
@@ -65,7 +67,9 @@ class Scenario:
 
     def __post_init__(self) -> None:
         """Turn texts into signals, so that a mistake shows here and not in a run."""
-        for name, slot in (("boundaries", TEMPERATURE), ("loads", "W"), ("commands", "1"), ("prescribed", TEMPERATURE)):
+        for name, slot in SLOTS.items():
+            if not slot:
+                continue
             if not isinstance(getattr(self, name), Mapping):
                 raise ScenarioError(f"it takes a dictionary from names to values, not {getattr(self, name)!r}.", f"{self.title}, {name}")
             table = {k: signal(v, slot, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
@@ -120,7 +124,7 @@ class Scenario:
         return replace(self, **merged)
 
 
-def _environment(table: Mapping[str, Any], folder: Path, where: str) -> Environment:
+def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> Environment:
     known = {"pressure": "Pa", "wind": "m/s", "humidity": "1", "gravity": "m/s^2", "time_constant": "s"}
     unknown = set(table) - {*known, "gas", "sealed", "vented"}
     if unknown:
@@ -129,9 +133,7 @@ def _environment(table: Mapping[str, Any], folder: Path, where: str) -> Environm
         name: literal(table[name], unit, where) for name, unit in known.items() if name in table and name not in ("pressure", "wind")
     }
     given |= {
-        name: signal(column_of(table[name], folder, known[name], where), known[name], where)
-        for name in ("pressure", "wind")
-        if name in table
+        name: signal(columns.signal(table[name], known[name], where), known[name], where) for name in ("pressure", "wind") if name in table
     }
     given |= {name: table[name] for name in ("gas", "sealed", "vented") if name in table}
     try:
@@ -140,28 +142,74 @@ def _environment(table: Mapping[str, Any], folder: Path, where: str) -> Environm
         raise error.located(where) from None
 
 
-def column_of(value: Any, folder: Path, slot: str, where: str) -> Signal | Any:
-    """Return a column of a table in a file as a signal of any unit, or the value as it is."""
-    if not (isinstance(value, Mapping) and "file" in value):
-        return value
-    from thermid.measure import read_plain
+@dataclass(frozen=True)
+class LogColumns:
+    """Reads the columns of logs that a scenario file names.
 
-    unknown = set(value) - {"file", "column", "unit", "time", "hold"}
-    if unknown or "column" not in value:
-        raise ScenarioError("a column of a table is given by file and column, with unit, time and hold as needed.", where)
-    table = read_plain(resolve_inside(folder, value["file"], where), value.get("time"))
-    values = table.whole(value["column"], slot, value.get("unit", ""))
-    return Table(table.times - table.times[0], values, bool(value.get("hold", False)))
+    Parameters
+    ----------
+    folder : Path   Of the scenario file.
+    zeros : dict    File -> time in it that is the scenario's zero, where that is not its first sample: lift-off in a trajectory. [s]
+    cut : Path      A weather file that enters at another time than its first.
+    """
+
+    folder: Path
+    zeros: Mapping[Path, float] = field(default_factory=dict)
+    cut: Path | None = None
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any], folder: Path, where: str) -> LogColumns:
+        """Return the reader of a scenario's tables."""
+        ascent, weather = data.get("ascent", {}), data.get("weather", {})
+        zeros = {resolve_inside(folder, ascent["file"], f"{where}, ascent"): 0.0} if "file" in ascent else {}
+        cut = resolve_inside(folder, weather["file"], f"{where}, weather.file") if "file" in weather and "begin" in weather else None
+        return cls(folder, zeros, cut)
+
+    def signal(self, value: Any, slot: str, where: str, held: bool = False) -> Signal | Any:
+        """Return a column of a log as a signal, or the value as it is.
+
+        Times count from the first sample of the log. The unit is the one given, else that of the header, else degC, W, % of a command, or
+        the SI unit of the slot; a slot that only the model knows (empty) needs one of the first two. Holes are bridged as in a record.
+
+        Raises
+        ------
+        ScenarioError   When a key is unknown, the column is missing, or its unit or time zero is not known.
+        """
+        if not (isinstance(value, Mapping) and "file" in value):
+            return value
+        from thermid.measure import read_plain, read_record
+
+        unknown = set(value) - {"file", "column", "unit", "time", "hold"}
+        if unknown or "column" not in value:
+            raise ScenarioError("a column of a log is given by file and column, with unit, time and hold as needed.", where)
+        file, name, time = resolve_inside(self.folder, value["file"], where), value["column"], value.get("time")
+        if file == self.cut:
+            raise ScenarioError(
+                f"the weather of '{file.name}' begins at another time than its first line, and its columns count from that line. Leave "
+                "begin out, or give the column in a log of its own.",
+                where,
+            )
+        role = {TEMPERATURE: "boundary", "W": "load", "1": "command"}.get(slot, "")
+        text = value.get("unit") or ("" if role else dict(read_plain(file, time).heads).get(name) or slot)
+        if not (role or text):
+            raise ScenarioError(f"give the unit of '{name}': unit = '...', or a header such as '{name} [W/(m^2 K)]'.", where)
+        try:
+            record = read_record(file, {name: ({role: "x"} if role else {}) | ({"unit": text} if text else {})}, time=time)
+        except ThermidError as error:
+            raise error.within(where) from None
+        times, values, _ = record.table(name)
+        zero = self.zeros.get(file, float(record.times[0]))
+        return Table(times - zero, values, bool(value.get("hold", held)), record.channel(name).unit)
 
 
-def irradiation_of(table: Mapping[str, Any], folder: Path, where: str) -> Irradiation:
+def _irradiation(table: Mapping[str, Any], columns: LogColumns, where: str) -> Irradiation:
     """Return what falls on a surface from the table of a scenario file."""
     known = Irradiation.__dataclass_fields__
     for name in table:
         if name not in known:
             raise ScenarioError(f"radiation on a surface has no '{name}'.{nearest(name, known)} It has {', '.join(known)}.", where)
     given = {
-        name: value if name == "sky_view" else column_of(value, folder, TEMPERATURE if name == "sky" else "W/m^2", where)
+        name: value if name == "sky_view" else columns.signal(value, TEMPERATURE if name == "sky" else "W/m^2", where)
         for name, value in table.items()
     }
     try:
@@ -174,7 +222,8 @@ def irradiation_of(table: Mapping[str, Any], folder: Path, where: str) -> Irradi
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """Return the scenario of a TOML file.
 
-    A signal may be a column of a log: ``{ file = "room.csv", column = "T_AMB", unit = "degC", time = "time_s" }``. Tables
+    A signal may be a column of a log: ``{ file = "room.csv", column = "T_AMB", unit = "degC", time = "time_s" }``, whose times count from
+    the first sample of the log. Tables
     `site`, `weather`, `sun` and `wind` make a time on the pad, as `pad_scenario` does, and `ascent` an ascent, as
     `ascent_scenario` does.
 
@@ -190,40 +239,23 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
         if key not in fields:
             raise ScenarioError(f"a scenario has no '{key}'.{nearest(key, fields)}", f"{target.name}:{lines.get(key, 1)}, {key}")
     given: dict[str, Any] = {"title": target.stem, **data}
-    for name in ("boundaries", "loads", "commands", "schedule", "prescribed"):
+    columns, gases = LogColumns.of(data, target.parent, target.name), data.get("environment", {})
+    for name, slot in SLOTS.items():
         if name in given:
-            given[name] = {k: _column(v, target, f"{name}.{k}") for k, v in given[name].items()}
-    folder, gases = target.parent, data.get("environment", {})
-    given["environment"] = {gas: _environment(t, folder, f"{target.name}, environment.{gas}") for gas, t in gases.items()}
+            held = name == "commands"
+            given[name] = {k: columns.signal(v, slot, f"{target.name}, {name}.{k}", held) for k, v in given[name].items()}
+    given["environment"] = {gas: _environment(t, columns, f"{target.name}, environment.{gas}") for gas, t in gases.items()}
     given["irradiation"] = {
-        surface: irradiation_of(t, folder, f"{target.name}, irradiation.{surface}") for surface, t in data.get("irradiation", {}).items()
+        surface: _irradiation(t, columns, f"{target.name}, irradiation.{surface}") for surface, t in data.get("irradiation", {}).items()
     }
     try:
         if set(SURROUNDINGS) & set(data):
             from thermid.simulation.surroundings import surrounded
 
-            return surrounded(given, folder, target.name)
+            return surrounded(given, columns, target.name)
         return Scenario(**given)
     except ThermidError as error:
         key = error.where.removeprefix(f"{given['title']}, ")
         if key != error.where:  # the scenario names itself; its reader looks for the line
             raise type(error)(error.message, f"{target.name}:{lines.get(key, 1)}, {key}") from None
         raise error.located(target.name) from None
-
-
-def _column(value: Any, scenario: Path, key: str) -> Signal | Any:
-    """Return the column of a log as a signal, or the value as it is."""
-    if not (isinstance(value, Mapping) and "file" in value):
-        return value
-    from thermid.measure import read_record
-
-    where = f"{scenario.name}, {key}"
-    unknown = set(value) - {"file", "column", "unit", "time", "hold"}
-    if unknown or "column" not in value:
-        raise ScenarioError("a column of a log is given by file and column, with unit, time and hold as needed.", where)
-    file = resolve_inside(scenario.parent, value["file"], where)
-    role = {"commands": "command", "loads": "load"}.get(key.partition(".")[0], "boundary")
-    channel = {role: "x"} | ({"unit": value["unit"]} if "unit" in value else {})
-    record = read_record(file, {value["column"]: channel}, time=value.get("time"))
-    times, values, _ = record.table(value["column"])
-    return Table(times, values, bool(value.get("hold", role == "command")))

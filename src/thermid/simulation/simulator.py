@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.knowledge.sources import Law, read_spread
 from thermid.model.model import Model
 from thermid.model.signal import Constant, literal
 from thermid.network.environment import Environment
@@ -265,6 +266,12 @@ class Simulator:
             return -np.inf, np.inf
         given = self._wiring.network.flat.parameters.table[name].parameter
         return -np.inf if given.minimum is None else given.minimum, np.inf if given.maximum is None else given.maximum
+
+    def law(self, name: str, given: Any) -> Law:
+        """Return the law of the value of a free name that a written spread means; see `read_spread`. [SI]"""
+        own = self.canonical(name)
+        where = f"{self.title}, spread of '{own}'"
+        return read_spread(given, self.slots(own)[0], self.nominal[own], where, bounds=self.bounds(own))
 
     def vector(self, values: Mapping[str, float]) -> Array:
         """Return the values (free,) in the order of `free`. [SI]"""

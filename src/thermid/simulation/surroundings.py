@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from thermid.errors import ScenarioError, nearest
@@ -12,7 +11,7 @@ from thermid.model.modelfile import resolve_inside
 from thermid.model.signal import literal
 from thermid.simulation.ascent import ascent_scenario, read_trajectory
 from thermid.simulation.pad import pad_scenario
-from thermid.simulation.scenario import Scenario, column_of
+from thermid.simulation.scenario import LogColumns, Scenario
 from thermid.simulation.site import Site
 from thermid.units import TEMPERATURE
 
@@ -38,7 +37,7 @@ KEYS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def surrounded(given: Mapping[str, Any], folder: Path, file: str) -> Scenario:
+def surrounded(given: Mapping[str, Any], columns: LogColumns, file: str) -> Scenario:
     """Return the scenario of a file that has weather, sun or wind; what else it gives is laid over them.
 
     Raises
@@ -58,13 +57,13 @@ def surrounded(given: Mapping[str, Any], folder: Path, file: str) -> Scenario:
         clash = [name for name in ("site", "weather", "sun", "wind") if tables[name]]
         if clash:
             raise ScenarioError(f"a scenario stands on the ground or flies: it has {clash[0]} and ascent.", file)
-        return _ascent(tables["ascent"], rest, duration, folder, file)
+        return _ascent(tables["ascent"], rest, duration, columns, file)
     weather, sun = tables["weather"], tables["sun"]
     read = None
     if "file" in weather:
         options = {k: weather[k] for k in ("columns", "max_gap", "year", "time", "averaged") if k in weather}
         options |= {"begin": weather["starts"]} if "starts" in weather else {}
-        read = read_weather(resolve_inside(folder, weather["file"], f"{file}, weather.file"), **options)
+        read = read_weather(resolve_inside(columns.folder, weather["file"], f"{file}, weather.file"), **options)
     options = {k: weather[k] for k in ("begin", "air", "air_temperature") if k in weather} | {
         k: sun[k] for k in ("sky", "albedo", "turbidity") if k in sun
     }
@@ -72,16 +71,16 @@ def surrounded(given: Mapping[str, Any], folder: Path, file: str) -> Scenario:
     return pad_scenario(_site(tables["site"], file), read, duration=duration, wind=tables["wind"] or None, **options, **rest)
 
 
-def _ascent(table: Mapping[str, Any], rest: Mapping[str, Any], duration: float | None, folder: Path, file: str) -> Scenario:
+def _ascent(table: Mapping[str, Any], rest: Mapping[str, Any], duration: float | None, columns: LogColumns, file: str) -> Scenario:
     """Return an ascent."""
     where = f"{file}, ascent"
-    path = resolve_inside(folder, table["file"], where) if "file" in table else None
+    path = resolve_inside(columns.folder, table["file"], where) if "file" in table else None
     trajectory = read_trajectory(path, table.get("columns"), time=table.get("time")) if path else None
     options = {k: table[k] for k in ("air", "separation", "flow", "accommodation", "upper") if k in table}
     for name, slot in (("pressure", "Pa"), ("air_temperature", TEMPERATURE)):
         if name in table:
-            options[name] = column_of(table[name], folder, slot, f"{where}.{name}")
-    walls = {k: column_of(v, folder, TEMPERATURE, f"{where}.walls.{k}") for k, v in table.get("walls", {}).items()}
+            options[name] = columns.signal(table[name], slot, f"{where}.{name}")
+    walls = {k: columns.signal(v, TEMPERATURE, f"{where}.walls.{k}") for k, v in table.get("walls", {}).items()}
     return ascent_scenario(trajectory, duration=duration, walls=walls, **options, **rest)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import gradient_of, value_of
+from thermid.memo import Memo
 from thermid.simulation.wiring import Assembled, Wiring
 
 __all__ = ["Traces", "kept_for"]
@@ -48,15 +49,13 @@ class Traces:
     kept: tuple[str, ...]
     stored: Array
     slopes: Array
-    _made: dict[str, Array] = field(default_factory=dict, repr=False)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def temperature(self, name: str) -> Array:
         """Return the temperature (times,) of a node or boundary. [K]"""
         if name in self.kept:
             return self.stored[:, self.kept.index(name)]
-        if name not in self._made:
-            self._made[name] = self._recovered(name)
-        return self._made[name]
+        return self.memo.made(name, lambda: self._recovered(name))
 
     def _recovered(self, name: str) -> Array:
         if name in self.wiring.network.boundaries:

@@ -13,6 +13,7 @@ import numpy as np
 from thermid.errors import DeckError
 from thermid.identify.calibration import Calibration
 from thermid.identify.retune_plan import RetunePlan
+from thermid.knowledge.standing import of_model
 from thermid.studio.courses import Shelf
 from thermid.studio.curves import Curve, RunCurves, Window
 from thermid.studio.desk import Desk
@@ -59,10 +60,12 @@ def desk_object(desk: Desk) -> dict[str, Any]:
     return {
         "title": desk.title,
         "sliders": [asdict(s) for s in desk.sliders],
+        "others": list(desk.others),
         "parts": desk.parts,
         "fitted": desk.calibration is not None,
         "measured": desk.problem is not None,
         "warnings": list(desk.calibration.warnings) if desk.calibration is not None else [],
+        "standing": (desk.calibration.standing if desk.calibration is not None else of_model(desk.model)).to_dict(desk.title),
         "synthetic": desk.problem is not None and any(e.record.origin.synthetic for e in desk.problem.experiments),
         **curves_object(desk, {}, "air"),
     }
@@ -97,14 +100,18 @@ def _curve(curve: Curve, without: Curve | None, measured: bool) -> dict[str, Any
 
 
 def fit_object(found: Calibration) -> dict[str, Any]:
-    """Return what a fit found, in the units of the sliders."""
+    """Return what a fit found: values in the units of the sliders, and all else that its curves need, such as errors of sensors [SI]."""
     values = {
         p: {"value": v.in_unit, "error": v.shown(v.error), "random": v.shown(v.error_random), "unit": v.unit}
         for p, v in found.values.items()
         if v.kind == "parameter"
     }
     sensors = {n: {"rmse": s.rmse, "bias": s.bias} for n, s in found.sensors.items()}
-    return {"values": values, "sensors": sensors, "warnings": list(found.warnings), "evaluations": found.evaluations, "text": str(found)}
+    unknowns = found.problem.unknowns if found.problem is not None else ()
+    others = {u.name: u.to_value(found.fitted[u.name]) for u in unknowns if u.kind != "parameter"}
+    told = {"warnings": list(found.warnings), "evaluations": found.evaluations, "text": str(found)}
+    told |= {"standing": found.standing.to_dict(found.stage)}
+    return {"values": values, "others": others, "sensors": sensors, **told}
 
 
 def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -123,6 +130,7 @@ def plan_object(plan: RetunePlan) -> dict[str, Any]:
     """Return what a swap costs."""
     return {
         "part": plan.part,
+        "standing": plan.standing.to_dict(),
         "old": plan.old,
         "new": plan.new,
         "stages": [{"name": s.name, "action": s.action, "why": s.why, "free": s.free, "records": s.records} for s in plan.stages],

@@ -166,7 +166,7 @@ def _typed(name: str, text: str) -> str | float:
 
 def _own(desk: Desk) -> Iterator[Course]:
     kind, group = ("record", "As its logs were made") if desk.problem is not None else ("scenario", "Scenarios")
-    for k, (title, _, _) in enumerate(desk.conditions):
+    for k, title in enumerate(desk.runs):
         yield Course(f"{kind} {k}", title, group, kind, (k,))
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, nearest
 from thermid.identify.calibration import Calibration
+from thermid.identify.driven import corrected
 from thermid.identify.residuals import Problem
+from thermid.identify.sensor_parts import attached
+from thermid.identify.unknowns import Unknown
 from thermid.identify.wired import Bench
 from thermid.model.model import Model
 from thermid.model.resolve import parameter_table
@@ -26,10 +29,28 @@ from thermid.studio.curves import POINTS, Curve, RunCurves, Window, thinned
 from thermid.studio.sliders import Slider, slider_of
 from thermid.units import unit
 
-__all__ = ["Desk"]
+__all__ = ["Desk", "Moment"]
 
 Array = NDArray[np.float64]
 ICE = 273.15
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What a picture shows of one time of a run.
+
+    Parameters
+    ----------
+    model : Model           What is drawn.
+    temperatures : dict     Node or boundary -> temperature. [K]
+    flows : dict            Conductor -> heat flow from its first end to its second. [W]
+    powers : dict           Load -> power. [W]
+    """
+
+    model: Model
+    temperatures: Mapping[str, float]
+    flows: Mapping[str, float]
+    powers: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,16 +89,23 @@ class Desk:
                 out.append(slider_of(path, entry, value, error, unknown is not None, unknown.also if unknown is not None else ()))
         return tuple(sorted(out, key=lambda s: not s.free))
 
+    @cached_property
+    def others(self) -> Mapping[str, Unknown]:
+        """What the stage looks for beside its parameters: errors of sensors and meters, starts, values of one record."""
+        return {u.name: u for u in self.problem.unknowns if u.kind != "parameter"} if self.problem is not None else {}
+
     def si(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return path -> value for every instance that moves with a slider, from values in the units of the sliders. [SI]
 
         Raises
         ------
-        NameNotFoundError   When there is no such slider.
+        NameNotFoundError   When there is neither such a slider nor anything else of that name that the stage looks for.
         """
         known = {s.path: s for s in self.sliders}
         out: dict[str, float] = {}
         for path, value in values.items():
+            if path in self.others:
+                continue
             if path not in known:
                 raise NameNotFoundError(f"no slider '{path}'.{nearest(path, known)}", self.title)
             of = unit(known[path].unit)
@@ -86,17 +114,31 @@ class Desk:
 
     def tuned(self, values: Mapping[str, float]) -> Model:
         """Return the model at values in the units of the sliders."""
-        units = {s.path: s for s in self.sliders}
         held = self.calibration.fitted_model if self.calibration is not None else self.model
-        given = {p: f"{v!r} [{units[path].unit}]" for path, v in values.items() for p in (path, *units[path].also)}
-        return held.with_values(given, "tuned by hand")
+        return self._laid(held, {path: v for path, v in values.items() if path not in self.others})
+
+    def fixed_at(self, values: Mapping[str, float], free: Collection[str]) -> Model:
+        """Return the model whose parameters stand where their sliders do, but for those that a fit is about to find.
+
+        These keep the deck's value: it is the mean of a prior that names none.
+        """
+        found = self.calibration.values if self.calibration is not None else {}
+        shown = {s.path: values.get(s.path, s.value) for s in self.sliders if s.path not in free and (s.path in values or s.path in found)}
+        return self._laid(self.model, shown)
+
+    def _laid(self, model: Model, values: Mapping[str, float]) -> Model:
+        """Return a model with values of sliders laid over it, in every instance that moves with them."""
+        sliders = {s.path: s for s in self.sliders}
+        given = {p: f"{v!r} [{sliders[path].unit}]" for path, v in values.items() for p in (path, *sliders[path].also)}
+        return model.with_values(given, "tuned by hand")
 
     def curves(self, values: Mapping[str, float], window: Window = None) -> tuple[RunCurves, ...]:
         """Return measured and simulated curves of every record, or of every scenario where nothing was measured.
 
         Parameters
         ----------
-        values : dict           Slider -> value in its unit; the fit's, or the deck's, where none is given.
+        values : dict           Slider -> value in its unit, and what a fit found beside the sliders: name in `others` -> value [SI].
+                                What is not given stands as the stage's fit found it, or as the fit would start.
         window : (begin, end)   What a page shows of them; all of it by default. Metrics are of all readings all the same. [s]
 
         Raises
@@ -106,7 +148,7 @@ class Desk:
         si = self.si(values)
         if self.problem is None:
             return tuple(_of_scenario(simulator, si, window) for simulator in self._simulators)
-        return tuple(self._of_record(i, bench, si, window) for i, bench in enumerate(self._benches))
+        return tuple(self._of_record(i, values, window) for i in range(len(self.problem.experiments)))
 
     @cached_property
     def boundaries(self) -> tuple[str, ...]:
@@ -130,38 +172,72 @@ class Desk:
         ------
         ThermidError   When a coefficient holds radiation that nobody has split off, or a run cannot be finished.
         """
-        model, out = self.tuned(values), {}
-        for title, scenario, nodes in self.conditions:
+        out = {}
+        for run, nodes in enumerate(self._shown):
+            model, scenario = self.run_of(run, values)
             simulator = prepare(model, scenario.vacuum(as_printed), every=scenario.seconds / (POINTS // 2))
-            out[title] = _curves_of(simulator.run(), nodes or simulator.wiring.network.nodes)
+            out[self.runs[run]] = _curves_of(simulator.run(), nodes or simulator.wiring.network.nodes)
         return out
 
-    def drawn(self, values: Mapping[str, float], run: int, time: float | None, folded: Sequence[str]) -> str:
-        """Return the model as SVG, with temperatures and heat flows at a time of one of its runs.
+    def run_of(self, run: int, values: Mapping[str, float], sensors: bool = True) -> tuple[Model, Scenario]:
+        """Return the model and the scenario of one run as its curves have them.
 
         Parameters
         ----------
-        values : dict       Slider -> value in its unit.
+        run : int       Which record or scenario.
+        values : dict   As in `curves`.
+        sensors : bool  Whether sensors that touch the hardware belong to the model.
+        """
+        model = self.tuned(values)
+        if self.problem is None:
+            return model, self.scenarios[run]
+        fitted = self._fitted(values)
+        experiment = self.problem.bench(run, fitted).experiment
+        found = self._inputs(run, fitted)
+        scenario = corrected(experiment.scenario, found)
+        driven = [b for b in experiment.network.boundaries if b not in experiment.network.flat.names.boundaries]
+        if driven:
+            kept = {b: s for b, s in scenario.boundaries.items() if b not in driven}
+            scenario = replace(scenario, boundaries=kept, prescribed={b: scenario.boundaries[b] for b in driven})
+        if not sensors:
+            return model, replace(scenario, initial={n: t for n, t in scenario.initial.items() if n not in experiment.tips})
+        lags = {o.lag: f"{found[o.lag]!r} [s]" for o in experiment.observations if o.lag in found}
+        return attached(model, experiment.record)[0].with_values(lags, "found by the fit"), scenario
+
+    def moment(self, values: Mapping[str, float], run: int, time: float) -> Moment:
+        """Return temperatures, heat flows and powers at a time of one run. [s]"""
+        model, scenario = self.run_of(run, values)
+        at = min(max(time, 0.0), scenario.seconds)
+        solution = prepare(model, scenario, times=np.unique([0.0, at])).run()
+        last = {name: {k: float(v[-1]) for k, v in table.items()} for name, table in _tables(solution).items()}
+        return Moment(model, last["temperatures"], last["flows"], last["powers"])
+
+    def drawn(self, values: Mapping[str, float], run: int, time: float | None, folded: Sequence[str]) -> str:
+        """Return the model as SVG, with temperatures, heat flows and powers at a time of one of its runs.
+
+        Parameters
+        ----------
+        values : dict       As in `curves`.
         run : int           Which record or scenario.
         time : float        Since its beginning; None for the plain picture. [s]
         folded : sequence   Submodels drawn as one mass.
         """
-        model = self.tuned(values)
-        if time is None or not 0 <= run < len(self.conditions):
-            return diagram(model, folded=folded, marked=True)
-        scenario = self.conditions[run][1]
-        at = min(max(time, 0.0), scenario.seconds)
-        solution = prepare(model, scenario, times=np.unique([0.0, at])).run()
-        temperatures = {n: float(solution[n].kelvin[-1]) for n in solution.nodes}
-        flows = {c: float(q[-1]) for c, q in solution.heat_flows.items()}
-        return diagram(model, temperatures=temperatures, flows=flows, folded=folded, marked=True)
+        if time is None or not 0 <= run < len(self.runs):
+            return diagram(self.tuned(values), folded=folded, marked=True)
+        now = self.moment(values, run, time)
+        return diagram(now.model, temperatures=now.temperatures, flows=now.flows, powers=now.powers, folded=folded, marked=True)
 
     @cached_property
-    def conditions(self) -> tuple[tuple[str, Scenario, tuple[str, ...]], ...]:
-        """Title, scenario and nodes shown of every run."""
+    def runs(self) -> tuple[str, ...]:
+        """Titles of the records, or of the scenarios where nothing was measured."""
+        return tuple(s.title for s in self.scenarios) if self.problem is None else tuple(e.record.name for e in self.problem.experiments)
+
+    @cached_property
+    def _shown(self) -> tuple[tuple[str, ...], ...]:
+        """Observed nodes of every run; none where all are shown."""
         if self.problem is None:
-            return tuple((s.title, s, ()) for s in self.scenarios)
-        return tuple((e.record.name, e.scenario, tuple(o.node for o in e.observations)) for e in self.problem.experiments)
+            return ((),) * len(self.scenarios)
+        return tuple(tuple(o.node for o in e.observations) for e in self.problem.experiments)
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
@@ -174,21 +250,44 @@ class Desk:
         return self.si({s.path: s.value for s in self.sliders})
 
     @cached_property
-    def _benches(self) -> tuple[Bench, ...]:
-        assert self.problem is not None
-        return tuple(Bench.of(b.experiment, tuple(dict.fromkeys((*b.free, *self._names)))) for b in self.problem.benches())
-
-    @cached_property
     def _simulators(self) -> tuple[Simulator, ...]:
         return tuple(prepare(self.model, scenario, self._names, every=scenario.seconds / (POINTS // 2)) for scenario in self.scenarios)
 
-    def _of_record(self, i: int, bench: Bench, si: Mapping[str, float], window: Window) -> RunCurves:
+    @cached_property
+    def _benches(self) -> dict[int, Bench]:
+        """Run -> its record, wired with everything that a slider or the fit moves; made when first asked for."""
+        return {}
+
+    def _bench(self, run: int, fitted: Array) -> Bench:
+        """Return the bench of a record, its second clock where the unknowns put it."""
+        assert self.problem is not None
+        own = self.problem.bench(run, fitted)
+        kept = self._benches.get(run)
+        if kept is None or kept.experiment is not own.experiment:
+            kept = self._benches[run] = Bench.of(own.experiment, tuple(dict.fromkeys((*own.free, *self._names))))
+        return kept
+
+    def _fitted(self, values: Mapping[str, float]) -> Array:
+        """Return the fitted forms (unknowns,): as moved or found since, else as the stage's fit found them, else where it would start."""
+        assert self.problem is not None
+        si = {**self.si(values), **{name: v for name, v in values.items() if name in self.others}}
+        found = self.calibration.fitted if self.calibration is not None else {}
+        return np.array(
+            [u.to_fitted(si[u.name]) if u.name in si else found.get(u.name, u.to_fitted(u.start)) for u in self.problem.unknowns]
+        )
+
+    def _inputs(self, run: int, fitted: Array) -> dict[str, float]:
+        """Return name in the wiring of a record -> value, of all on which an unknown acts. [SI]"""
+        assert self.problem is not None
+        return dict(zip(self.problem.benches()[run].free, self.problem.inputs(run, fitted)[0].tolist(), strict=True))
+
+    def _of_record(self, run: int, values: Mapping[str, float], window: Window) -> RunCurves:
         """Return the curves of one record, with starts, constant errors and powers as the fit found them."""
         problem = self.problem
         assert problem is not None
-        fitted = _start(problem) if self.calibration is None else np.array(list(self.calibration.fitted.values()))
-        held = dict(zip(problem.benches()[i].free, problem.inputs(i, fitted)[0], strict=True))
-        given = {**self._starts, **held, **si}
+        fitted = self._fitted(values)
+        bench = self._bench(run, fitted)
+        given = {**self._starts, **self.si(values), **self._inputs(run, fitted)}
         columns, _ = bench.temperatures(np.array([given[n] for n in bench.free]), False, problem.options)
         out = []
         for k, o in enumerate(bench.experiment.observations):
@@ -199,8 +298,14 @@ class Desk:
             (at, simulated), (seen, measured), (apart, rest) = (
                 thinned(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
             )
-            out.append(Curve(o.sensor, o.node, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
+            out.append(Curve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
         return RunCurves(bench.experiment.record.name, tuple(out))
+
+
+def _tables(solution: Solution) -> dict[str, Mapping[str, Array]]:
+    """Return temperatures [K], heat flows and powers [W] over time, by name."""
+    temperatures = {n: solution[n].kelvin for n in solution.nodes}
+    return {"temperatures": temperatures, "flows": solution.heat_flows, "powers": solution.load_powers}
 
 
 def _of_scenario(simulator: Simulator, si: Mapping[str, float], window: Window) -> RunCurves:
@@ -213,11 +318,6 @@ def _of_scenario(simulator: Simulator, si: Mapping[str, float], window: Window) 
 
 def _curves_of(solution: Solution, nodes: Sequence[str], window: Window = None) -> tuple[Curve, ...]:
     return tuple(Curve(n, n, *thinned(solution.times, solution[n].celsius, window)) for n in nodes)
-
-
-def _start(problem: Problem) -> Array:
-    """Return the fitted forms (unknowns,) at which a fit would start."""
-    return np.array([u.to_fitted(u.start) for u in problem.unknowns])
 
 
 def _bias(problem: Problem, sensor: str, fitted: Array) -> float:

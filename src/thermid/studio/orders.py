@@ -29,6 +29,7 @@ def questions(project: Project, work: Work, follower: Follower) -> dict[str, Cal
         "desk": lambda q: desk_object(project.desk(stage(q))),
         "shelf": lambda q: shelf_object(work.shelf, project.desk(stage(q))),
         "job": lambda q: work.state(),
+        "fresh": lambda q: work.fresh(),
         "logs": lambda q: follower.offered(),
     }
 

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
-from thermid.identify.prediction import Band
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.known import Known
+from thermid.prediction.prediction import Band
 from thermid.qualify.conduct import run_profile
-from thermid.qualify.foresight import Known, foresee
-from thermid.qualify.limit_checks import LimitCheck, check_limits, times_in_state
-from thermid.qualify.limits import STATES, Limits
+from thermid.qualify.foresight import foresee
+from thermid.qualify.limit_checks import LimitCheck, check_limits, spans
+from thermid.qualify.limits import Limits
 from thermid.qualify.margins import Margin, margins
 from thermid.qualify.plan import load_plan
 from thermid.qualify.profile_run import ProfileRun
@@ -52,6 +53,7 @@ class Outcome:
     state : str                     Of points whose limits name no loads.
     source : str                    Where the limits stand.
     remarks : tuple of str          What a reader must know.
+    standing : Standing             Of the values that it was run with.
     """
 
     title: str
@@ -64,6 +66,7 @@ class Outcome:
     state: str = "operating"
     source: str = ""
     remarks: tuple[str, ...] = ()
+    standing: Standing = UNJUDGED
 
     @property
     def worst(self) -> LimitCheck | None:
@@ -105,8 +108,9 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
         run = run_profile(desk.tuned(values), profile_for(course, asked), chamber=chamber, base=str(asked.get("base") or ""), told=told)
         solution, scenario = run.solution, run.scenario
     else:
-        scenario = _scenario(desk.conditions[course.of[0]][1], str(asked.get("gas") or "air"))
-        solution = simulate(desk.tuned(values), scenario, every=max(scenario.seconds / SAMPLES, 1e-3))
+        model, given = desk.run_of(course.of[0], values, sensors=False)
+        scenario = _scenario(given, str(asked.get("gas") or "air"))
+        solution = simulate(model, scenario, every=max(scenario.seconds / SAMPLES, 1e-3))
     limits, source = shelf.limits(desk)
     checks = check_limits(solution, limits, state=state)
     told(1, 1, scenario.seconds)
@@ -140,7 +144,19 @@ def _tested(course: Course, told: Told) -> Outcome:
     bands = trial.foresight.prediction.bands
     remarks = (*(trial.course.remarks if trial.course is not None else ()), *trial.outside)
     title = f"{name} on {trial.known.model.title}"
-    return Outcome(title, trial.foresight.solution, trial.limits, trial.checks, trial.course, found, bands, state, file.name, remarks)
+    return Outcome(
+        title,
+        trial.foresight.solution,
+        trial.limits,
+        trial.checks,
+        trial.course,
+        found,
+        bands,
+        state,
+        file.name,
+        remarks,
+        trial.foresight.standing,
+    )
 
 
 def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
@@ -152,7 +168,8 @@ def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
         "waited": None if run is None else run.waited,
         "trust": "" if run is None else run.trust,
         "decides": run is None or run.decides,
-        "verdict": _verdict(found),
+        "standing": found.standing.to_dict(),
+        "verdict": _doubted(found, _verdict(found)),
         "worst": _check(found.worst) if found.worst is not None else None,
         "phases": [] if run is None else [_phase(p) for p in run.phases],
         "levels": [] if run is None else _levels(run),
@@ -165,6 +182,16 @@ def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
         "moisture": _moisture(run, window),
         "remarks": list(found.remarks),
     }
+
+
+def _doubted(found: Outcome, verdict: dict[str, str]) -> dict[str, str]:
+    """Return a verdict that decides nothing where the values of the run are not credible or failed."""
+    state, why = found.standing.state.upper(), found.standing.reason()
+    if found.standing.fair:
+        return verdict
+    if found.standing.usable:
+        return {**verdict, "text": f"The values are {state}: {why}. {verdict['text']}"}
+    return {"word": "not decided", "text": f"The values are {state}, do not use them: {why}. By them: {verdict['text']}"}
 
 
 def _verdict(found: Outcome) -> dict[str, str]:
@@ -237,19 +264,11 @@ def _check(c: LimitCheck) -> dict[str, Any]:
 
 def _point(found: Outcome, one: Limits) -> dict[str, Any]:
     """Return a reference point with its limits, and the stretches of time in which each of them holds."""
-    spans = []
-    for state in STATES:
-        ends, inside = one.ends(state), times_in_state(found.solution, one, state, found.state)
-        ends = one.operating if ends is None and state == "non-operating" else ends  # they stand in, as in the checks
-        if ends is not None:
-            limits = [ends[0] - ICE_POINT, ends[1] - ICE_POINT]
-            spans += [{"state": state, "from": a, "to": b, "limits": limits} for a, b in _stretches(found.solution.times, inside)]
-    return {"point": one.point, "node": found.solution[one.node].path, "spans": spans, "mark": one.mark, "source": one.source}
-
-
-def _stretches(times: NDArray[np.float64], inside: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
-    return [(float(times[a]), float(times[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    drawn = [
+        {"state": s.state, "from": s.start, "to": s.end, "limits": [s.limits[0] - ICE_POINT, s.limits[1] - ICE_POINT]}
+        for s in spans(found.solution, one, found.state)
+    ]
+    return {"point": one.point, "node": found.solution[one.node].path, "spans": drawn, "mark": one.mark, "source": one.source}
 
 
 def _curve(found: Outcome, node: str, window: Window) -> dict[str, Any]:
@@ -280,7 +299,7 @@ def _margin(m: Margin) -> dict[str, Any]:
         "state": m.state,
         "time": m.time,
         "predicted": m.predicted - ICE_POINT,
-        "uncertainty": m.uncertainty,
+        "uncertainty": m.printed,
         "added": m.policy.acceptance.value + m.policy.qualification.value,
         "limit": m.limit - ICE_POINT,
         "margin": m.margin,

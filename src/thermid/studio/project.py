@@ -3,56 +3,40 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.identify.cache import file_name, recall, remember
-from thermid.identify.calibrate import fit
+from thermid.identify.calibrate import fit, fit_problem
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.gather import problem_for
+from thermid.identify.keys import key_of
 from thermid.identify.request import Request
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
-from thermid.identify.staging import key_of, request_of
+from thermid.identify.staging import request_of
 from thermid.identify.swap import plan_retune
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
+from thermid.model.resolve import ParameterSet
 from thermid.network.network import compile_network
 from thermid.reporting.cells import Table
 from thermid.reporting.tables import levels
 from thermid.simulation.scenario import Scenario, load_scenario
 from thermid.studio.desk import Desk
+from thermid.studio.stage_state import StageState
+from thermid.studio.watch import Watch
 from thermid.units import unit
 
-__all__ = ["Project", "StageState"]
+__all__ = ["Project"]
 
 Told = Callable[[int, float], None]
-
-
-@dataclass(frozen=True)
-class StageState:
-    """Where a stage stands.
-
-    Parameters
-    ----------
-    name : str          The stage.
-    state : str         'done', 'stale' (something it depends on changed since), 'new' (never run) or 'waiting' (for a stage below).
-    why : str           In words.
-    below : tuple       Stages whose values it takes.
-    sensors : dict      Sensor -> RMSE, of a stage that is done. [K]
-    """
-
-    name: str
-    state: str
-    why: str = ""
-    below: tuple[str, ...] = ()
-    sensors: Mapping[str, float] = field(default_factory=dict)
 
 
 class Project:
@@ -71,15 +55,43 @@ class Project:
             inside = ", ".join(sorted(f.name for f in self.path.glob("*.toml"))[:9]) or "none"
             raise DeckError(f"a folder is no deck or campaign. Name a file in it; there are: {inside}.", self.path.name)
         self.results = results if results is not None else self.path.parent / "results"
-        content, _ = read_toml(self.path)
-        self.source: CampaignSource | None = read_campaign(self.path, data) if "stages" in content else None
-        self.title = self.source.content.title if self.source is not None else load_model(self.path).title
+        self._data = data
+        self.source, self.title = self._read()
+        roots = [self.source.data] if self.source is not None and self.source.data is not None else []
+        self.watch = Watch(self.path, roots, self.results)
+        self.edition = 0
+        self.broken = ""
         self.done: dict[str, Calibration] = {}
         self.states: dict[str, StageState] = {name: StageState(name, "waiting", "not looked at yet") for name in self.stages}
         self._requests: dict[str, Request] = {}
         self._keys: dict[str, str] = {}
         self._desks: dict[str, Desk] = {}
         self._levels: tuple[dict[str, Calibration], Table] | None = None
+
+    def _read(self) -> tuple[CampaignSource | None, str]:
+        """Return the campaign, None for a deck, and the title."""
+        source = read_campaign(self.path, self._data) if "stages" in read_toml(self.path)[0] else None
+        return source, source.content.title if source is not None else load_model(self.path).title
+
+    def read_again(self, changed: Collection[Path]) -> None:
+        """Take the files as they are on disk now; every stage must be looked at again.
+
+        Logs are read again only where one of them, or the campaign, is among those that changed. A fit whose model, logs and request are
+        what they were stays done. A file that cannot be read leaves the project as it was, and `broken` says why.
+        """
+        self.edition += 1
+        decks = self.source is not None and self.path not in changed and all(f.suffix == ".toml" for f in changed)
+        try:
+            if self.broken or not decks:
+                self.source, self.title = self._read()
+            self.broken = ""
+        except ThermidError as error:
+            self.broken = str(error)
+        for known in (self._requests, self._desks):
+            known.clear()
+        names = self.stages
+        self.done = {n: c for n, c in self.done.items() if n in names}
+        self.states = {n: self.states.get(n, StageState(n, "waiting", "not looked at yet")) for n in names}
 
     @property
     def stages(self) -> tuple[str, ...]:
@@ -111,22 +123,26 @@ class Project:
 
     def look(self, name: str) -> StageState:
         """Return where a stage stands, taking its fit from the results folder when nothing that it depends on has changed."""
+        if self.broken:
+            return self._set(StageState(name, "failed", self.broken, self.states[name].below))
         if self.source is None:
             return self._set(StageState(name, "deck", "a deck alone: nothing was measured"))
-        if name in self.done:
+        if name in self.done and name in self._requests:
             return self.states[name]
-        direct = self.below(name)
+        direct, before, found = self.below(name), self._keys.get(name), self.done.pop(name, None)
         missing = [n for n in direct if self.states[n].state != "done"]
         if missing:
             why = f"takes values of '{missing[0]}', which is {self.states[missing[0]].state}"
             return self._set(StageState(name, "waiting", why, direct))
         try:
             request = self._request(name)
+            if found is not None and before == self._keys[name]:
+                return self._finish(name, found, unchanged=self.states[name].state == "done")
             kept = recall(self.results, name, self._keys[name])
         except ThermidError as error:
             return self._set(StageState(name, "failed", str(error), direct))
         if kept is None:
-            ran = (self.results / f"{file_name(name)}.fit.json").is_file()
+            ran = found is not None or (self.results / f"{file_name(name)}.fit.json").is_file()
             why = "its model, logs, request or the stages below changed since it was run" if ran else "never run"
             return self._set(StageState(name, "stale" if ran else "new", why, direct))
         return self._finish(name, fit(request, None, kept))
@@ -167,8 +183,14 @@ class Project:
         if not free:
             raise IdentificationError("no parameter is chosen. Tick those that the fit may move.", name)
         desk, request = self.desk(name), self._request(name)
-        held = tuple(v for v in request.inherited if set(v.parameters) <= set(free))
-        return fit(replace(request, model=desk.tuned(values), free=free, inherited=held), told)
+        known = {k: v for k, v in request.priors.items() if ParameterSet(request.model).freeable(k, request.model.canonical) in free}
+        # what is fitted keeps the deck's value as the mean of its prior, wherever its slider stands; the search starts at the slider
+        model = desk.fixed_at(values, free)
+        asked = replace(request, model=model, free=free, prior=tuple(p for p in request.prior if p in free), priors=known)
+        starts = desk.si({s.path: values.get(s.path, s.value) for s in desk.sliders if s.path in free})
+        problem = problem_for(asked)
+        begun = tuple(replace(u, start=starts.get(u.name, u.start)) for u in problem.unknowns)
+        return fit_problem(asked, replace(problem, unknowns=begun), told)
 
     def desk(self, name: str) -> Desk:
         """Return a stage, ready for tuning.
@@ -281,11 +303,15 @@ class Project:
             self._requests[name] = request
         return self._requests[name]
 
-    def _finish(self, name: str, found: Calibration) -> StageState:
+    def _finish(self, name: str, found: Calibration, unchanged: bool = False) -> StageState:
         self.done[name] = found
         self._desks.pop(name, None)
         sensors = {n: s.rmse for n, s in found.sensors.items()}
-        return self._set(StageState(name, "done", "", self.below(name), sensors))
+        below = self.below(name)
+        told = found.standing
+        standing = "" if told.fair else told.state
+        state = StageState(name, "done", "", below, sensors, standing, told.line(name), told.usable)
+        return self._set(state, self.states[name].edition if unchanged else self.edition)
 
     def _forget(self, name: str) -> None:
         """Drop what is known of a stage whose basis changed."""
@@ -293,6 +319,6 @@ class Project:
             known.pop(name, None)
         self.states[name] = StageState(name, "stale", "a stage below was run again", self.below(name))
 
-    def _set(self, state: StageState) -> StageState:
-        self.states[state.name] = state
+    def _set(self, state: StageState, edition: int | None = None) -> StageState:
+        state = self.states[state.name] = replace(state, edition=self.edition if edition is None else edition)
         return state

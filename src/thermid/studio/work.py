@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from thermid.errors import DeckError, ThermidError
@@ -61,13 +61,21 @@ class Work:
         out["seconds"] = time.monotonic() - out.pop("begun")
         return out
 
+    def fresh(self) -> dict[str, Any]:
+        """Look at all stages anew where a file was changed on disk, unless something runs; return the state and edition of each."""
+        if self._thread is None or not self._thread.is_alive():
+            self._look_again(_Job("look", ""))
+        found = self._project.states
+        return {name: [found[name].state, found[name].edition] for name in self._project.stages}
+
     def run(self, stage: str, below: bool) -> dict[str, Any]:
         """Begin to run a stage, with the ones below that are not done where `below`."""
         project = self._project
-        names = [n for n in (*(project.below(project.known(stage)) if below else ()), stage) if n == stage or n not in project.done]
+        project.known(stage)
 
         def job(j: _Job) -> None:
-            for name in names:
+            self._look_again(j)
+            for name in [n for n in (*(project.below(stage) if below else ()), stage) if n == stage or n not in project.done]:
                 j.stage = name
                 project.run(name, lambda count, rms: _tell(j, count, rms))
             for name in project.stages:
@@ -96,7 +104,8 @@ class Work:
 
             found = run_course(self.shelf, desk, course, values, asked, told)
             _going(j)
-            self.outcome = found
+            fit = self._project.done.get(stage)
+            self.outcome = found if course.kind == "test" or fit is None else replace(found, standing=fit.standing)
 
         return self._start("scenario", stage, job)
 
@@ -107,6 +116,15 @@ class Work:
             self._job.error = f"'{self._job.stage}' was stopped."
             self._thread = None
         return self.state()
+
+    def _look_again(self, job: _Job) -> None:
+        """Take the files as they are now, and look at every stage; where none was changed, nothing is done."""
+        changed = self._project.watch.changed()
+        if not changed:
+            return
+        self._project.read_again(changed)
+        self.shelf = Shelf(self._project.path)
+        self._look(job)
 
     def _look(self, job: _Job) -> None:
         for name in self._project.stages:

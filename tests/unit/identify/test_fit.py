@@ -15,6 +15,7 @@ from thermid.identify.compare import compare
 from thermid.identify.gather import problem_for
 from thermid.identify.refusals import refuse_after
 from thermid.identify.request import Request
+from thermid.identify.responses import responses
 from thermid.identify.solve import covariances, ended, minimise
 from thermid.identify.summary import summarise
 from thermid.measure import Record
@@ -297,7 +298,9 @@ class TestWarnings:
         problem = problem_for(Request(box(), (data,), (HTC,)))
         at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
         stopped = ended(problem, at, message="nothing left", converged=False)
-        told = summarise(Request(box(), (data,), (HTC,)), problem, stopped, *covariances(stopped))
+        request = Request(box(), (data,), (HTC,))
+        _, random, weights = covariances(stopped)
+        told = summarise(request, problem, stopped, responses(request, problem, stopped, 1.0, random, weights), random)
         assert "the fit did not converge: nothing left" in told.warnings
         assert not told.converged
 

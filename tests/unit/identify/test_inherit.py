@@ -10,7 +10,7 @@ import pytest
 from thermid.errors import NameNotFoundError
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.inherit import counted_twice, handed_on
+from thermid.identify.inherit import counted_twice, known_before
 from thermid.identify.request import Request
 from thermid.measure import Record
 from thermid.model.model import Model
@@ -67,7 +67,7 @@ def joint(stack: Model, records: tuple[Record, Record]) -> Calibration:
 def test_two_steps_with_a_prior_are_one_fit_of_all_data(
     stack: Model, records: tuple[Record, Record], below: Calibration, joint: Calibration
 ) -> None:
-    two = fit(Request(stack, records[1:], FREE, inherited=(below.values,), name="above"))
+    two = fit(Request(stack, records[1:], FREE, store=below.store, prior=FREE, name="above"))
     assert list(two.values) == list(joint.values)
     spread = np.sqrt(np.diag(joint.values.covariance))
     for k, path in enumerate(joint.values):
@@ -85,11 +85,9 @@ def test_the_step_above_learns_more_than_either_alone(
 
 
 def test_priors_of_sensors_count_once(stack: Model, records: tuple[Record, Record], below: Calibration, joint: Calibration) -> None:
-    # what is handed on of the sensors is less than the stage knew, for what it knew before the data is known above as well
-    two = fit(Request(stack, records[1:], FREE, inherited=(below.values,)))
-    careless = replace(below.values, items_={p: replace(v, prior=None) for p, v in below.values.items()})
-    twice = fit(Request(stack, records[1:], FREE, inherited=(careless,)))
-    assert twice["sensor A"].error < 0.97 * joint["sensor A"].error
+    # the accuracy is one source of both stages
+    two = fit(Request(stack, records[1:], FREE, store=below.store, prior=FREE))
+    assert [s.name for s in two.store.sources if s.kind == "instrument"] == ["accuracy: sensor A", "accuracy: sensor B"]
     assert two["sensor A"].error == pytest.approx(joint["sensor A"].error, rel=1e-4)
 
 
@@ -97,7 +95,7 @@ def test_a_prior_of_a_parameter_below_is_handed_on(stack: Model, records: tuple[
     # the stage above knows of it only through what the stage below hands on
     known = {"a.power": ("4.2 [W]", "0.05 [W]")}
     below = fit(Request(stack, records[:1], FREE, priors=known))
-    two = fit(Request(stack, records[1:], FREE, inherited=(below.values,)))
+    two = fit(Request(stack, records[1:], FREE, store=below.store, prior=FREE))
     joint = fit(Request(stack, records, FREE, priors=known))
     for path in joint.values:
         assert abs(two[path].value - joint[path].value) < 1e-3 * joint[path].error
@@ -107,7 +105,7 @@ def test_a_prior_of_a_parameter_below_is_handed_on(stack: Model, records: tuple[
 def test_accuracies_about_another_value_than_zero_count_once(stack: Model, records: tuple[Record, Record]) -> None:
     about = {"A": (0.5, 0.2), "B": (-0.4, 0.2)}
     below = fit(Request(stack, records[:1], FREE, bias_priors=about))
-    two = fit(Request(stack, records[1:], FREE, bias_priors=about, inherited=(below.values,)))
+    two = fit(Request(stack, records[1:], FREE, bias_priors=about, store=below.store, prior=FREE))
     joint = fit(Request(stack, records, FREE, bias_priors=about))
     for path in joint.values:
         assert abs(two[path].value - joint[path].value) < 1e-3 * joint[path].error
@@ -138,19 +136,19 @@ def test_parameters_alone(below: Calibration) -> None:
 
 
 def test_nothing_in_common_hands_nothing_on(stack: Model, records: tuple[Record, Record], below: Calibration) -> None:
-    where, mean, root = handed_on(below.values, ())
-    assert (where.size, mean.size, root.size) == (0, 0, 0)
+    before = known_before(Request(stack, (), store=below.store, prior=FREE), ())
+    assert (before.at.size, before.mean.size, before.rows.shape[0]) == (0, 0, 0)
 
 
 def test_a_record_that_is_in_the_prior_already(records: tuple[Record, Record], below: Calibration) -> None:
-    (remark,) = counted_twice({"below": below}, (records[0].trim(600.0), records[1]))
+    (remark,) = counted_twice(below.store, FREE, (records[0].trim(600.0), records[1]))
     assert remark.startswith("record 'below' was fitted by stage 'below' too, whose result is a prior here: its readings count twice")
 
 
 def test_what_has_to_move_is_said(stack: Model, below: Calibration) -> None:
     # in the assembly the first part gives 8 W, far from what it gave alone
     data = log(stack, {"a.power": "7 [W]"}, {"A": "a.case", "B": "b.case"}, boundary="room", accuracy=0.4, noise=0.3, seed=4)
-    moved = fit(Request(stack, (data,), FREE, inherited=(below.values,)))
+    moved = fit(Request(stack, (data,), FREE, store=below.store, prior=FREE))
     assert any("what the stage below handed on for" in w and "had to move: chi-square" in w for w in moved.warnings)
-    same = fit(Request(stack, (bench(stack, "x", 9, "30 [degC]"),), FREE, inherited=(below.values,)))
+    same = fit(Request(stack, (bench(stack, "x", 9, "30 [degC]"),), FREE, store=below.store, prior=FREE))
     assert not any("had to move" in w for w in same.warnings)

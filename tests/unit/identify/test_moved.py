@@ -43,7 +43,7 @@ def below(stack: Model) -> Calibration:
 
 @pytest.fixture(scope="module")
 def above(stack: Model, below: Calibration) -> Calibration:
-    found = fit(Request(stack, (bench(stack, 2),), FREE, inherited=(below.values,), name="above"))
+    found = fit(Request(stack, (bench(stack, 2),), FREE, store=below.store, prior=FREE, name="above"))
     assert found.reduced_chi_square < 1
     return found
 
@@ -71,7 +71,7 @@ def test_the_group_counts_correlations(below: Calibration, above: Calibration) -
 def test_same_hardware_holds_other_hardware_had_to_move(stack: Model, below: Calibration, above: Calibration) -> None:
     assert above.moved.had_to_move == ()
     assert not any("had to move" in w for w in above.warnings)
-    other = fit(Request(stack, (bench(stack, 3, 4.7),), FREE, inherited=(below.values,), name="above"))
+    other = fit(Request(stack, (bench(stack, 3, 4.7),), FREE, store=below.store, prior=FREE, name="above"))
     assert other.moved["a.power"].verdict == "had to move"
     assert other.moved.had_to_move == ("a.power", "part 'a'", "all together")
     assert any("what the stage below handed on for a.power, b.power had to move: chi-square" in w for w in other.warnings)
@@ -87,7 +87,7 @@ def test_chance_is_uniform_when_nothing_moved(stack: Model) -> None:
         bias = {s: 0.4 * rng.standard_normal() for s in "AB"}
         one, two = (bench(stack, int(rng.integers(1 << 30)), bias=bias) for _ in range(2))
         first = fit(Request(stack, (one,), FREE, name="below"))
-        found.append(fit(Request(stack, (two,), FREE, inherited=(first.values,))).moved.groups[-1].chance)
+        found.append(fit(Request(stack, (two,), FREE, store=first.store, prior=FREE)).moved.groups[-1].chance)
     shares = [np.mean(np.array(found) < level) for level in (0.1, 0.5, 0.9)]
     for share, level in zip(shares, (0.1, 0.5, 0.9), strict=True):
         assert abs(share - level) < 3 * math.sqrt(level * (1 - level) / 60)
@@ -112,7 +112,7 @@ def test_chance_is_not_small_where_residuals_wander_and_nothing_moved(stack: Mod
         rng = np.random.default_rng([8, seed])
         one, two = (wandering(bench(stack, int(rng.integers(1 << 30))), rng, 0.5, 1200.0) for _ in range(2))
         first = fit(Request(stack, (one,), FREE, name="below"))
-        second = fit(Request(stack, (two,), FREE, inherited=(first.values,)))
+        second = fit(Request(stack, (two,), FREE, store=first.store, prior=FREE))
         found.append(second.moved.groups[-1].chance)
     assert np.sum(np.array(found) < 0.05) <= 3
     assert 0.2 < np.median(found) < 0.8
@@ -123,7 +123,7 @@ def test_a_part_on_which_the_level_above_says_nothing(stack: Model) -> None:
     part = box()
     below = fit(Request(part, (log(part, {}, {"A": "case"}, samples=61),), (HTC, "case.mass"), name="box"))
     rested = log(part, {}, {"A": "case"}, samples=31, start="24 [degC]", hours=60.0, seed=4).trim(45 * 3600.0)
-    above = fit(Request(part, (rested,), inherited=(below.values,), name="rest"))
+    above = fit(Request(part, (rested,), store=below.store, prior=(HTC, "case.mass"), name="rest"))
     assert abs(above.moved["case.mass"].deviations) < 3 or math.isnan(above.moved["case.mass"].deviations)
     assert math.isfinite(above.moved[HTC].deviations)
 

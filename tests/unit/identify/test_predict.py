@@ -13,10 +13,10 @@ import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError
 from thermid.identify.calibrate import calibrate, fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.predict import predict
-from thermid.identify.prediction import Prediction
 from thermid.identify.request import Request
 from thermid.identify.spread import Spread
+from thermid.prediction.predict import predict
+from thermid.prediction.prediction import Prediction
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
 from unit.identify.bench import HTC, MASS, box, log, pair
@@ -98,7 +98,7 @@ def test_correlated_and_log_normal_spreads(found: Calibration) -> None:
     [({"sd": "0.4 [K]"}, 0.4), ("0.4 [K]", 0.4), ({"low": "39 [degC]", "high": "41 [degC]"}, 2 / np.sqrt(12))],
 )
 def test_forms_of_a_stated_spread(found: Calibration, spread: object, sd: float) -> None:
-    assert plain(found, HOT, spread={"air": spread})["air"].final.error == pytest.approx(sd)
+    assert plain(found, HOT, spread={"air": spread})["air"].final.error == pytest.approx(sd, rel=0.03)
 
 
 def test_draws_agree_with_derivatives_where_the_model_is_straight(found: Calibration) -> None:
@@ -115,15 +115,15 @@ def test_draws_are_not_symmetric_where_it_bends(found: Calibration) -> None:
 
 
 def test_values_held_from_a_stage_below_are_not_exact(found: Calibration) -> None:
-    from thermid.identify.staging import _inherited, _prefixed
+    from thermid.knowledge.store import graft
 
-    model = _inherited(pair(), "a", found.values)
+    store, _ = graft(pair(), [("a", found.store)])
+    model = store.on(pair())
     data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room", noise=0.05)
-    held = (_prefixed(found.values.bare(), "a."),)
-    above = fit(Request(model, (data,), ("stack.contact_conductance",), name="pair", held=held))
+    above = fit(Request(model, (data,), ("stack.contact_conductance",), name="pair", store=store))
     scenario = Scenario("s", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="3 [h]")
     told = plain(above, scenario)
-    assert "held from Box" in told.causes
+    assert f"a.{HTC}" in told.causes["fit"]
     bare = plain(fit(Request(model, (data,), ("stack.contact_conductance",), name="pair")), scenario)
     assert told["a.case"].final.error > 1.5 * bare["a.case"].final.error
 
@@ -138,7 +138,7 @@ def test_some_nodes_and_aliases(found: Calibration) -> None:
 def test_what_is_spread_twice_or_wrongly_is_refused(found: Calibration) -> None:
     with pytest.raises(IdentificationError, match=r"'skin.effective_htc' is spread twice, by fit and by stated. Leave one out"):
         plain(found, HOT, spread={HTC: "1 [W/(m^2 K)]"})
-    with pytest.raises(ScenarioError, match=r"write \{sd\}, \{log_sd\} or \{low, high\}"):
+    with pytest.raises(ScenarioError, match=r"write \{sd\}, \{log_sd\}, \{low, high\} or \"range\""):
         plain(found, HOT, spread={"air": {"width": "1 [K]"}})
     with pytest.raises(ScenarioError, match="not spread by per cent; give kelvin"):
         plain(found, HOT, spread={"air": "2 [%]"})

@@ -58,7 +58,7 @@ def test_leads_that_end_nowhere_are_refused() -> None:
 def test_derivatives_of_scale_and_lag_are_exact_and_the_compressed_rows_hold_them() -> None:
     found = calibrate(box(), worn(gain_accuracy="1 [%]", lag="40 [s]", lag_accuracy="20 [s]"), [HTC])
     assert found.problem is not None
-    problem, x = replace(found.problem, options=td.Options(), _benches=[]), np.array(list(found.fitted.values()))
+    problem, x = replace(found.problem, options=td.Options()), np.array(list(found.fitted.values()))
     assert {"scale of T", "lag of T"} <= set(found.fitted)
     slopes = problem.jacobian(x)
     for k in range(x.size):

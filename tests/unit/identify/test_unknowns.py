@@ -154,6 +154,17 @@ class TestTies:
         for path, truth in zip(free, (1.2, 1.8), strict=True):
             assert found[path].value == pytest.approx(truth, abs=4 * found[path].error)
 
+    def test_one_instance_is_cut(self) -> None:
+        stack = pair().cut("b")
+        data = log(stack, {"a.case.mass": "1.2 [kg]"}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=61)
+        found = calibrate(stack, data, ["a.case.mass", "a.skin.effective_htc"])
+        assert found["a.case.mass"].also == ()
+        assert found["a.case.mass"].value == pytest.approx(1.2, abs=4 * found["a.case.mass"].error)
+        assert "cut from its twins: b" in str(found)
+        both = calibrate(pair(), data, ["a.case.mass"])
+        assert both["a.case.mass"].also == ("b.case.mass",)
+        assert "a.case.mass: one value with b.case.mass" in str(both)
+
     def test_an_instance_with_a_value_of_its_own_is_left_alone(self) -> None:
         stack = model_from_dict({**_pair_deck(), "set": {"b.case.mass": "2 [kg]"}})
         data = log(stack, {"a.case.mass": "1.2 [kg]"}, {"A": "a.case"}, boundary="room", samples=61)

@@ -11,6 +11,7 @@ import pytest
 from thermid.errors import DeckError, NameNotFoundError
 from thermid.identify.calibrate import calibrate
 from thermid.identify.calibration import Calibration
+from thermid.identify.credibility import CredibilityRecord
 from thermid.identify.values import FittedValue, FittedValues, load_values
 from thermid.model.modelfile import load_model, save_model
 from unit.identify.bench import HTC, MASS, box, log, metered, pair
@@ -32,6 +33,16 @@ def test_the_file_holds_every_bit(found: Calibration, tmp_path: Path) -> None:
     assert back.provenance == found.values.provenance
     assert back.provenance["records"] == dict(found.records)
     assert back.provenance["synthetic"] is True
+
+
+def test_a_mapping_returns_its_default(found: Calibration) -> None:
+    """Every mapping of the package names the nearest key, and is still a mapping: `get` has a default."""
+    rows = CredibilityRecord("t", "", "", False, {})
+    for mapping in (found.values, rows):
+        assert mapping.get("no_such") is None
+        assert mapping.get("no_such", 3) == 3
+        with pytest.raises(NameNotFoundError, match="no_such"):
+            mapping["no_such"]
 
 
 def test_awkward_numbers_come_back_too(tmp_path: Path) -> None:

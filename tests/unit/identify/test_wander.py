@@ -9,11 +9,11 @@ import pytest
 
 from thermid.identify.calibrate import calibrate, fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.inherit import handed_on
+from thermid.identify.inherit import known_before
 from thermid.identify.request import Request
+from thermid.identify.solve import covariances, ended
 from thermid.identify.unknowns import Unknown
-from thermid.identify.values import load_values
-from thermid.identify.wander import _beside, _correlation, _leaning, binned
+from thermid.identify.wander import _beside, _leaning, binned, correlation
 from thermid.measure import Channel, Record
 from thermid.model.modelfile import load_model
 from thermid.simulation import simulate
@@ -48,6 +48,15 @@ def scores(**more: object) -> np.ndarray:
     return np.array(out)
 
 
+def widening(found: Calibration) -> np.ndarray:
+    """Errors beside those that residuals of this size would give if they did not wander (unknowns,)."""
+    assert found.problem is not None
+    assert found.wander is not None
+    plain = covariances(ended(found.problem, np.array(list(found.fitted.values())), found.loss), found.wander.level)[2]
+    kept = [k for k, n in enumerate(found.fitted) if n in found.values]
+    return np.asarray(np.sqrt(np.diag(found.values.covariance) / np.diag(plain)[kept]))
+
+
 @pytest.mark.parametrize("gap", [False, True])
 def test_errors_are_the_scatter_of_repeats_where_residuals_wander(gap: bool) -> None:
     squares = np.mean(scores(gap=gap) ** 2, axis=0)
@@ -58,8 +67,7 @@ def test_errors_are_the_scatter_of_repeats_where_residuals_wander(gap: bool) -> 
 
 def test_as_they_were_the_errors_would_be_three_times_too_small() -> None:
     found = fit(Request(box(), (wandering(1),), (HTC, MASS)))
-    assert found.values.weights is not None
-    ratio = np.sqrt(np.diag(found.values.covariance) / np.diag(found.values.weights))
+    ratio = widening(found)
     assert np.all(ratio > 2.5)
     told = found.sensors["T"]
     assert told.samples == 301
@@ -72,10 +80,8 @@ def test_as_they_were_the_errors_would_be_three_times_too_small() -> None:
 def test_slow_directions_widen_more_than_fast_ones() -> None:
     """A coefficient is read from the level of hours; the start from the first minutes."""
     found = calibrate(box(), wandering(2, slow=0.05, samples=1801), [HTC, MASS])
-    assert found.values.weights is not None
-    widening = np.sqrt(np.diag(found.values.covariance) / np.diag(found.values.weights))
     plain = calibrate(box(), wandering(2, slow=0.0, samples=1801), [HTC, MASS])
-    assert widening.max() > 2.0
+    assert widening(found).max() > 2.0
     start = (found.local[0].error / plain.local[0].error, found[HTC].error / plain[HTC].error)
     assert start[0] != pytest.approx(start[1], rel=0.05)
 
@@ -84,7 +90,7 @@ def test_white_residuals_change_nothing() -> None:
     same = 0
     for seed in range(20):
         found = calibrate(box(), log(box(), {}, {"T": "case"}, seed=seed), [HTC, MASS])
-        same += found.values.weights is None and found.sensors["T"].effective_samples == 301
+        same += widening(found) == pytest.approx(1.0) and found.sensors["T"].effective_samples == 301
     assert same >= 17  # one white trace in thirty is taken for one that wanders
 
 
@@ -109,30 +115,13 @@ def biased() -> Calibration:
     return fit(Request(box(), (data.with_channels(replace(data["T"], accuracy=0.5)),), (HTC, MASS), name="below"))
 
 
-def test_what_is_handed_on_gives_the_same_values_and_errors_again(biased: Calibration) -> None:
+def test_the_prior_of_the_stage_above_is_the_whole_error_of_the_stage_below(biased: Calibration) -> None:
+    above = Request(box(), (wandering(5),), store=biased.store, prior=(HTC, MASS))
     unknowns = [Unknown(p, v.kind, (), v.value, v.log) for p, v in biased.values.items()]
-    at, mean, root = handed_on(biased.values, unknowns)
-    information = root.T @ root
-    prior = np.zeros_like(information)
-    prior[2, 2] = 0.5**-2
-    assert biased.values["sensor T"].prior == (0.0, 0.5)
-    assert at.tolist() == [0, 1, 2]
-    # S is what the scores scatter by; the weights then make of it the total covariance again
-    weights, total = biased.values.weights, biased.values.covariance
-    assert weights is not None
-    nominal = np.linalg.inv(weights) - prior
-    score = np.linalg.inv(weights) @ total @ np.linalg.inv(weights) - prior
-    assert information == pytest.approx(nominal @ np.linalg.pinv(score) @ nominal, rel=1e-4, abs=1e-6 * np.abs(information).max())
-    fitted = np.array([np.log(biased.values[p].value) if biased.values[p].log else biased.values[p].value for p in biased.values])
-    assert nominal @ (mean - fitted) == pytest.approx(prior @ fitted, rel=1e-4, abs=1e-3)
-
-
-def test_the_weights_are_kept_in_the_file(biased: Calibration, tmp_path: object) -> None:
-    path = f"{tmp_path}/one.values.toml"
-    biased.save(path)
-    again = load_values(path)
-    assert again.weights == pytest.approx(biased.values.weights)
-    assert again.bare().weights == pytest.approx(biased.values.bare().weights)
+    before = known_before(above, unknowns)
+    assert before.at.tolist() == [0, 1, 2]
+    assert before.root.T @ before.root == pytest.approx(np.linalg.inv(biased.values.covariance), rel=1e-6)
+    assert before.mean.tolist() == [u.to_fitted(v.value) for u, v in zip(unknowns, biased.values.values(), strict=True)]
 
 
 def test_a_massless_node_and_a_robust_loss_work_too() -> None:
@@ -151,7 +140,7 @@ def test_a_massless_node_and_a_robust_loss_work_too() -> None:
     data = Record.from_arrays("bench", times, channels)
     found = fit(Request(model, (data,), ("stack.contact_conductance",), {"*": Scenario("s", boundaries={"cv": "24 [degC]"})}, loss="huber"))
     assert found.sensors["T1"].effective_samples < 60
-    assert found.values.weights is not None
+    assert widening(found).min() > 1.5
 
 
 def test_the_level_of_white_residuals_counts_what_the_fit_has_taken() -> None:
@@ -168,7 +157,7 @@ def test_the_score_of_white_residuals_is_standard_normal_beside_what_a_trace_dec
     times = np.arange(60.0)
     decided, free = _beside(rng.standard_normal((60, 3)) * 10.0)
     assert decided.shape == (60, 3)
-    like = _correlation(times, 8.0)
+    like = correlation(times, 8.0)
     found = []
     for _ in range(300):
         y = free.T @ rng.standard_normal(60)

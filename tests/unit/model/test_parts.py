@@ -29,10 +29,14 @@ def said(model: Model, severity: str = "") -> list[str]:
 
 
 def test_replaced_by_itself_is_the_identity(pair: Build) -> None:
-    model = pair({"set": {"a.power": "6 [W]"}})
+    model = pair()
     again = model.replace("a", model.submodels["a"].model)
     assert again == model
     assert again.identity() == model.identity()
+    told = pair({"set": {"a.power": "6 [W]"}})
+    assert told.replace("a", told.submodel("a")).at("a.power").text == "4 [W]", "the row was the old part's"
+    assert told.replace("a", told.submodel("a"), keep=["first.power"]) == told
+    assert told.with_part("a", told.submodel("a")) == told
 
 
 def test_untouched_parts_stay_the_same_object(part: Build, pair: Build) -> None:
@@ -78,7 +82,8 @@ def test_replace_deep_inside(part: Build, pair: Build) -> None:
     whole = model_from_dict({"title": "Whole", "needs": ["room"], "submodels": {"p": {"use": pair(), "bind": {"room": "room"}}}})
     new = whole.replace("p.first", part(title="New"))
     assert new.submodel("p.a").title == "New"
-    assert new.submodels["p"].definition == new.submodel("p").identity() != whole.submodels["p"].definition
+    assert new.submodels["p"].definition == whole.submodels["p"].definition, "the pair's own values are still those of its deck"
+    assert new.submodel("p").submodels["a"].definition == new.submodel("p.a").identity()
     with pytest.raises(NameNotFoundError, match=r"Pair: no submodel 'c'"):
         whole.replace("p.c", part())
     with pytest.raises(NameNotFoundError, match=r"Whole: no submodel 'q'\. There are p\.$"):

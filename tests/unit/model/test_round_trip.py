@@ -100,6 +100,14 @@ steep = { kind = "table", between = ["plate", "air"], table = { over = "differen
     ["-5 [K]", "1 [mW/K]"], ["0.1 [K]", "2 [mW/K]"],
 ] } }
 
+[conductors.pipe]
+kind = "heat_pipe"
+between = ["plate", "back"]
+on_conductance = "5 [W/K]"
+off_conductance = "0.1 [W/K]"
+start_temperature = "40 [degC]"
+transition = "4 [K]"
+
 [joints.weld]
 between = ["front", "one.skin"]
 area = "3 [cm^2]"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import html
 import re
+from pathlib import Path
 
 import pytest
 
 import thermid as td
 from unit.qualify.project import PLAN, measured, project, with_log
+from webpage import crossings, limited, lines_of
 
 MORE = """
 discrepancies = ["the lid was not modelled"]
@@ -113,3 +115,41 @@ def test_the_head_names_the_document_and_who_signed_and_what_is_open(page: dict[
     for word in ("TR-017", "B", "2026-02-03", "A. Author", "B. Checker", "C. Chief", "verdicts failed", "Not decided"):
         assert word in page[""]
     assert "no log has come back, so MIL-HDBK-340, transient could not be judged" in page[""]
+
+
+STATES = """loads = ["cpu"]
+non_operating = ["-40 [degC]", "90 [degC]"]
+start_up = ["-10 [degC]", "25 [degC]"]
+"""
+SWITCHED = """
+[[tests]]
+name = "switched off"
+kind = "on-board"
+criteria = ["MIL-HDBK-340, transient"]
+
+[tests.scenario]
+boundaries = { air = "HOT [degC]" }
+start = "20 [degC]"
+duration = "6 [h]"
+commands = { cpu = { times = ["0 [h]", "3 [h]"], values = [1, 0], hold = true } }
+"""
+
+
+@pytest.mark.parametrize(("air", "verdict"), [(45, "met"), (79, "NOT met")])
+def test_no_curve_passes_a_drawn_limit_whose_verdict_says_met(tmp_path: Path, air: int, verdict: str) -> None:
+    """The start-up limit of 25 degC is the nearest at the first instant; the unit is far above it later, when it does not hold."""
+    text = PLAN.replace('loads = ["cpu"]\n', STATES) + SWITCHED.replace("HOT", str(air))
+    found = td.run_plan(project(tmp_path, text))
+    page = td.qualification_report(found, to=tmp_path / "page.html").read_text(encoding="utf-8")
+    shown = limited(page)
+    assert len(shown) == 3
+    for caption, figure in shown:
+        assert crossings(figure) == [] or caption.endswith("NOT met")
+    caption, figure = shown[-1]
+    assert caption.endswith(f": {verdict}")
+    assert bool(crossings(figure)) is (verdict == "NOT met")
+    names = {name for _, name, _ in lines_of(figure)}
+    assert names == {"simulated", "limit, operating", "limit, non-operating", "limit, start-up"}
+    spans = {name: [p[0] for p in points] for _, name, points in lines_of(figure)}
+    assert max(spans["limit, operating"]) < min(spans["limit, non-operating"])  # each where its state holds
+    assert max(spans["limit, start-up"]) - min(spans["limit, start-up"]) < 0.01

@@ -247,7 +247,7 @@ def test_draws_stay_within_the_bounds_of_a_deck() -> None:
         ({"skin.htc.coefficient": {"low": "2 [W/(m^2 K)]", "high": "1 [W/(m^2 K)]"}}, ScenarioError, "above its high end"),
         ({"skin.htc.coefficient": "-5 [%]"}, ScenarioError, "from zero up"),
         ({"initial.board": "5 [%]"}, ScenarioError, "give kelvin"),
-        ({"skin.emissivity": {"low": 2.0, "high": 3.0}}, ScenarioError, "within its bounds"),
+        ({"skin.emissivity": {"low": 2.0, "high": 3.0}}, ScenarioError, "passes the bounds"),
         ({"skin.colour": "5 [%]"}, NameNotFoundError, "no parameter"),
     ],
 )

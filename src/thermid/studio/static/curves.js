@@ -2,6 +2,7 @@
 import { Chart } from "/static/chart.js";
 import { ask, at, colour, dash, hour, hours, legend, make, studio, tried } from "/static/page.js";
 import { drawPicture } from "/static/picture.js";
+import { mark, told } from "/static/stages.js";
 import { s } from "/static/state.js";
 
 let busy = false, again = false;
@@ -57,15 +58,18 @@ function drawMetrics() {
   const lines = [worst ? "Points: measured. Lines: simulated." : "Lines: simulated.", curves.some((c) => c.gone) ? `Dots: ${s.gas === "vacuum" ? "the same in vacuum" : "without convection, as printed"}.` : ""];
   const rising = !worst && curves.map((c) => ({ name: c.name, at: Math.max(...c.simulated) })).sort((a, b) => b.at - a.at)[0];
   at("strokes").textContent = lines.filter(Boolean).join(" ");
-  at("worst").replaceChildren(...(worst ? [make("strong", { text: "furthest off " }), `${worst.name}: RMSE ${kelvin(worst.rmse)} K, largest ${kelvin(worst.largest)} K.`] : rising ? [make("strong", { text: "hottest " }), `${rising.name}: ${rising.at.toFixed(1)} °C.`] : []), ` ${known()}`);
+  const state = told(s.desk.standing);
+  at("worst").dataset.word = mark(state);
+  at("worst").replaceChildren(...(state.standing ? [make("strong", { text: `${state.usable ? "?" : "✗"} ${state.standing}` }), "; "] : []), ...(worst ? [make("strong", { text: "furthest off " }), `${worst.name}: RMSE ${kelvin(worst.rmse)} K, largest ${kelvin(worst.largest)} K.`] : rising ? [make("strong", { text: "hottest " }), `${rising.name}: ${rising.at.toFixed(1)} °C.`] : []), ` ${known()}`);
 }
 // what the values on the page rest on: those with an error are known from logs, and how well
 function known() {
-  const free = s.desk.sliders.filter((x) => x.free), errors = free.filter((x) => x.error !== null), moved = Object.keys(s.values).length;
-  if (!s.desk.measured) return "Nothing was measured; every value is the deck's own.";
-  if (!errors.length) return `None of ${free.length} values is fitted yet.`;
-  const loose = errors.filter((x) => x.error > 0.2 * Math.abs(x.value)).map((x) => x.path);
-  return `${errors.length} of ${s.desk.sliders.length} values fitted${loose.length ? `; known worse than 20 %: ${loose.slice(0, 3).join(", ")}${loose.length > 3 ? ` and ${loose.length - 3} more` : ""}` : ", each to 20 % or better"}; the others are the decks' own.${moved ? ` ${moved} moved.` : ""}`;
+  const free = s.desk.sliders.filter((x) => x.free), at = (x) => s.values[x.path] ?? x.value;
+  const errors = free.filter((x) => x.error !== null && at(x) === (x.found ?? x.value)), moved = s.desk.sliders.filter((x) => at(x) !== (x.found ?? x.value)).length;
+  if (!s.desk.measured) return `Nothing was measured; every value is the deck's own.${moved ? ` ${moved} moved.` : ""}`;
+  if (!errors.length) return `None of ${free.length} values stands as a fit found it.${moved ? ` ${moved} moved.` : ""}`;
+  const loose = errors.filter((x) => x.error > 0.2 * Math.abs(at(x))).map((x) => x.path);
+  return `${errors.length} of ${s.desk.sliders.length} values fitted${loose.length ? `; known worse than 20 %: ${loose.slice(0, 3).join(", ")}${loose.length > 3 ? ` and ${loose.length - 3} more` : ""}` : ", each to 20 % or better"}; the others are the decks' or were found by stages below.${moved ? ` ${moved} moved.` : ""}`;
 }
 let waiting = 0;
 function cursor(t) { s.time = t; at("time").value = t; at("time-text").textContent = hour(t); clearTimeout(waiting); waiting = setTimeout(drawPicture, 150); above.cursor = below.cursor = t / 3600; above.draw(); below.draw(); }

@@ -11,6 +11,7 @@ import { buttons, fitted, restore, warnings } from "/static/tuning.js";
 
 async function open(name) {
   s.stage = name;
+  s.edition = s.editions[name];
   drawStages();
   s.desk = await tried(() => ask(`/api/desk?stage=${encodeURIComponent(name)}`));
   Object.assign(s, { values: {}, done: [], undone: [], run: 0, time: null, window: null, chosen: null, gas: "air" });
@@ -38,6 +39,19 @@ async function open(name) {
 }
 opensWith(open);
 
+// decks, logs and campaigns that their author changes: what is shown is opened anew
+async function follow() {
+  if (!document.hidden && s.stage && s.project.job?.ended !== false) {
+    const now = await ask("/api/fresh").catch(() => null); // a studio that was ended says so when something is asked of it
+    const other = (name, than) => JSON.stringify(now[name]) !== than;
+    if (now && other(s.stage, s.edition)) {
+      await refresh();
+      await open(s.project.stages.some((x) => x.name === s.stage) ? s.stage : s.project.stages[0].name);
+    } else if (now && Object.keys({ ...now, ...s.editions }).some((name) => other(name, s.editions[name]))) await refresh();
+  }
+  setTimeout(follow, 1000);
+}
+
 function view(name) {
   s.view = name;
   for (const b of at("views").querySelectorAll("button")) b.setAttribute("aria-pressed", String(b.dataset.view === name));
@@ -56,3 +70,4 @@ await tried(async () => {
   studio.ready = true;
   if (job.what !== "look" && !job.ended) { if (job.what === "scenario") view("scenarios"); await watch({ fit: fitted, scenario: outcome, run: () => open(s.stage) }[job.what]); }
 });
+follow();

@@ -3,12 +3,12 @@ import { move } from "/static/curves.js";
 import { ask, at, make, nice, shown, studio, tried, unitOf } from "/static/page.js";
 import { drawPicture } from "/static/picture.js";
 import { drawSliders, slidersTell } from "/static/sliders.js";
-import { begin } from "/static/stages.js";
+import { begin, told } from "/static/stages.js";
 import { keep, kept, s } from "/static/state.js";
 
 export function buttons() { if (s.desk?.title === s.stage) keep(s.stage, s); at("undo").disabled = !s.done.length; at("redo").disabled = !s.undone.length; at("reset").disabled = !Object.keys(s.values).length; }
 export function restore() {
-  const found = kept(s.stage), known = new Set(s.desk.sliders.map((x) => x.path));
+  const found = kept(s.stage), known = new Set([...s.desk.sliders.map((x) => x.path), ...s.desk.others]);
   if ([found.values, ...found.done, ...found.undone].every((values) => Object.keys(values).every((path) => known.has(path)))) Object.assign(s, found);
 }
 function remember() { s.done.push(s.values); s.undone = []; buttons(); }
@@ -23,7 +23,8 @@ document.addEventListener("keydown", (e) => { if (!(e.ctrlKey || e.metaKey) || e
 
 at("fit").addEventListener("click", () => tried(async () => { await begin("/api/fit", { stage: s.stage, values: s.values, free: [...s.ticked] }, fitted); }));
 export async function fitted(job) {
-  const values = Object.fromEntries(Object.entries(job.result.values).map(([path, v]) => [path, v.value]));
+  // errors of sensors, starts and powers belong to the fit as its parameters do: without them its curves are not its own
+  const values = { ...Object.fromEntries(Object.entries(job.result.values).map(([path, v]) => [path, v.value])), ...job.result.others };
   if (job.stage !== s.stage) { // another was opened meanwhile: it lies there when its stage is opened again
     const there = kept(job.stage);
     keep(job.stage, { values: { ...there.values, ...values }, done: [...there.done, there.values], undone: [] });
@@ -31,10 +32,12 @@ export async function fitted(job) {
     return;
   }
   remember();
-  for (const [path, v] of Object.entries(job.result.values)) { s.values = { ...s.values, [path]: v.value }; const x = s.desk.sliders.find((y) => y.path === path); if (x) Object.assign(x, { error: v.error, found: v.value }); }
+  s.values = { ...s.values, ...values };
+  for (const [path, v] of Object.entries(job.result.values)) { const x = s.desk.sliders.find((y) => y.path === path); if (x) Object.assign(x, { error: v.error, found: v.value }); }
   after();
   const rows = Object.entries(job.result.values).map(([p, v]) => make("li", { text: `${p}: ${shown(v.value)} ± ${shown(v.error, 2)} ${unitOf(v)}` }));
-  at("fit-result").replaceChildren(make("h3", { text: `Fitted, ${job.result.evaluations} evaluations, ${shown(job.seconds, 2)} s` }), make("ul", {}, ...rows), ...warnings(job.result.warnings), make("details", {}, make("summary", { text: "The whole report" }), make("pre", { text: nice(job.result.text), tabindex: "0" })));
+  const { standing, because } = told(job.result.standing), loud = standing && !job.result.warnings.some((w) => w.includes(because)) ? [`${standing.toUpperCase()}: ${because}`] : [];
+  at("fit-result").replaceChildren(make("h3", { text: `Fitted, ${job.result.evaluations} evaluations, ${shown(job.seconds, 2)} s` }), make("ul", {}, ...rows), ...warnings([...loud, ...job.result.warnings]), make("details", {}, make("summary", { text: "The whole report" }), make("pre", { text: nice(job.result.text), tabindex: "0" })));
 }
 export const warnings = (list) => list.map((w) => make("p", { class: "warning", text: `warning: ${nice(w)}` }));
 at("save").addEventListener("submit", (e) => { e.preventDefault(); tried(async () => { const found = await ask("/api/save", { stage: s.stage, values: s.values, name: at("save-name").value }); at("status").textContent = `saved as results/${found.file}`; }); });

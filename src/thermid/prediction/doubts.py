@@ -64,4 +64,4 @@ def doubted(problem: Problem, doubts: Mapping[str, float]) -> Problem:
             size = doubts[u.name]
             u = replace(u, prior=Prior(math.log(u.start), size) if u.log else Prior(u.start, size * u.start))
         unknowns.append(u)
-    return replace(problem, unknowns=tuple(unknowns), _benches=[])
+    return replace(problem, unknowns=tuple(unknowns))

@@ -1,0 +1,18 @@
+"""How far a model may be trusted: by the worst standing among the values that act in it."""
+
+from __future__ import annotations
+
+from thermid.model.model import Model
+from thermid.model.resolve import parameter_table
+from thermid.model.standing import CREDIBLE, UNJUDGED, Standing, State, worst
+
+__all__ = ["CREDIBLE", "UNJUDGED", "Standing", "State", "of_model", "worst"]
+
+
+def of_model(model: Model) -> Standing:
+    """Return the worst standing of the values that act in a model; unjudged where all are those of its decks.
+
+    A value that was laid over the model carries its standing; one that a [set] hides does not act.
+    """
+    laid = [s for e in parameter_table(model).values() if (s := e.parameter.standing) is not None]
+    return worst(laid) if laid else UNJUDGED

@@ -1,0 +1,104 @@
+"""The page shows what the numbers say: stages that are not credible, fits, files that change on disk, sections that keep apart."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from planted import campaign
+
+from .browser import Page, needed, page, studio
+
+pytestmark = pytest.mark.campaign
+TILES = "return Object.fromEntries([...document.querySelectorAll('#stages button')].map((b) => [b.dataset.stage, b.innerText]))"
+ROWS = "[...document.querySelectorAll('#metrics tbody tr')]"
+RMSE = f"return Object.fromEntries({ROWS}.map((r) => [r.dataset.sensor, Number(r.cells[2].textContent)]))"
+VALUE = "s.desk?.sliders.find((x) => x.path === 'base.capacitance').value"
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    needed()
+    return campaign(tmp_path_factory.mktemp("contradictions"), planted=True)
+
+
+@pytest.fixture(scope="module")
+def shown(file: Path) -> Iterator[Page]:
+    with studio(str(file)) as address, page(address) as made:
+        yield made
+
+
+def run_all(shown: Page) -> None:
+    """Show the uppermost stage, run."""
+    shown.click("[data-stage=whole]")
+    shown.until("document.querySelector('[data-sensor=T_BASE]') || !document.getElementById('error').hidden")
+    if shown.run("return document.querySelector('[data-stage=whole]').dataset.state") != "done":
+        shown.click("#run-stage")
+    shown.until("[...document.querySelectorAll('#stages button')].every((b) => b.dataset.state === 'done')")
+    shown.until("document.querySelector('[data-sensor=T_BASE]')")
+
+
+def test_after_fit_these_the_metrics_are_those_of_a_run(shown: Page) -> None:
+    worst = 0.0
+    for stage, sensor in (("part", "T1"), ("pair", "T_PLATE"), ("whole", "T_BASE")):
+        shown.click(f"[data-stage={stage}]")
+        shown.until(f"document.querySelector('[data-sensor={sensor}]') && !document.getElementById('fit').disabled")
+        before = shown.run("return studio.latencies.length")
+        shown.run("studio.begun = performance.now()")
+        shown.click("#fit")
+        shown.until("document.getElementById('fit-result').textContent.includes('evaluations')")
+        shown.until(f"studio.latencies.length > {before}")
+        fitted = shown.run(RMSE)
+        shown.click("#run-stage")
+        shown.until(f"document.querySelector('[data-stage={stage}]').dataset.state === 'done'")
+        shown.until("document.getElementById('fit-result').textContent.includes('What the stage') && studio.ready")
+        ran = shown.run(RMSE)
+        assert set(fitted) == set(ran)
+        worst = max([worst, *(abs(fitted[s] - ran[s]) for s in ran)])
+    print(f"RMSE after Fit these less RMSE after Run: at most {1e3 * worst:.1f} mK")
+    assert worst <= 0.002
+    shown.clean()
+
+
+def test_the_tile_of_a_stage_that_is_not_credible_says_so_and_those_that_rest_on_it(shown: Page) -> None:
+    run_all(shown)
+    tiles = shown.run(TILES)
+    assert set(tiles) == {"part", "pair", "whole"}
+    assert all("NOT CREDIBLE" in text and "RMSE" not in text for text in tiles.values())
+    assert "rests on stage 'part' (T_LAB would have to be wrong by" in shown.text("#stage-detail")
+    for stage, sensor in (("pair", "T_PLATE"), ("part", "T1"), ("whole", "T_BASE")):
+        shown.click(f"[data-stage={stage}]")
+        shown.until(f"document.querySelector('[data-sensor={sensor}]')")
+        assert "not credible" in shown.text("#worst")
+    edge = "return getComputedStyle(document.querySelector('[data-stage=part]')).borderLeftColor"
+    assert shown.run(edge) == "rgb(163, 32, 29)"  # that of what is wrong, and not green
+    shown.clean()
+
+
+def test_no_two_sections_meet(shown: Page) -> None:
+    run_all(shown)
+    assert shown.meeting() == []
+
+
+def test_a_changed_deck_is_stale_within_two_seconds_and_a_mended_one_works(shown: Page, file: Path) -> None:
+    run_all(shown)
+    deck = file.parent / "whole.toml"
+    before = deck.read_text(encoding="utf-8")
+    state = "document.querySelector('[data-stage=whole]').dataset.state"
+    deck.write_text(before.replace('"2500 [J/K]"', '"2600 [J/K]"'), encoding="utf-8")
+    begun = time.monotonic()
+    shown.until(f"{state} === 'stale'")
+    took = time.monotonic() - begun
+    print(f"a changed deck is stale after {took:.2f} s")
+    assert took < 2.0
+    shown.wait(f"const {{ s }} = await import('/static/state.js'); for (let k = 0; k < 60 && {VALUE} !== 2600; k++) await pause(50)")
+    assert shown.wait(f"const {{ s }} = await import('/static/state.js'); return {VALUE}") == 2600.0
+    assert "changed since it was run" in shown.text("#stage-detail")
+    deck.write_text(before.replace("[nodes]", "[nodess]"), encoding="utf-8")
+    shown.until(f"{state} === 'failed' && document.getElementById('error').textContent.includes('nodess')")
+    deck.write_text(before, encoding="utf-8")
+    shown.until(f"{state} === 'done' && document.getElementById('error').hidden && document.querySelector('[data-sensor=T_BASE]')")
+    shown.clean()

@@ -1,0 +1,124 @@
+"""Columns of logs in a scenario file: one clock for all of them, one unit where none is written, and mistakes that are named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import ThermidError
+from thermid.model.signal import Table
+
+LOG = """time_s,room,wall [degC],h,k [W/(m^2 K)],heat,drive,p,w,sun
+1000,20,21,5,3,4,50,101325,0,0
+1060,20,21,5,3,4,50,101325,0,0
+1120,30,31,6,4,5,100,50000,2,300
+1180,30,31,6,4,5,100,50000,2,300
+"""
+BEGUN = [0.0, 60.0, 120.0, 180.0]
+
+
+def made(folder: Path, text: str, log: str = LOG) -> td.Scenario:
+    (folder / "log.csv").write_text(log, encoding="ascii")
+    (folder / "run.toml").write_text(text, encoding="utf-8")
+    return td.load_scenario(folder / "run.toml")
+
+
+def column(name: str, **more: str) -> str:
+    return "{ file = 'log.csv', column = '" + name + "'" + "".join(f", {k} = '{v}'" for k, v in more.items()) + " }"
+
+
+def test_every_table_counts_from_the_first_sample_of_the_log(tmp_path: Path) -> None:
+    """A boundary kept the log's own clock and a pressure counted from its first sample: they were 1000 s apart in one run."""
+    found = made(
+        tmp_path,
+        f"""
+start = "air"
+duration = "3 [min]"
+boundaries = {{ air = {column("room")} }}
+loads = {{ heater = {column("heat")} }}
+commands = {{ heater = {column("drive")} }}
+prescribed = {{ plate = {column("wall")} }}
+schedule = {{ "skin.htc" = {column("k")} }}
+environment = {{ air = {{ pressure = {column("p")}, wind = {column("w")} }} }}
+irradiation = {{ face = {{ total = {column("sun")}, sky = {column("room")}, sky_view = 0.5 }} }}
+""",
+    )
+    face: Any = found.irradiation["face"]
+    signals = {
+        "room": (found.boundaries["air"], 273.15 + np.array([20, 20, 30, 30])),
+        "heat": (found.loads["heater"], [4, 4, 5, 5]),
+        "drive": (found.commands["heater"], [0.5, 0.5, 1.0, 1.0]),
+        "wall": (found.prescribed["plate"], 273.15 + np.array([21, 21, 31, 31])),
+        "k": (found.schedule["skin.htc"], [3, 3, 4, 4]),
+        "p": (found.environment["air"].pressure, [101325, 101325, 50000, 50000]),
+        "w": (found.environment["air"].wind, [0, 0, 2, 2]),
+        "sun": (face.total, [0, 0, 300, 300]),
+        "sky": (face.sky, 273.15 + np.array([20, 20, 30, 30])),
+    }
+    for name, (signal, values) in signals.items():
+        assert isinstance(signal, Table), name
+        assert signal.times == pytest.approx(BEGUN), name
+        assert signal.values == pytest.approx(values), name
+        assert signal.hold is (name == "drive")
+
+
+def test_a_column_beside_a_trajectory_counts_from_lift_off(tmp_path: Path) -> None:
+    flight = "time,altitude [km],inner [degC]\n-60,0,20\n0,0,20\n60,5,25\n120,60,30\n"
+    text = f"""
+start = "20 [degC]"
+duration = "2 [min]"
+[ascent]
+file = "log.csv"
+air = "gas"
+air_temperature = "20 [degC]"
+walls = {{ wall = {column("inner")} }}
+"""
+    assert made(tmp_path, text, flight).boundaries["wall"].at(np.array([60.0])) == pytest.approx(298.15)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (f'schedule = {{ "skin.htc" = {column("h")} }}', r"give the unit of 'h': unit = .*header"),
+        (f"boundaries = {{ air = {column('k')} }}", r"heat transfer coefficient|W/\(m\^2 K\)"),
+        (f"environment = {{ air = {{ pressure = {column('wall')} }} }}", r"is a temperature; .*\[Pa\]"),
+        (f"environment = {{ air = {{ pressure = {column('p', unit='m/s')} }} }}", r"\[Pa\]"),
+        (f"boundaries = {{ air = {column('rom')} }}", "no column 'rom'.*Did you mean 'room'"),
+        ("boundaries = { air = { file = 'log.csv' } }", "given by file and column"),
+    ],
+)
+def test_a_unit_that_is_missing_or_wrong_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(ThermidError, match=words) as caught:
+        made(tmp_path, f'duration = "1 [min]"\n{text}\n')
+    assert "run.toml" in str(caught.value)
+
+
+def test_a_scheduled_column_has_the_dimension_of_its_parameter(tmp_path: Path) -> None:
+    """The model alone knows it: a coefficient in degC was taken as 278 W/(m^2 K)."""
+    deck = {
+        "title": "plate",
+        "needs": ["air"],
+        "nodes": {"plate": {"capacitance": "100 [J/K]"}},
+        "surfaces": {"skin": {"of": "plate", "to": "air", "area": "0.1 [m^2]", "effective_htc": "5 [W/(m^2 K)]"}},
+    }
+    scenario = made(
+        tmp_path, f'start = "air"\nduration = "1 [min]"\nboundaries.air = "20 [degC]"\nschedule."skin.effective_htc" = {column("wall")}\n'
+    )
+    with pytest.raises(ThermidError, match=r"is a temperature; .* is needed here"):
+        td.simulate(td.model_from_dict(deck), scenario)
+
+
+def test_columns_of_a_weather_that_begins_later_are_refused(tmp_path: Path) -> None:
+    text = f"""
+duration = "1 [min]"
+boundaries = {{ air = {column("room")} }}
+[weather]
+file = "log.csv"
+begin = "2026-03-21 06:00"
+"""
+    with pytest.raises(ThermidError, match=r"begins at another time than its first line.*Leave begin out"):
+        made(tmp_path, text)
