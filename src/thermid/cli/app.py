@@ -301,7 +301,7 @@ def _campaign(path: Path, data: Path | None, to: Path | None, fresh: bool, accep
 
     folder = to if to is not None else path.parent / "results"
     for stage in read_campaign(path).content.stages if folder.is_dir() else ():
-        may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES)
+        may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES.of(stage.name))
     progress = _Progress()
     try:
         campaign = run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or ())

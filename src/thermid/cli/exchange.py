@@ -56,9 +56,9 @@ def import_script(
     from thermid.model.modelfile import model_from_dict, save_model
 
     found = read_initfcn(script)
-    if to is not None:
-        may_write(to, DECK)
     title = (to or script).stem
+    if to is not None:
+        may_write(to, DECK.of(title))
     deck = found.block(title) if block else found.deck(title)
     if to is not None:
         save_model(model_from_dict(deck), to)

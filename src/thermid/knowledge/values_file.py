@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError
-from thermid.files import VALUES, write_text
+from thermid.files import VALUES, parse_toml, read_text, write_text
 from thermid.knowledge import laws
 from thermid.knowledge.sources import LeftOut, Source
 from thermid.knowledge.standing import UNJUDGED, Standing
@@ -63,7 +63,7 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
     for group in _groups(store):
         rows = {p: row for p, row in zip(store.states, store.root[:, group].tolist(), strict=True) if any(row)}
         lines += ["", "[[root]]", f"sources = {_toml(group)}", *(f"{_toml(p)} = {_toml(row)}" for p, row in rows.items())]
-    write_text(path, "\n".join([*lines, ""]), VALUES)
+    write_text(path, "\n".join([*lines, ""]), VALUES.of(stage))
 
 
 def _groups(store: Store) -> Iterable[list[int]]:
@@ -140,7 +140,7 @@ def read_values(path: str | os.PathLike[str]) -> dict[str, Any]:
     if not target.is_file():
         raise DeckError(f"there is no values file '{target.name}'. Run the calibration first.")
     try:
-        return tomllib.loads(target.read_text(encoding="utf-8"))
+        return parse_toml(read_text(target))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise DeckError(f"this is no values file of thermid: {error}.", target.name) from None
 
