@@ -19,11 +19,11 @@ from thermid.identify.request import Request
 from thermid.identify.stages import Campaign
 from thermid.identify.staging import request_of
 from thermid.identify.values import view
-from thermid.model.identity import inside
+from thermid.model.identity import definition_of, inside, instances
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
-    from thermid.identify.campaign_schema import StageTable
+    from thermid.identify.campaign_schema import InheritTable, StageTable
     from thermid.identify.retune_plan import RetunePlan, StagePlan
 
 __all__ = ["retuned"]
@@ -135,7 +135,7 @@ def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, 
 def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], everything: bool, plan: RetunePlan) -> StageTable:
     """Return the stage's table: its name, its records by name, and the stage of the new part where it inherits at the part's place."""
     inherit = {}
-    for part, i in table.inherit.items():
+    for part, i in _of_new(table.inherit, stage, plan).items():
         at_part = stage.part and part == stage.part
         told = {"stage": [renamed.get(n, n) for n in i.stages]} if at_part else {}
         anew = [p for s in plan.stages if s.name in i.stages for p in (x.path for x in s.starts) if p in s.free]
@@ -151,6 +151,24 @@ def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], ev
     changes = {"name": stage.name, "inherit": inherit, "records": list(stage.records), "free": list(stage.free), "freeze": []}
     kept = {p: t for p, t in table.priors.items() if p in stage.free}
     return table.model_copy(update=changes | {"priors": kept})
+
+
+def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetunePlan) -> dict[str, InheritTable]:
+    """Return what a stage inherits, without what stages found of parts of the old part that the new one does not have."""
+    out = {}
+    for part, i in inherit.items():
+        path = part if stage.alone else stage.model.canonical(part)
+        rest = path if stage.alone else path.removeprefix(f"{stage.part}.") if inside(path, stage.part) else ""
+        if rest in ("", stage.part) or (rest != "." and all(_same_part(plan, n, rest) for n in i.stages)):
+            out[part] = i
+    return out
+
+
+def _same_part(plan: RetunePlan, stage: str, path: str) -> bool:
+    """Return whether the new part has, at a path, the deck that a stage was fitted with."""
+    known = dict(instances(plan.model))
+    below = plan.campaign.requests.get(stage)
+    return below is not None and known.get(f"{plan.model.canonical(path)}.") == definition_of(below.model)
 
 
 def _local(request: Request, stage: StagePlan, before: Calibration, plan: RetunePlan) -> Request:
