@@ -22,7 +22,7 @@ STEP = 1e-4
 """Relative change by which the response of a joint to the number behind it is found."""
 
 
-def placed(before: Store, old: Model, new: Model, what: Replacement, below: Store) -> Store:
+def placed(before: Store, old: Model, new: Model, what: Replacement, below: Store, stage: str) -> Store:
     """Return what is known of a model after a replacement.
 
     Parameters
@@ -31,9 +31,10 @@ def placed(before: Store, old: Model, new: Model, what: Replacement, below: Stor
     old, new : Model        The model before, and after with every value of the place at its start.
     what : Replacement      What became of the values.
     below : Store           What stages below found of the new part and its place; its values win over starts.
+    stage : str             The stage whose model it is; it hands on the starts as what it knows.
     """
     told = known_below(below, what)
-    starts = starts_of(before, old, new, [s for s in what.split if s.path not in told.states])
+    starts = starts_of(before, old, new, [s for s in what.split if s.path not in told.states], stage)
     rest = before.drop(what.path)
     for one in what.split:
         rest = rest.drop(one.path)
@@ -56,7 +57,7 @@ def known_below(below: Store, what: Replacement) -> Store:
     return below.only(of_place)
 
 
-def starts_of(before: Store, old: Model, new: Model, split: Sequence[Split]) -> Store:
+def starts_of(before: Store, old: Model, new: Model, split: Sequence[Split], stage: str) -> Store:
     """Return the starts of values of a place as states.
 
     A joint has the error of the joint that it is taken from and, besides, what joints of one kind differ by. A coefficient inside the
@@ -76,9 +77,9 @@ def starts_of(before: Store, old: Model, new: Model, split: Sequence[Split]) -> 
         own.append(Source(f"start of {one.path} after a replacement", "stated", Normal(), str(one)))
         low = given.minimum if given.minimum is not None else 0.0
         high = given.maximum if given.maximum is not None else math.inf
-        states[one.path] = State(
-            one.path, literal.value, True, given.unit, (low, high), Origin("twin"), paths=(one.path,), deck=given.text, start=literal.value
-        )
+        at, origin = literal.value, Origin("twin", stage)
+        ends = (low, high)
+        states[one.path] = State(one.path, at, True, given.unit, ends, origin, paths=(one.path,), deck=given.text, start=at)
     return Store(states, (*before.sources, *own), root)
 
 

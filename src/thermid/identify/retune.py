@@ -143,8 +143,9 @@ def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], ev
     if everything:
         from thermid.identify.campaign_schema import PriorTable
 
-        wide = {s.path: PriorTable(sd=f"{100 * s.log_sd} [%]") for s in stage.starts if s.path not in table.priors}
         more = [p for p in stage.free if p not in table.free]
+        free = {*table.free, *more}
+        wide = {s.path: PriorTable(sd=f"{100 * s.log_sd} [%]") for s in stage.starts if s.path in free and s.path not in table.priors}
         return table.model_copy(
             update={"name": stage.name, "inherit": inherit, "free": [*table.free, *more], "priors": {**table.priors, **wide}}
         )
@@ -180,7 +181,7 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
     gone = [*(s.path for s in what.split), stage.part]
     stood = {p: v for p, v in before.values.assignments.items() if not any(inside(p, place) for place in gone)}
     model = request.model.with_values(stood, f"stage '{stage.name}' before the swap").with_values(starts, START)
-    store = placed(before.store, old, model, what, request.store)
+    store = placed(before.store, old, model, what, request.store, stage.name)
     anew = [s.path for s in what.split if s.path in stage.free and s.path not in request.priors]
     prior = [p for p in request.prior if inside(p, stage.part) and p in told and p not in anew]
     return replace(

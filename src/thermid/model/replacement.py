@@ -11,6 +11,7 @@ from thermid.model.identity import definition_of, inside, local_identities
 from thermid.model.names import used_offers
 from thermid.model.resolve import Entry, ParameterSet, parameter_table
 from thermid.model.touching import touching
+from thermid.units import unit
 
 if TYPE_CHECKING:
     from thermid.model.model import Layer, Model
@@ -128,9 +129,9 @@ def replaced(model: Model, raw: str, new: Model, keep: Sequence[str] = ()) -> tu
 
 def short_text(text: str) -> str:
     """Return a value as people read it: fitted numbers have all their digits in a model."""
-    number, _, unit = text.partition(" [")
+    number, _, rest = text.partition(" [")
     try:
-        return f"{float(number):.4g}" + (f" [{unit}" if unit else "")
+        return f"{float(number):.4g}" + (f" [{rest}" if rest else "")
     except ValueError:
         return text
 
@@ -265,17 +266,22 @@ def _joints(model: Model, after: Model, path: str, values: ParameterSet, keep: f
             yield Split(at, text, SCATTER, "twin" if also else "place", tuple(sorted(also)))
 
 
+def _roots(values: ParameterSet, field: str) -> list[str]:
+    """Return the numbers behind a field that are conductances or conductivities; lengths and areas are as drawn."""
+    conducting = {unit(text).dimension for text in INTERFACE.values()}
+    literals = (p for p in values.order if values.table[p].parameter.is_literal and values.dimension(p) in conducting)
+    return [p for p in literals if field in values.downstream([p])]
+
+
 def _own_root(values: ParameterSet, field: str, shared: Mapping[str, str]) -> str:
-    """Return the one number behind a field that acts on no element elsewhere; empty where it has to get a number of its own."""
-    roots = [p for p in values.order if values.table[p].parameter.is_literal and field in values.downstream([p])]
-    own = [p for p in roots if not any(q in shared for q in values.downstream([p]))]
-    return own[0] if len(own) == 1 else field if field in roots and not own[1:] and values.table[field].parameter.is_literal else ""
+    """Return the number behind a field if it acts on nothing elsewhere; empty where the field needs a number of its own."""
+    own = [p for p in _roots(values, field) if not any(q in shared for q in values.downstream([p]))]
+    return own[0] if len(own) == 1 else ""
 
 
 def _sharing(values: ParameterSet, shared: Mapping[str, str], field: str, kind: str) -> set[str]:
     """Return the elements elsewhere that a number behind a field acts on by a field of the same name."""
-    roots = [p for p in values.order if values.table[p].parameter.is_literal and field in values.downstream([p])]
-    return {shared[q] for p in roots for q in values.downstream([p]) if q in shared and q == f"{shared[q]}.{kind}"}
+    return {shared[q] for p in _roots(values, field) for q in values.downstream([p]) if q in shared and q == f"{shared[q]}.{kind}"}
 
 
 def _apart(model: Model, path: str, gone: Sequence[str]) -> Model:

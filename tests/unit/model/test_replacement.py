@@ -129,7 +129,8 @@ def test_a_value_that_the_deck_above_reads(part: Build) -> None:
 
 
 def test_a_joint_of_its_own_keeps_its_number(part: Build) -> None:
+    """Its conductivity acts on no other joint, so it needs no number of its own: it starts where it was, with a spread."""
     model = unit(part(), "z")
     what = model.replaced("z", part(title="Other"))[1]
-    assert [(s.path, s.text, s.origin, s.twins) for s in what.split] == [("foot_z.contact_conductance", "246 [W/(m^2 K)]", "place", ())]
-    assert model.replaced("z", part(title="Other"), keep=["foot_z.contact_conductance"])[1].split == ()
+    assert [(s.path, s.text, s.origin, s.twins) for s in what.split] == [("foot_conductivity", "0.123 [W/(m K)]", "place", ())]
+    assert model.replaced("z", part(title="Other"), keep=["foot_conductivity"])[1].split == ()
