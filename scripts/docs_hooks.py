@@ -37,6 +37,7 @@ ROOMS = {
     "network": "The equations behind a model, and the gas and radiation that they stand in.",
     "simulation": "What is done to the hardware, and what comes out.",
     "measure": "Logs, their channels and sensors; weather.",
+    "knowledge": "What is known of values: how far they may be trusted, their uncertainty by source.",
     "identify": "Fits, what logs can tell, campaigns, predictions, replaced parts.",
     "qualify": "Profiles, plans, limits, margins, correlation, hold times, deliveries.",
     "reporting": "Pages and pictures.",

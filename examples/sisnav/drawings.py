@@ -125,8 +125,8 @@ def structures(work: Work) -> Figures:
             Curve("one constant coefficient", "bound", c.times, c.predicted - 273.15),
         ]
         below = [
-            Curve("natural convection and radiation", "simulated", n.times, n.residuals),
-            Curve("one constant coefficient", "bound", c.times, c.residuals),
+            Curve(name, look, b.times, b.residuals, less=("measured", name))
+            for name, look, b in (("natural convection and radiation", "simulated", n), ("one constant coefficient", "bound", c))
         ]
         drawn = curves(
             lines, f"held-{key}", f"{sensor} in {record}", below=below, names=("temperature, °C", "residual, K"), size=(380, 280)

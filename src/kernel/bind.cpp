@@ -206,7 +206,7 @@ NB_MODULE(_kernel, m) {
     bind_modal(m);
     bind_large(m);
     bind_leastsquares(m);
-    const char* con[] = {"LINEAR", "POWER", "RADIATION", "FLOW", "TABLE_MEAN", "TABLE_DIFF", "GAS", "NATURAL", "POTENTIAL"};
+    const char* con[] = {"LINEAR", "POWER", "RADIATION", "FLOW", "TABLE_MEAN", "TABLE_DIFF", "GAS", "NATURAL", "POTENTIAL", "HINGE_MEAN", "HINGE_DIFF"};
     for (int k = 0; k < CONDUCTOR_KINDS; ++k) m.attr(con[k]) = k;
     const char* ld[] = {"SIGNAL", "POLY", "EXP", "TABLE", "THERMOSTAT", "PROPORTIONAL"};
     for (int k = 0; k < LOAD_KINDS; ++k) m.attr(ld[k]) = k;

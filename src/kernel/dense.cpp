@@ -52,7 +52,8 @@ double Integrator::curvature() {
             const double d = ta - tb, x = d * d + SMOOTH2, m = e_.ceff[c.c1[r]];
             second = e_.ceff[c.c0[r]] * m * e_.phi[r] / x * (3.0 + (m - 2.0) * d * d / x);
         } else {
-            const auto x = conductor<Dual>(kind, Dual(ta, e.what == 4), Dual(tb, e.what == 5), e_.ceff[c.c0[r]], e_.ceff[c.c1[r]], &p_.tables[c.table[r]]);
+            const auto x = conductor<Dual>(kind, Dual(ta, e.what == 4), Dual(tb, e.what == 5), e_.ceff[c.c0[r]], e_.ceff[c.c1[r]],
+                                            c.table[r] >= 0 ? &p_.tables[c.table[r]] : nullptr);
             second = e.what == 4 ? x.qa.e : x.qb.e;
         }
         bend_[node] += 0.5 * std::fabs(second) * g * g * in_[k].variance;

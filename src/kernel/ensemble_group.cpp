@@ -154,7 +154,7 @@ bool Group::attempt(double& next) {
         err = e <= err ? err : e;
     }
     if (guilty) return failed(guilty, next, std::isfinite(err) ? std::max(0.2, 0.9 * std::pow(err, -0.25)) : 0.2);
-    if (s_.p.proportional && !clear_of_knees(tolerance, next)) return false;
+    if (s_.p.knees && !clear_of_knees(tolerance, next)) return false;
     if (leftover_) code.improve(g_);
     if (const unsigned bad = check_state()) {
         drop(bad);

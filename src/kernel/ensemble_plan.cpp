@@ -33,7 +33,7 @@ LaneNetwork::LaneNetwork(const Problem& p) {
     if (!supported) return;
     for (int r = 0; r < p.con.size(); ++r) {
         const int a = p.con.a[r], b = p.con.b[r], from = a < p.n && p.con.kind[r] != FLOW ? a : -1, to = b < p.n ? b : -1;
-        supported = supported && p.con.kind[r] != POTENTIAL;  // the lanes have no code for it
+        supported = supported && p.con.kind[r] != POTENTIAL && !is_hinge(p.con.kind[r]);  // the lanes have no code for it
         rows_.push_back({p.con.kind[r], a, b, p.con.c0[r], p.con.c1[r], p.con.table[r], from, to, {-1, -1, -1, -1}});
     }
     for (int r = 0; r < p.load.size(); ++r) {

@@ -25,19 +25,38 @@ double Integrator::error() {
     return std::max(worst / tolerance(), np_ > 0 ? sensitivity_error() : 0.0);
 }
 
-// Whether the step passes no knee of a proportional heater, or is short enough for it; else `next` is the length to try.
+// Whether the step passes no knee of a proportional heater or of a table that moves, or is short enough for it; else `next` is the length to try.
 bool Integrator::clear_of_knees(double& next) const {
     const double* last = F_.data() + static_cast<size_t>(STAGES - 1) * n_;
     Knee knee;
     double steepest = 0.0;
-    for (int l = 0; l < p_.load.size(); ++l) {
-        const int i = p_.load.node[l], s = p_.load.sensor[l];
-        if (p_.load.kind[l] != PROPORTIONAL || s >= n_ || cap_[i] == 0.0) continue;
-        const double move = T1_[s] - T_[s], c = inv_cap_[s] * h_, gain = e_.ceff[p_.load.c[0][l]], before = knee.error;
-        const Sweep sweep{T_[s], T1_[s], c > 0.0 ? c * F_[s] : move, c > 0.0 ? c * last[s] : move};
-        const double inertia = cap_[i] + h_ * std::fabs(J0_[p_.pattern.diag[i]]);
-        knee.heater(sweep, gain, e_.ceff[p_.load.c[1][l]], e_.ceff[p_.load.c[2][l]], h_, inertia);
+    auto sweep = [&](int i) -> Sweep {
+        if (i >= n_) return {e_.t[i], e_.t[i], 0.0, 0.0};
+        const double move = T1_[i] - T_[i], c = inv_cap_[i] * h_;
+        return {T_[i], T1_[i], c > 0.0 ? c * F_[i] : move, c > 0.0 ? c * last[i] : move};
+    };
+    auto meets = [&](int i, double gain, auto pass) {
+        if (i >= n_ || cap_[i] == 0.0) return;
+        const double inertia = cap_[i] + h_ * std::fabs(J0_[p_.pattern.diag[i]]), before = knee.error;
+        pass(inertia);
         if (knee.error > before) steepest = std::max(steepest, gain * h_ / inertia);
+    };
+    for (int l = 0; l < p_.load.size(); ++l) {
+        const int s = p_.load.sensor[l];
+        if (p_.load.kind[l] != PROPORTIONAL || s >= n_) continue;
+        const double gain = e_.ceff[p_.load.c[0][l]];
+        meets(p_.load.node[l], gain, [&](double inertia) {
+            knee.heater(sweep(s), gain, e_.ceff[p_.load.c[1][l]], e_.ceff[p_.load.c[2][l]], h_, inertia);
+        });
+    }
+    const Conductors& c = p_.con;
+    for (int r = p_.kind_begin[HINGE_MEAN]; r < c.size(); ++r) {
+        const Sweep a = sweep(c.a[r]), b = sweep(c.b[r]);
+        const double x = c.kind[r] == HINGE_MEAN ? 0.5 : 1.0, y = c.kind[r] == HINGE_MEAN ? 0.5 : -1.0;
+        const Sweep seen{x * a.t0 + y * b.t0, x * a.t1 + y * b.t1, x * a.a + y * b.a, x * a.b + y * b.b};
+        const double gain = std::fabs(e_.ceff[c.c0[r]] * (a.t1 - b.t1));
+        for (int i : {c.a[r], c.b[r]})
+            meets(i, gain, [&](double inertia) { knee.pass(seen, e_.ceff[c.c1[r]], gain, h_, inertia); });
     }
     double allowed = slack_ * tolerance();
     // A knee does not move with the end of a step, so sensitivities err in proportion to its length.

@@ -1,5 +1,6 @@
-// Where a proportional heater reaches an end of its band its power has a knee. The error estimate of a step sees a tenth to a fortieth of what
-// that does, and near one place in the step nothing. So that error is reckoned, and a step that passes a knee is made short enough.
+// Where a proportional heater reaches an end of its band its power has a knee, and so has a table that moves at each of its points. The
+// error estimate of a step sees a tenth to a fortieth of what that does, and near one place in the step nothing. So that error is reckoned,
+// and a step that passes a knee is made short enough.
 #pragma once
 #include <algorithm>
 #include <cmath>

@@ -108,16 +108,29 @@ struct Table {
     int bucket(double at) const { return std::min(static_cast<int>((at - x.front()) * per_kelvin_), static_cast<int>(first_.size()) - 2); }
 };
 
-enum ConductorKind { LINEAR = 0, POWER, RADIATION, FLOW, TABLE_MEAN, TABLE_DIFF, GAS, NATURAL, POTENTIAL, CONDUCTOR_KINDS };
+enum ConductorKind { LINEAR = 0, POWER, RADIATION, FLOW, TABLE_MEAN, TABLE_DIFF, GAS, NATURAL, POTENTIAL, HINGE_MEAN, HINGE_DIFF, CONDUCTOR_KINDS };
 enum LoadKind { SIGNAL = 0, POLY, EXP, TABLE, THERMOSTAT, PROPORTIONAL, LOAD_KINDS };
 enum InputKind { SAMPLED_LINEAR = 0, SAMPLED_HOLD, SINE, CONSTANT, INPUT_KINDS };
 
 // Laws of two coefficients, and how many tables stand one behind the other for a law.
-inline bool has_second(int kind) { return kind == POWER || kind == GAS || kind == NATURAL; }
+inline bool is_hinge(int kind) { return kind == HINGE_MEAN || kind == HINGE_DIFF; }
+inline bool has_second(int kind) { return kind == POWER || kind == GAS || kind == NATURAL || is_hinge(kind); }
 inline int tables_of(int kind) { return kind == NATURAL ? 3 : kind == POTENTIAL ? 2 : kind == TABLE_MEAN || kind == TABLE_DIFF || kind == GAS ? 1 : 0; }
 
 constexpr double GAS_ANCHOR = 300.0;  // temperature to which the coefficients of gas laws refer [K]
 constexpr double SMOOTH2 = 1e-4;  // (0.01 K)^2: |dT|^c1 has no second derivative at dT = 0, where runs start
+
+// (u)+, rounded over ROUND on either side, and its slope: a table of straight lines is a sum of these, one for each of its points, so
+// that its points may move with their derivatives.
+constexpr double ROUND = 1e-3;  // [K]
+template <class X>
+inline void hinge(X u, X& g, X& g1) {
+    if (!(value(u) > -ROUND)) { g = g1 = X(0.0); return; }
+    if (value(u) >= ROUND) { g = u; g1 = X(1.0); return; }
+    const X w = u + X(ROUND);
+    g = w * w * X(0.25 / ROUND);
+    g1 = w * X(0.5 / ROUND);
+}
 
 // Conductor: heat a->b is c0 * phi; q_a, q_b are dq/dTa and dq/dTb; q_1 is dq/dc1.
 template <class X>
@@ -193,6 +206,25 @@ inline Conduct<X> conductor(int kind, X ta, X tb, X c0, X c1, const thermid::Tab
             r.phi = g - f;
             r.qa = c0 * g1;
             r.qb = X(0.0) - c0 * f1;
+            break;
+        }
+        case HINGE_MEAN: {  // c1 the mean temperature where it begins
+            X g, g1;
+            hinge((ta + tb) * X(0.5) - c1, g, g1);
+            const X bend = X(0.5) * g1 * d;
+            r.phi = g * d;
+            r.qa = c0 * (bend + g);
+            r.qb = c0 * (bend - g);
+            r.q1 = X(-1.0) * c0 * g1 * d;
+            break;
+        }
+        case HINGE_DIFF: {  // c1 the difference where it begins
+            X g, g1;
+            hinge(d - c1, g, g1);
+            r.phi = g * d;
+            r.qa = c0 * (g1 * d + g);
+            r.qb = X(0.0) - r.qa;
+            r.q1 = X(-1.0) * c0 * g1 * d;
             break;
         }
         default:  // LINEAR, FLOW

@@ -42,6 +42,7 @@ void Problem::prepare() {
         require(!wanted || (con.table[r] >= 0 && con.table[r] + wanted <= static_cast<int>(tables.size())), where + ": no such table");
         slot(con.c0[r], nc, where);
         slot(con.c1[r], nc, where);
+        knees = knees || is_hinge(con.kind[r]);
     }
     std::vector<int> order(m);
     std::iota(order.begin(), order.end(), 0);
@@ -94,7 +95,7 @@ void Problem::prepare() {
         }
         boundary_entries(load_entry, r, load.sensor[r], 4);
         if (load.kind[r] == THERMOSTAT) thermostats.push_back(r);
-        proportional = proportional || load.kind[r] == PROPORTIONAL;
+        knees = knees || load.kind[r] == PROPORTIONAL;
     }
     for (int j = 0; j < nc; ++j)
         if (coef_input[j] >= 0) {
@@ -189,7 +190,8 @@ double Evaluation::con_slope(const Entry& e) const {
             const Conductors& c = p->con;
             const double ta = t[c.a[e.row]], tb = t[c.b[e.row]];
             if (c.kind[e.row] == POWER) return conductor_exponent<double>(ta, tb, q[e.row]);
-            return conductor<double>(c.kind[e.row], ta, tb, ceff[c.c0[e.row]], ceff[c.c1[e.row]], &p->tables[c.table[e.row]]).q1;
+            return conductor<double>(c.kind[e.row], ta, tb, ceff[c.c0[e.row]], ceff[c.c1[e.row]],
+                                     c.table[e.row] >= 0 ? &p->tables[c.table[e.row]] : nullptr).q1;
         }
         case 4: return qa[e.row];
         default: return qb[e.row];

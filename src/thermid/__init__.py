@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
     from thermid.identify.inverse import power_history as power_history
-    from thermid.identify.next_test import next_test as next_test
     from thermid.identify.plausibility import Plausibility as Plausibility
     from thermid.identify.plausibility import plausibility as plausibility
     from thermid.identify.posterior import Evidence as Evidence
@@ -40,8 +39,6 @@ if TYPE_CHECKING:
     from thermid.identify.posterior import posterior as posterior
     from thermid.identify.power_history import PowerHistory as PowerHistory
     from thermid.identify.power_laws import PowerLaw as PowerLaw
-    from thermid.identify.predict import predict as predict
-    from thermid.identify.prediction import Prediction as Prediction
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
     from thermid.identify.ranking import Advice as Advice
@@ -67,6 +64,7 @@ if TYPE_CHECKING:
     from thermid.interop.initfcn import read_initfcn as read_initfcn
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
+    from thermid.knowledge.standing import Standing as Standing
     from thermid.measure import Channel as Channel
     from thermid.measure import Record as Record
     from thermid.measure import SensorCertificate as SensorCertificate
@@ -89,6 +87,10 @@ if TYPE_CHECKING:
     from thermid.network.network import compile_network as compile_network
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
+    from thermid.prediction.known import Known as Known
+    from thermid.prediction.next_test import next_test as next_test
+    from thermid.prediction.predict import predict as predict
+    from thermid.prediction.prediction import Prediction as Prediction
     from thermid.qualify.ascent import AscentCheck as AscentCheck
     from thermid.qualify.ascent import ascent_checks as ascent_checks
     from thermid.qualify.conduct import run_profile as run_profile
@@ -104,7 +106,6 @@ if TYPE_CHECKING:
     from thermid.qualify.forecast import Forecast as Forecast
     from thermid.qualify.forecast import forecast as forecast
     from thermid.qualify.foresight import Foresight as Foresight
-    from thermid.qualify.foresight import Known as Known
     from thermid.qualify.foresight import foresee as foresee
     from thermid.qualify.heaters import heater_duty as heater_duty
     from thermid.qualify.hold import Hold as Hold
@@ -230,7 +231,7 @@ _PUBLIC = {
     "Criticism": "identify.criticism",
     "plausibility": "identify.plausibility",
     "Plausibility": "identify.plausibility",
-    "next_test": "identify.next_test",
+    "next_test": "prediction.next_test",
     "Action": "identify.actions",
     "Aim": "identify.actions",
     "Advice": "identify.ranking",
@@ -245,10 +246,10 @@ _PUBLIC = {
     "Campaign": "identify.stages",
     "run_stages": "identify.stages",
     "joint": "identify.stages",
-    "predict": "identify.predict",
+    "predict": "prediction.predict",
     "discrepancy": "identify.discrepancy",
     "Discrepancy": "identify.discrepancy",
-    "Prediction": "identify.prediction",
+    "Prediction": "prediction.prediction",
     "Spread": "identify.spread",
     "plan_retune": "identify.swap",
     "RetunePlan": "identify.retune_plan",
@@ -257,6 +258,7 @@ _PUBLIC = {
     "difference": "identify.difference",
     "Difference": "identify.difference",
     "Criteria": "identify.validate",
+    "Standing": "knowledge.standing",
     "validate": "identify.validate",
     "Verdict": "identify.validate",
     "load_study": "identify.study_file",
@@ -288,7 +290,7 @@ _PUBLIC = {
     "Limits": "qualify.limits",
     "load_limits": "qualify.limits",
     "check_limits": "qualify.limit_checks",
-    "Known": "qualify.foresight",
+    "Known": "prediction.known",
     "Foresight": "qualify.foresight",
     "foresee": "qualify.foresight",
     "margins": "qualify.margins",

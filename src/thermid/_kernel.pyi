@@ -18,6 +18,8 @@ TABLE_DIFF: Final[int]
 GAS: Final[int]
 NATURAL: Final[int]
 POTENTIAL: Final[int]
+HINGE_MEAN: Final[int]
+HINGE_DIFF: Final[int]
 # Kinds of loads
 SIGNAL: Final[int]
 POLY: Final[int]

@@ -28,6 +28,7 @@ _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _LONGEST = 2000
 _LARGEST_POWER = 64
 _MOST_BITS = 4096
+"""Digits of a number in between, as bits: more than any float needs, and few enough to compute at once."""
 _LARGEST_EXPONENT = 400
 
 
@@ -177,7 +178,10 @@ def _check(node: ast.expr, text: str, names: list[str], depth: int = 0) -> None:
     if path is not None and path.isascii() and "__" not in path:
         names.append(path)
         return
-    part = ast.unparse(node)
+    try:
+        part = ast.unparse(node)
+    except RecursionError:
+        raise ExpressionError(f"'{_short(text)}' is nested too deeply.") from None
     if isinstance(node, ast.Tuple) and (pointed := _DECIMAL_COMMA.sub(".", text)) != text:
         raise ExpressionError(f"'{_short(text)}': numbers have a decimal point here, '{_short(pointed)}'.")
     raise ExpressionError(
@@ -202,12 +206,19 @@ def _fraction(node: ast.expr, body: str) -> Fraction:
     if isinstance(node.op, ast.Pow):
         if abs(right) > _LARGEST_POWER:
             raise OverflowError
-        # a root is not a fraction; it is rounded here and once more at the end
-        power = left**right.numerator if right.denominator == 1 else Fraction(real_power(float(left), float(right)))
-        if power.numerator.bit_length() > _MOST_BITS or power.denominator.bit_length() > _MOST_BITS:
+        if right.denominator != 1:  # a root is not a fraction; it is rounded here and once more at the end
+            return Fraction(real_power(float(left), float(right)))
+        if _bits(left) * abs(right) > _MOST_BITS:
             raise OverflowError
-        return power
-    return Fraction(_OPERATORS[type(node.op)](left, right))
+        return left**right.numerator
+    made = Fraction(_OPERATORS[type(node.op)](left, right))
+    if _bits(made) > _MOST_BITS:
+        raise OverflowError
+    return made
+
+
+def _bits(number: Fraction) -> int:
+    return max(number.numerator.bit_length(), number.denominator.bit_length())
 
 
 def _value(node: ast.expr, lookup: Callable[[str], Any]) -> Any:

@@ -22,7 +22,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from thermid.errors import OutputError
 
@@ -49,6 +49,7 @@ __all__ = [
     "first_quoted",
     "folder_replacing",
     "may_write",
+    "parse_toml",
     "read_bytes",
     "read_text",
     "replacing",
@@ -66,6 +67,8 @@ _DAY: Final = 86400.0
 _STARTED: Final = time.time()
 _HOST: Final = hashlib.sha256(platform.node().encode()).hexdigest()[:6]
 _HALF: Final = re.compile(r"^\.(?P<host>[0-9a-f]{6})-(?P<pid>\d+)-[0-9a-f]{8}\.half\.")
+_DEEPEST: Final = 64
+_LONG_KEY: Final = re.compile(rf"""(?<![\w"'.-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{_DEEPEST}}}""")
 _END: Final = rb'(?:\s*|\s*-->\s*|"\s*\}\s*|.{4}\0\0\0\0IEND\xaeB`\x82)\Z'
 """What may stand after a seal: the end of a line, of a comment, of a JSON object, of a PNG."""
 
@@ -125,7 +128,7 @@ LOG: Final = Kind("log", lambda path: _header(path, rb".*\[s\]"))
 NETCDF: Final = Kind("netCDF file", _from_netcdf)
 COPY: Final = Kind("copy", lambda path: False)
 """Bytes as they are; what is there is never replaced."""
-OWN: Final = Kind("file of thermid", lambda path: True)
+OWN: Final = Kind("file of results", lambda path: True)
 """What only thermid writes, by names of its own, and what carries on the content of the file that it replaces."""
 
 
@@ -172,6 +175,27 @@ def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
     return text
 
 
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the content of a TOML text.
+
+    Raises
+    ------
+    tomllib.TOMLDecodeError   Also when it is nested so deeply, or has a number of so many digits, that nobody can have meant it.
+    """
+    import tomllib
+
+    if _LONG_KEY.search(text):
+        raise tomllib.TOMLDecodeError(f"a key has {_DEEPEST} parts or more")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise tomllib.TOMLDecodeError("tables or lists are nested too deeply") from None
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError as error:
+        raise tomllib.TOMLDecodeError(f"a number has too many digits ({error})") from None
+
+
 def may_write(path: str | os.PathLike[str], kind: Kind) -> Path:
     """Return the file that a path leads to, links followed, when it may be written; ask before long work.
 
@@ -190,12 +214,12 @@ def may_write(path: str | os.PathLike[str], kind: Kind) -> Path:
     if not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
     running = _COMMAND.get() or _Command()
-    if running.force or kind is OWN:
+    if running.force:
         return target
     about = target.stat()
     if (about.st_dev, about.st_ino) in running.inputs:
         raise OutputError(f"this command reads it, and writing the {kind.name} there would destroy it. Give another name.", str(path))
-    if about.st_size and not kind.wrote(target):
+    if not kind.wrote(target):
         raise OutputError(
             f"it is there already and is no {kind.name} as thermid wrote it. "
             "Give another name or move it away; on the command line --force replaces it.",
@@ -288,7 +312,7 @@ def _seal(data: bytes, name: str, comment: bytes = b"#") -> bytes:
     elif data.lstrip()[:1] == b"<":
         front, back = data.rstrip() + b"\n<!-- ", b" -->\n"
     elif data.lstrip()[:1] == b"{":
-        front, back = data.rstrip()[:-1].rstrip() + b',\n "written": "', b'"\n}\n'
+        front, back = data.rstrip()[:-1].rstrip() + b',\n "seal": "', b'"\n}\n'
     else:
         front, back = data + (b"" if data.endswith(b"\n") else b"\n") + comment + b" ", b"\n"
     return front + _words(name, front) + back

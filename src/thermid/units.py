@@ -107,6 +107,10 @@ def unit(text: str) -> Unit:
     >>> unit("mm").factor
     Fraction(1, 1000)
     """
+    if len(text) > _LONGEST:
+        raise UnitError(
+            f"'[{text[:40]}...]' is no unit that is known here: it has {len(text)} characters, and at most {_LONGEST} are read."
+        )
     key = _normalised(text) or "1"
     row = TABLE.get(key)
     if row is not None:
@@ -121,12 +125,28 @@ def unit(text: str) -> Unit:
         raise UnitError(f"'[{text}]' is no unit that is known here. Write [{_SPELT[key]}].")
     if re.search(r"\bgr\b", key):
         raise UnitError(f"'[{text}]': gr is the grain, 0.0648 g. Write g for grams, or grain.")
+    _check_exponents(text, key)
     return _from_pint(text, key)
 
 
-# names with small powers, * / and parentheses: pint would compute a tower of powers, or read other text as code to be parsed
-_READABLE = re.compile(r"(?:[^\W\d]\w*+(?:\^-?\d{1,2}(?:\.\d)?)?+|1(?=/)|%|[*/()])+\Z")
+def _check_exponents(text: str, key: str) -> None:
+    """Refuse exponents that no physical unit has: their powers of ten would be computed digit by digit."""
+    for given in _EXPONENT.findall(key):
+        if given[:1].isdigit() or given[:1] == "-":
+            if not _SMALL.match(given) or abs(float(given)) > _LARGEST_EXPONENT:
+                raise UnitError(
+                    f"'[{text}]' is no unit that is known here: it has the exponent {given}. "
+                    f"Exponents go up to {_LARGEST_EXPONENT}, as plain numbers with at most one decimal."
+                )
+
+
 _LONGEST = 80
+_LARGEST_EXPONENT = 20
+_EXPONENT = re.compile(r"\^([^*/()^]*)")
+_SMALL = re.compile(r"-?\d{1,2}(?:\.\d)?\Z", re.ASCII)
+# names with small powers, * / and parentheses: pint would compute a tower of powers, read raised digits as powers, and other text as code
+_LETTER = "[A-Za-zµμΩΩÅ°_]"
+_READABLE = re.compile(rf"(?:{_LETTER}(?:{_LETTER}|\d)*+(?:\^-?\d{{1,2}}(?:\.\d)?(?![\w.]))?+|1(?=/)|%|[*/()])+\Z", re.ASCII)
 
 
 def _from_pint(text: str, key: str) -> Unit:
@@ -136,8 +156,8 @@ def _from_pint(text: str, key: str) -> Unit:
     import pint
 
     dimensions = ("[length]", "[mass]", "[time]", "[current]", "[temperature]")
-    unknown = UnitError(f"'[{text[:_LONGEST]}]' is no unit that is known here.{nearest(key[:_LONGEST], TABLE).replace('*', ' ')}")
-    if len(key) > _LONGEST or not _READABLE.match(key) or key.count("(") != key.count(")"):
+    unknown = UnitError(f"'[{text}]' is no unit that is known here.{nearest(key[:_LONGEST], TABLE).replace('*', ' ')}")
+    if not _READABLE.match(key) or key.count("(") != key.count(")"):
         raise unknown
     try:
         name = key.replace("^", "**").replace("%", "percent")

@@ -34,8 +34,9 @@ ARROWS: dict[str, set[str]] = {
 BELOW_IDENTIFY = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "knowledge"}
 ARROWS |= {
     "identify": BELOW_IDENTIFY,
-    "qualify": BELOW_IDENTIFY | {"identify"},
-    "reporting": BELOW_IDENTIFY | {"identify", "qualify"},
+    "prediction": BELOW_IDENTIFY | {"identify"},
+    "qualify": BELOW_IDENTIFY | {"identify", "prediction"},
+    "reporting": BELOW_IDENTIFY | {"identify", "prediction", "qualify"},
     "acquire": FOUNDATION | {"measure"},
     "interop": FOUNDATION | {"physics", "model", "network", "simulation"},
 }

@@ -230,7 +230,7 @@ def _kinds(rows: list[list[str]]) -> Iterator[str]:
     for kind, cell in found.items():
         if kind in KINDS:
             slots = dict(re.findall(r"`([\w.]+)` \[([^\]]+)\]", cell))
-            wanted = {name: "-" if unit == "1" else unit for name, unit in KINDS[kind].slots.items()}
+            wanted = {name: {"1": "-", TEMPERATURE: "degC or K"}.get(unit, unit) for name, unit in KINDS[kind].slots.items()}
             if slots != wanted:
                 yield f"the fields of kind `{kind}` are {wanted}, the page says {slots}"
 

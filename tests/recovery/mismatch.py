@@ -12,10 +12,10 @@ import numpy as np
 from recovery.cases import ICE, STACK
 from thermid.errors import IdentificationError
 from thermid.identify.calibrate import calibrate
-from thermid.identify.predict import predict
 from thermid.measure import Channel, Record
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, model_from_dict
+from thermid.prediction.predict import predict
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
 

@@ -68,7 +68,11 @@ def test_the_tile_of_a_stage_that_is_not_credible_says_so_and_those_that_rest_on
     tiles = shown.run(TILES)
     assert set(tiles) == {"part", "pair", "whole"}
     assert all("NOT CREDIBLE" in text and "RMSE" not in text for text in tiles.values())
-    assert "Rests on stage 'part', which is not credible" in shown.text("#stage-detail")
+    assert "rests on stage 'part' (T_LAB would have to be wrong by" in shown.text("#stage-detail")
+    for stage, sensor in (("pair", "T_PLATE"), ("part", "T1"), ("whole", "T_BASE")):
+        shown.click(f"[data-stage={stage}]")
+        shown.until(f"document.querySelector('[data-sensor={sensor}]')")
+        assert "not credible" in shown.text("#worst")
     edge = "return getComputedStyle(document.querySelector('[data-stage=part]')).borderLeftColor"
     assert shown.run(edge) == "rgb(163, 32, 29)"  # that of what is wrong, and not green
     shown.clean()

@@ -120,6 +120,8 @@ def test_a_swap_marks_what_turns_stale(shown: Page) -> None:
         "return Object.fromEntries([...document.querySelectorAll('#stages button')].map((b) => [b.dataset.stage, b.dataset.state]))"
     )
     assert states == {"ProcSISNAV": "done", "EleGFO": "stale", "m_PrE": "stale"}
+    shown.wait("await pause(1500)")  # and what is on the disk, which is asked for every second, does not take the marks off
+    assert shown.run("return document.querySelector('[data-stage=EleGFO]').dataset.state") == "stale"
     shown.clean()
 
 
@@ -202,13 +204,15 @@ def test_no_two_sections_meet(shown: Page) -> None:
 
 def test_a_stage_that_is_not_credible_has_no_green_tile(shown: Page) -> None:
     told = "const { s } = await import('/static/state.js'), { drawStages } = await import('/static/stages.js');"
-    mark = "Object.assign(s.project.stages[1], { standing: 'not credible', because: 'T would have to be wrong' }); drawStages();"
-    tile = "const t = document.querySelectorAll('#stages button')[1]; return [t.innerText, t.title, getComputedStyle(t).borderLeftColor]"
-    text, title, edge = shown.wait(told + mark + tile)
+    told += "const said = { standing: 'not credible', usable: false, because: 'T would have to be wrong' };"
+    mark = "Object.assign(s.project.stages[1], said); drawStages();"
+    tile = "const t = [...document.querySelectorAll('#stages button')], edge = (e) => getComputedStyle(e).borderLeftColor;"
+    text, title, edge, others = shown.wait(told + mark + tile + "return [t[1].innerText, t[1].title, edge(t[1]), edge(t[0])]")
     assert "NOT CREDIBLE" in text
     assert "RMSE" not in text
     assert title == "T would have to be wrong"
     assert edge in ("rgb(163, 32, 29)", "rgb(255, 155, 148)")  # what is wrong, in the light or the dark
+    assert others not in (edge, "")
 
 
 def test_a_changed_deck_is_stale_within_two_seconds(shown: Page, folder: Path) -> None:

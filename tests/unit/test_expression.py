@@ -206,6 +206,10 @@ def test_roots_of_pure_numbers() -> None:
         ("2 [W", "a unit stands in brackets once, at the end"),
         ("1" + "+1" * 500, "is nested too deeply"),
         ("-" * 1500 + "1", "is nested too deeply|cannot be read"),
+        ("f(" + "-" * 1500 + "1)", "is nested too deeply|cannot be read"),
+        ("not " * 400 + "1", "is nested too deeply|cannot be read"),
+        ("10**10**10", "has no finite value"),
+        ("(" + "*".join(["9**60"] * 60) + ")**60", "has no finite value"),
         ("1" * 2001, "the expression has 2001 characters; at most 2000 are read"),
     ],
 )

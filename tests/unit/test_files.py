@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ from thermid.files import (
     command,
     folder_replacing,
     may_write,
+    parse_toml,
     read_bytes,
     read_text,
     replacing,
@@ -203,6 +205,25 @@ def test_what_a_command_read_is_not_written_over(tmp_path: Path) -> None:
     assert "a = 1" in twin.read_text()
     with pytest.raises(OutputError):
         write_bytes(path, b"x", COPY)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a = " + "[" * 5000 + "]" * 5000,
+        "a = " + "{a=" * 3000 + "1" + "}" * 3000,
+        "[" + ".".join(["a"] * 20000) + "]",
+        " . ".join(["a"] * 20000) + " = 1",
+        "a = " + "9" * 5000,
+        "a" * 1_000_000,
+        "a = '" + "a." * 200_000,
+    ],
+)
+def test_a_toml_text_without_measure_is_refused_at_once(text: str) -> None:
+    begun = time.process_time()
+    with pytest.raises(tomllib.TOMLDecodeError):
+        parse_toml(text)
+    assert time.process_time() - begun < 1.0
 
 
 def test_a_read_only_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

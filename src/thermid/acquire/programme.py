@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from thermid.errors import MissingDataError, RecordError, nearest
-from thermid.files import read_text
+from thermid.files import parse_toml, read_text
 from thermid.measure.amounts import amount
 
 __all__ = ["Programme", "load_programme"]
@@ -57,7 +57,7 @@ def load_programme(path: str | Path) -> Programme:
     if not place.is_file():
         raise MissingDataError("there is no such heater programme.", str(place))
     try:
-        content = tomllib.loads(read_text(place))
+        content = parse_toml(read_text(place))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RecordError(f"it is no TOML: {error}.", place.name) from None
     for key in content:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.errors import MissingDataError, RecordError, nearest
-from thermid.files import OWN, write_text
+from thermid.files import OWN, parse_toml, write_text
 from thermid.measure.part import ICE, SensorCertificate
 from thermid.measure.wire import rom_is_good
 
@@ -59,7 +59,7 @@ def load_sensors(path: str | Path) -> dict[str, Sensor]:
     if not place.is_file():
         raise MissingDataError("there is no such sensor map. `thermid log --identify` makes one.", str(place))
     try:
-        content = tomllib.loads(place.read_text(encoding="utf-8"))
+        content = parse_toml(place.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RecordError(f"it is no TOML: {error}.", place.name) from None
     tables = content.get("sensors")

@@ -12,6 +12,7 @@ import typer
 
 from thermid.cli.commands import MODULES
 from thermid.cli.pages import Force, Page, Pdf, ready, written
+from thermid.cli.standing import Accept, leave, with_fitted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -188,6 +189,7 @@ def simulate(
     values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write the temperatures to a CSV file.")] = None,
     netcdf: Annotated[Path | None, typer.Option("--netcdf", help="Write everything to a netCDF file.")] = None,
+    accept: Accept = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -196,20 +198,19 @@ def simulate(
 
     from thermid.cli.output import solution_object
     from thermid.errors import ScenarioError, SolverError
+    from thermid.files import NETCDF, TABLE, may_write
+    from thermid.knowledge.standing import of_model
     from thermid.model.modelfile import load_model
     from thermid.model.signal import literal
     from thermid.simulation import simulate as run
     from thermid.simulation import steady as settle
     from thermid.simulation.simulator import output_times
 
-    model = load_model(deck)
-    if values is not None:
-        from thermid.identify.values import load_values
-
-        model = model.with_values(load_values(values).assignments, values.name)
+    model = with_fitted(load_model(deck), values)
     if param:
         model = model.with_values(_pairs(param, "--param"), "command line")
     model = model.without_test_only() if as_flown else model
+    standing = of_model(model).accept(accept or ())
     given = _scenario(model, scenario, boundary, load, start, duration)
     if vacuum and as_printed:
         raise ScenarioError("--vacuum keeps radiation and --as-printed drops it; give one of them.")
@@ -220,6 +221,9 @@ def simulate(
     if outside:
         raise ScenarioError(f"{outside[0]:g} s lies outside the run of {given.seconds:g} s.", "--at")
     grid = np.union1d(output_times(given, every and _with_unit(every, "s"), None), times)
+    for path, kind in ((csv, TABLE), (netcdf, NETCDF)):
+        if path is not None:
+            may_write(path, kind)
     solution = run(model, given, times=grid)
     try:
         final = settle(model, given, given.seconds)
@@ -230,15 +234,16 @@ def simulate(
     if netcdf is not None:
         solution.to_netcdf(netcdf)
     if as_json:
-        typer.echo(json.dumps(solution_object(solution, final, times)))
-        return
-    typer.echo(str(solution))
+        typer.echo(json.dumps(solution_object(solution, final, times) | {"standing": standing.to_dict()}))
+        leave(standing)
+    typer.echo(standing.over(str(solution)))
     for t in times:
         row = ", ".join(f"{n} {float(solution[n].at(t)):.3f}" for n in solution.nodes)
         typer.echo(f"  at {t:g} s: {row} degC")
     typer.echo("  time constants: " + ", ".join(f"{c:.6g} s" for c in solution.time_constants))
     balance = solution.heat_balance()
     typer.echo(f"  heat: loads {balance.loads:.6g} J, to boundaries {balance.boundaries:.6g} J, stored {balance.stored:.6g} J")
+    leave(standing)
 
 
 def _scenario(model: Model, file: Path | None, boundary: Pairs, load: Pairs, start: str | None, duration: str | None) -> Scenario:
@@ -286,7 +291,7 @@ class _Progress:
             typer.echo("\r\x1b[2K", nl=False, err=True)
 
 
-def _campaign(path: Path, data: Path | None, to: Path | None, fresh: bool) -> tuple[Campaign, list[Path]]:
+def _campaign(path: Path, data: Path | None, to: Path | None, fresh: bool, accept: list[str] | None) -> tuple[Campaign, list[Path]]:
     """Run a campaign with progress, taking finished stages from the results folder."""
     from thermid.files import VALUES, may_write
     from thermid.identify.cache import file_name
@@ -298,7 +303,7 @@ def _campaign(path: Path, data: Path | None, to: Path | None, fresh: bool) -> tu
         may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES)
     progress = _Progress()
     try:
-        campaign = run_stages(path, data=data, notice=progress, cache=None if fresh else folder)
+        campaign = run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or ())
     finally:
         progress.end()
     return campaign, campaign.save(folder)
@@ -310,18 +315,24 @@ Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also thos
 
 @app.command()
 def calibrate(
-    campaign: CampaignPath, data: Data = None, to: Results = None, fresh: Fresh = False, force: Force = False, as_json: Json = False
+    campaign: CampaignPath,
+    data: Data = None,
+    to: Results = None,
+    fresh: Fresh = False,
+    accept: Accept = None,
+    force: Force = False,
+    as_json: Json = False,
 ) -> None:
-    """Run the stages and verdicts of a campaign; leave with 1 when one failed or a fit is not credible, 4 when data cannot tell."""
+    """Run the stages and verdicts of a campaign. Exit code 1 if a verdict failed or a fit is not credible, 4 if data cannot tell."""
     from thermid.cli.output import campaign_object
 
-    result, files = _campaign(campaign, data, to, fresh)
+    result, files = _campaign(campaign, data, to, fresh, accept)
     if as_json:
         typer.echo(json.dumps(campaign_object(result, [f.name for f in files])))
     else:
         typer.echo(str(result))
         typer.echo(f"\nvalues: {', '.join(f.name for f in files)}")
-    raise SystemExit(0 if result.passed else 1)
+    leave(result.standing, result.exit_code)
 
 
 @app.command()
@@ -332,23 +343,25 @@ def report(
     data: Data = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder for the values files.")] = None,
     fresh: Fresh = False,
+    accept: Accept = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Run a campaign and write its report page, its PDF, or both."""
+    from thermid.cli.output import campaign_standing
     from thermid.errors import ScenarioError
     from thermid.reporting.page import report as write
 
     if to is None and pdf is None:
         raise ScenarioError("say where the report goes: --to page.html, --pdf page.pdf, or both.", "command line")
     ready(to, pdf)
-    result, _ = _campaign(campaign, data, results, fresh)
+    result, _ = _campaign(campaign, data, results, fresh, accept)
     made = written(lambda path: write(result, to=path), to, pdf)
     if as_json:
-        typer.echo(json.dumps({"schema": 1, "status": "ok", **made, "passed": result.passed}))
+        typer.echo(json.dumps({"schema": 1, "status": "ok", **made, "passed": result.passed, "standing": campaign_standing(result)}))
     else:
-        typer.echo("\n".join(f"report: {path}" for path in made.values()))
-    raise SystemExit(0 if result.passed else 1)
+        typer.echo(result.standing.over("\n".join(f"report: {path}" for path in made.values()), "stage"))
+    leave(result.standing, result.exit_code)
 
 
 @app.command()

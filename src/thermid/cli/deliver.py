@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from thermid.cli.output import SCHEMA, clean
+from thermid.cli.standing import Accept, leave
 
 __all__ = ["register"]
 
@@ -27,11 +28,13 @@ def deliver(
     nodes: Annotated[int, typer.Option("--nodes", help="Masses that the reduced deck has.", min=0)] = 0,
     within: Annotated[str, typer.Option("--within", help="As few masses as keep reference points within this, such as '0.2 [K]'.")] = "",
     check: Annotated[bool, typer.Option("--check", help="Check a delivery in place of writing one.")] = False,
+    accept: Accept = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Write decks, values, a reduced deck and what must come out into a folder, and check it from there."""
     from thermid.errors import DeckError
     from thermid.identify.values import load_values
+    from thermid.knowledge.standing import of_model
     from thermid.model.modelfile import load_model
     from thermid.qualify.deliver import check_delivery
     from thermid.qualify.deliver import deliver as write
@@ -49,12 +52,18 @@ def deliver(
     for v in found:
         ahead = f"{at}." if at else ""
         model = model.with_values({ahead + p: x for p, x in v.assignments.items()}, f"stage '{v.stage}'")
+    standing = of_model(model).accept(accept or ())
     target = write(model, scenario, to, values=found, nodes=nodes or None, within=within or None, at=at)
     record = json.loads(target.read_text(encoding="utf-8"))
     if as_json:
-        typer.echo(json.dumps({"schema": SCHEMA, "status": "ok", "checks": str(target), **{k: record[k] for k in record if k != "schema"}}))
-        return
-    typer.echo(f"{to}: {record['title']} {record['model']['identity']}, {_met(record['runs'])}" + _mark(record))
+        typer.echo(
+            json.dumps(
+                {"schema": SCHEMA, "status": "ok", "checks": str(target), **{k: record[k] for k in record if k != "schema"}}
+                | {"standing": standing.to_dict()}
+            )
+        )
+        leave(standing)
+    typer.echo(standing.over(f"{to}: {record['title']} {record['model']['identity']}, {_met(record['runs'])}" + _mark(record)))
     if "reduced" in record:
         small = record["reduced"]
         (masses, left), (before, after) = small["masses"], small["nodes"]
@@ -63,6 +72,7 @@ def deliver(
             typer.echo(f"  {node}: {off:+.3f} K at most")
         for remark in small["remarks"]:
             typer.echo(f"  remark: {remark}")
+    leave(standing)
 
 
 def _mark(record: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from thermid.cli.pages import Force
+from thermid.cli.standing import Accept, leave, with_fitted
 from thermid.files import DECK, EQUATIONS, EXPORT, Kind, may_write, write_text
 
 __all__ = ["register"]
@@ -86,6 +87,7 @@ def export(
         bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")
     ] = False,
     values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
+    accept: Accept = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -94,16 +96,13 @@ def export(
     from thermid.errors import DeckError, nearest
     from thermid.interop.octave import to_octave
     from thermid.interop.spice import to_spice
+    from thermid.knowledge.standing import of_model
     from thermid.model.modelfile import load_model
 
     forms = ("octave", "spice")
     if form not in forms:
         raise DeckError(f"a model is not written as '{form}'.{nearest(form, forms)} There are {' and '.join(forms)}.", "--as")
-    model = load_model(deck)
-    if values is not None:
-        from thermid.identify.values import load_values
-
-        model = model.with_values(load_values(values).assignments, values.name)
+    model = with_fitted(load_model(deck), values)
     if param:
         model = model.with_values(_pairs(param, "--param"), "command line")
     given = _scenario(model, scenario, boundary, load, start, duration)
@@ -112,7 +111,11 @@ def export(
     if vacuum or as_printed:
         given = given.vacuum(as_printed=as_printed)
     text = to_octave(model, given, name=to.stem if to is not None else "") if form == "octave" else to_spice(model, given)
-    _say(text, to, as_json, EXPORT, "%" if form == "octave" else "*")
+    standing = of_model(model).accept(accept or ())
+    if not standing.fair and not as_json:
+        typer.echo(standing.line(), err=True)  # what is written is for another tool to read
+    _say(text, to, as_json, EXPORT, "%" if form == "octave" else "*", standing=standing.to_dict())
+    leave(standing)
 
 
 def write_equations(

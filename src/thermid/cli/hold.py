@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,7 @@ import typer
 
 from thermid.cli.output import SCHEMA, clean
 from thermid.cli.pages import Force
+from thermid.cli.standing import Accept, leave
 
 __all__ = ["register"]
 
@@ -28,6 +30,7 @@ def hold(
     workers: Annotated[int, typer.Option("--workers", help="Processes of this machine.", min=1)] = 1,
     cluster: Annotated[str, typer.Option("--cluster", help="Address of a Dask scheduler, tcp://host:8786.")] = "",
     figure: Annotated[Path | None, typer.Option("--figure", help="Write the curve (png, svg, pdf).")] = None,
+    accept: Accept = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
@@ -52,9 +55,11 @@ def hold(
         raise SolverError(f"{done}. The same command goes on from there.") from None
     finally:
         progress.end()
+    found = replace(found, standing=found.standing.accept(accept or ()))
     if figure is not None:
         picture(found, figure)
     typer.echo(json.dumps(clean({"schema": SCHEMA, "status": "ok", **found.to_dict()})) if as_json else str(found))
+    leave(found.standing)
 
 
 class _Progress:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from thermid.cli.standing import Accept, leave, with_fitted
+
 if TYPE_CHECKING:
     from thermid.simulation.moisture import Moisture
 
@@ -28,26 +30,26 @@ def moisture(
     duration: Annotated[str | None, typer.Option("--for", help="Duration, such as '5 [h]'.")] = None,
     every: Annotated[str, typer.Option("--every", help="Time between outputs.")] = "1 [min]",
     values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
+    accept: Accept = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say of every surface its margin to the dew point, the minutes of condensation, and when it is dry."""
     from thermid.cli.app import _pairs, _scenario, _with_unit
     from thermid.cli.output import clean
+    from thermid.knowledge.standing import of_model
     from thermid.model.modelfile import load_model, read_toml
     from thermid.model.signal import literal
     from thermid.simulation.moisture import moisture as run
 
-    model = load_model(deck)
-    if values is not None:
-        from thermid.identify.values import load_values
-
-        model = model.with_values(load_values(values).assignments, values.name)
+    model = with_fitted(load_model(deck), values)
+    standing = of_model(model).accept(accept or ())
     given = _scenario(model, scenario, boundary, [], start, duration)
     written = read_toml(scenario)[0].get("environment", {}) if scenario is not None else {}
     known: dict[str, Any] = {gas: given.environment[gas].humidity for gas, table in written.items() if gas != "*" and "humidity" in table}
     known |= {gas: literal(_with_unit(text, "1"), "1", "--humidity") for gas, text in _pairs(humidity, "--humidity").items()}
     found = run(model, given, known, every=_with_unit(every, "s"))
-    typer.echo(json.dumps(clean(_object(found))) if as_json else str(found))
+    typer.echo(json.dumps(clean({**_object(found), "standing": standing.to_dict()})) if as_json else standing.over(str(found)))
+    leave(standing)
 
 
 def _object(found: Moisture) -> dict[str, Any]:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from thermid.identify.validate import Verdict
     from thermid.simulation.solution import Solution
 
-__all__ = ["calibration_object", "campaign_object", "clean", "solution_object"]
+__all__ = ["calibration_object", "campaign_object", "campaign_standing", "clean", "solution_object"]
 
 SCHEMA = 1
 
@@ -88,6 +88,7 @@ def calibration_object(fit: Calibration) -> dict[str, Any]:
         "moved": _moved(fit.moved),
         "reduced_chi_square": fit.reduced_chi_square,
         "synthetic": fit.synthetic,
+        "standing": fit.standing.to_dict(fit.stage),
         "contradicted": dict(fit.contradicted),
         "warnings": list(fit.warnings),
     }
@@ -104,9 +105,11 @@ def _moved(moves: Moves) -> dict[str, Any]:
             "stage": m.stage,
             "part": m.part,
             "below": m.below,
+            "alone": m.alone,
             "here": m.here,
             "deviations": m.deviations,
             "chance": m.chance,
+            "detectable": m.detectable,
             "verdict": m.verdict,
         }
         for m in moves.values
@@ -131,6 +134,7 @@ def _verdict(v: Verdict) -> dict[str, Any]:
         "record": v.record,
         "title": v.title,
         "passed": v.passed,
+        "standing": v.standing.to_dict(v.model),
         "conditional": v.conditional,
         "unseen": v.unseen,
         "fitted_locally": list(v.fitted_locally),
@@ -141,6 +145,11 @@ def _verdict(v: Verdict) -> dict[str, Any]:
     }
 
 
+def campaign_standing(campaign: Campaign) -> dict[str, Any]:
+    """Return the standing of a campaign as JSON holds it."""
+    return {**campaign.standing.to_dict(), "because": campaign.standing.reason(link="stage")}
+
+
 def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
     """Return the object of ``thermid calibrate --json``."""
     out: dict[str, Any] = clean(
@@ -148,6 +157,7 @@ def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
             "schema": SCHEMA,
             "status": "ok",
             "title": campaign.title,
+            "standing": campaign_standing(campaign),
             "stages": [calibration_object(fit) for fit in campaign.stages.values()],
             **({"joint": calibration_object(campaign.joint)} if campaign.joint is not None else {}),
             "verdicts": [_verdict(v) for v in campaign.verdicts],

@@ -47,6 +47,7 @@ def profile(
 ) -> None:
     """Print a profile of an environmental test with clauses and marks, or run it on a deck: each dwell waits for the unit."""
     from thermid.cli.output import clean
+    from thermid.files import PICTURE, TABLE, may_write
 
     if not standard:
         _list(as_json)
@@ -58,6 +59,9 @@ def profile(
         _unused(csv, picture)
         typer.echo(json.dumps(clean({"schema": 1, "status": "ok", **_object(found)})) if as_json else str(found))
         return
+    for path, kind in ((csv, TABLE), (picture, PICTURE)):
+        if path is not None:
+            may_write(path, kind)
     run = _run(found, on, chamber, base, watch, param, scenario, chamber_ramp, every)
     if csv is not None:
         run.solution.to_csv(csv)

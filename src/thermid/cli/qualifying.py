@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from thermid.cli.pages import Force, Page, Pdf, ready, written
+from thermid.cli.standing import Accept, leave
 
 if TYPE_CHECKING:
     from thermid.qualify.correlation import Correlation
@@ -34,6 +35,7 @@ def plan(
     file: PlanPath,
     lock: Annotated[bool, typer.Option("--lock", help="Write hash, date and predictions beside the plan, before any log is read.")] = False,
     data: Data = None,
+    accept: Accept = None,
     as_json: Json = False,
 ) -> None:
     """Say what a plan predicts of each test, and whether it stands as it was locked."""
@@ -44,7 +46,7 @@ def plan(
     from thermid.units import counted
 
     given = load_plan(file, data)
-    told = pre_test(given)
+    told, standing = pre_test(given), given.known.standing.accept(accept or ())
     if lock:
         lock_plan(given, clean(told))
     status = lock_status(given)
@@ -56,16 +58,18 @@ def plan(
             "looked": status.looked,
             "changed": list(status.changed),
         }
-        typer.echo(json.dumps(clean({"schema": 1, "status": "ok", "title": given.title, "plan": shown, "predictions": told})))
-        return
+        object_ = {"schema": 1, "status": "ok", "title": given.title, "standing": standing.to_dict(), "plan": shown, "predictions": told}
+        typer.echo(json.dumps(clean(object_)))
+        leave(standing)
     many = ((given.tests, "test"), (given.content.sensors, "sensor"), (given.limits, "reference point"))
-    typer.echo(f"{given.title}: {', '.join(counted(len(several), noun) for several, noun in many)}")
+    typer.echo(standing.over(f"{given.title}: {', '.join(counted(len(several), noun) for several, noun in many)}"))
     for test, sensors in told.items():
         typer.echo(f"  {test}")
         for sensor, p in sensors.items():
             ends = [f"{p[f'{end}_C']:.1f} +- {_size(1.96 * p[f'{end}_error_K'])}" for end in ("lowest", "highest")]
             typer.echo(f"    {sensor}: {' .. '.join(ends)} degC (95 %)")
     typer.echo(str(status))
+    leave(standing)
 
 
 def _size(kelvin: float) -> str:
@@ -73,8 +77,16 @@ def _size(kelvin: float) -> str:
     return f"{kelvin:.1f}" if kelvin > 0 else "?"
 
 
-def qualify(file: PlanPath, to: Page = None, pdf: Pdf = None, data: Data = None, force: Force = False, as_json: Json = False) -> None:
-    """Work a plan through: limits, margins, and the verdict on every log; leave with 1 when something is not met, 4 when not decided."""
+def qualify(
+    file: PlanPath,
+    to: Page = None,
+    pdf: Pdf = None,
+    data: Data = None,
+    accept: Accept = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Work a plan through: limits, margins, and the verdict on every log. Exit code 1 if something is not met, 4 if not decided."""
     from thermid.cli.output import clean
     from thermid.qualify.programme import run_plan
 
@@ -83,7 +95,7 @@ def qualify(file: PlanPath, to: Page = None, pdf: Pdf = None, data: Data = None,
             typer.echo(name, err=True)
 
     ready(to, pdf)
-    found = run_plan(file, data=data, notice=notice)
+    found = run_plan(file, data=data, notice=notice, accept=accept or ())
     page = written(lambda path: _qualification(found, path), to, pdf)
     if as_json:
         typer.echo(json.dumps(clean(found.to_dict() | page)))
@@ -91,7 +103,7 @@ def qualify(file: PlanPath, to: Page = None, pdf: Pdf = None, data: Data = None,
         typer.echo(str(found))
         for path in page.values():
             typer.echo(f"report: {path}")
-    raise SystemExit(LEAVES[found.passed])
+    leave(found.standing, LEAVES[found.passed])
 
 
 def _qualification(found: Qualification, to: Path) -> Path:
@@ -149,4 +161,4 @@ def correlate(
         typer.echo(str(found))
         for path in page.values():
             typer.echo(f"report: {path}")
-    raise SystemExit(LEAVES[weigh(found.verdicts.values())])
+    leave(found.standing, LEAVES[weigh(found.verdicts.values())])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from thermid.cli.pages import Force
+from thermid.cli.standing import Accept, leave
 
 if TYPE_CHECKING:
     from thermid.identify.retune_plan import RetunePlan
@@ -30,6 +31,7 @@ def swap(
     new_data: Annotated[Path | None, typer.Option("--new-data", help="Folder of the repeated tests: retune with them.")] = None,
     part_only: Annotated[bool, typer.Option("--part-only", help="Fit the new part to its own tests alone, before the others.")] = False,
     to: Annotated[Path | None, typer.Option("--to", help="Folder for the values files of the retune.")] = None,
+    accept: Accept = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
@@ -39,12 +41,12 @@ def swap(
     from thermid.identify.swap import plan_retune
 
     folder = results if results is not None else campaign.parent / "results"
-    plan = plan_retune(run_stages(campaign, data=data, cache=folder), part, deck)
+    plan = plan_retune(run_stages(campaign, data=data, cache=folder, accept=accept or ()), part, deck)
     found: dict[str, Any] = {"schema": 1, "status": "ok", "plan": _object(plan)}
-    texts, passed = [str(plan)], True
+    texts, standing, code = [str(plan)], plan.standing, 0
     if new_data is not None:
         made = plan.run(new_data, part_only=part_only)
-        passed = made.passed
+        standing, code = made.standing, made.exit_code
         run = [s.name for s in plan.stages if s.action == "run" and (s.alone or not part_only)]
         found["stages"] = [calibration_object(made[name]) for name in run]
         texts += [str(made[name]) for name in run]
@@ -52,8 +54,9 @@ def swap(
             files = made.save(to)
             found["values_files"] = [f.name for f in files]
             texts.append(f"values: {', '.join(f.name for f in files)}")
+    found["standing"] = standing.to_dict()
     typer.echo(json.dumps(clean(found)) if as_json else "\n\n".join(texts))
-    raise SystemExit(0 if passed else 1)
+    leave(standing, code)
 
 
 def _object(plan: RetunePlan) -> dict[str, Any]:

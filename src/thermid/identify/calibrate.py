@@ -13,6 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
 from thermid.identify.calibration import Calibration
 from thermid.identify.clock_search import at_clocks, in_turns, with_clocks
+from thermid.identify.discrepancy import with_discrepancy
 from thermid.identify.gather import problem_for
 from thermid.identify.mistakes import mistakes, strange_powers
 from thermid.identify.refusals import refuse_after, refuse_before
@@ -126,7 +127,7 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     except IdentificationError as refusal:
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in asked)]), refusal.where) from None
     errors = responses(request, problem, found, spread.level, random, weights)
-    return summarise(request, problem, found, errors, random, spread)
+    return with_discrepancy(summarise(request, problem, found, errors, random, spread))
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.contradicted import LOUD, contradicted
+from thermid.identify.contradicted import BLAME, LOUD, contradicted
 from thermid.identify.moves import Moves
 from thermid.identify.residuals import Block, Predictions, Problem
 from thermid.identify.sensors import instrument_shares, sensor_shares
@@ -18,7 +18,7 @@ from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import State, Store
-from thermid.measure.amounts import short
+from thermid.measure.amounts import digits, short
 from thermid.model.identity import cuts_of
 from thermid.model.model import Model
 from thermid.units import counted, unit
@@ -70,7 +70,7 @@ class Calibration:
     converged : bool            Whether the minimisation ended by its own tolerances.
     request : Request           What was asked; None for a calibration that no fit of this session made.
     problem : Problem           Its weighted residuals, with the noise that was used.
-    moved : Moves               How far what stages below handed on had to move, and how surely.
+    moved : Moves               What the logs say of values of the stages below: moved, not rejected, or that they cannot decide.
     search : str                What was looked at beyond one descent; empty for nothing.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
     wander : Wander or None     How the residuals wander.
@@ -146,11 +146,6 @@ class Calibration:
         return [(b.record, b.sensor, Sums.of(b.residuals)) for b in self.blocks]
 
     @property
-    def held(self) -> tuple[FittedValues, ...]:
-        """FittedValues of stages below that the model holds as they were found, under their paths here."""
-        return self.request.held if self.request is not None else ()
-
-    @property
     def effective(self) -> Mapping[tuple[str, str], float]:
         """(record, sensor) -> independent samples that its readings are worth."""
         return self.wander.effective if self.wander is not None else {}
@@ -196,8 +191,9 @@ class Calibration:
         kind = " (synthetic data)" if self.synthetic else ""
         free, channels = counted(len(fitted), "free parameter"), counted(len(self.sensors), "channel")
         records = f" in {len(self.records)} records" if len(self.records) > 1 else ""
-        lines = [f"{self.stage}: {free}, {samples} samples of {channels}{records}{kind}"]
-        lines += [f"  {w}" for w in self.warnings if w.startswith(LOUD)]
+        counts = f"{free}, {samples} samples of {channels}{records}{kind}"
+        told = self.standing.line(self.stage) + (f". {BLAME}" if self.contradicted else "")
+        lines = [f"{self.stage}: {counts}"] if self.standing.fair else [f"{self.stage}: {told}", f"  {counts}"]
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
         lines += [f"  {v.path}: one value with {', '.join(v.also)}" for v in fitted.values() if v.also]
@@ -224,20 +220,12 @@ class Calibration:
         return "\n".join(lines)
 
 
-def _digits(value: float, error: float) -> str:
-    """Return a number with as many decimals as its error has two digits."""
-    if not np.isfinite(error) or error <= 0:
-        return f"{value:.6g}"
-    decimals = max(0, 1 - int(np.floor(np.log10(error))))
-    return f"{value:.{decimals}f}" if abs(value) < 1e6 and decimals < 12 else f"{value:.6g}"
-
-
 def _value_line(v: FittedValue, width: int) -> str:
     total, random = v.shown(v.error), v.shown(v.error_random)
     low, high = (v.converted(b) if np.isfinite(b) else b for b in v.bounds)
     bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
     what = " (constant errors, priors)" if total > 1.05 * random else ""
-    text = f"{v.path:<{width}}  {_digits(v.in_unit, random):>12} {v.unit:<10}  random +- {short(random)}   total +- {short(total)}{what}"
+    text = f"{v.path:<{width}}  {digits(v.in_unit, random):>12} {v.unit:<10}  random +- {short(random)}   total +- {short(total)}{what}"
     return f"{text}   start {v.converted(v.start):.5g}{bounds}"
 
 
@@ -252,7 +240,7 @@ def _known_line(s: State, store: Store, width: int) -> str:
     value, error = (s.value - float(of.offset)) / float(of.factor), store.error(s.path) / float(of.factor)
     sure = f"   total +- {short(error)}" if error > 0 else ""
     where = f", hidden at {', '.join(s.hidden)}" if s.hidden else ""
-    return f"{s.path:<{width}}  {_digits(value, error):>12} {s.unit:<10}{sure} ({s.origin}, fixed{where})"
+    return f"{s.path:<{width}}  {digits(value, error):>12} {s.unit:<10}{sure} ({s.origin}, fixed{where})"
 
 
 def _bias_text(sensor: str, fit: Calibration) -> str:
@@ -266,4 +254,4 @@ def _bias_text(sensor: str, fit: Calibration) -> str:
 def _local_text(i: Local) -> str:
     if i.unit == "degC":
         return f"{i.value - 273.15:.2f} +- {short(i.error)} degC"
-    return f"{_digits(i.value, i.error)} +- {short(i.error)} {i.unit if i.unit != '1' else ''}".rstrip()
+    return f"{digits(i.value, i.error)} +- {short(i.error)} {i.unit if i.unit != '1' else ''}".rstrip()

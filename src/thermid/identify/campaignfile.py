@@ -14,6 +14,7 @@ from thermid.identify.cache import file_name
 from thermid.identify.kept_logs import log_kept
 from thermid.identify.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
+from thermid.memo import Memo
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
 from thermid.model.signal import literal
@@ -27,7 +28,7 @@ __all__ = ["CampaignSource", "local_of", "placed", "read_campaign", "scenario_of
 DATA = "THERMID_DATA"
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class CampaignSource:
     """A campaign file with the folder it lies in; logs are read when a stage asks for them.
 
@@ -39,6 +40,7 @@ class CampaignSource:
     data : Path or None     A folder of logs outside the project, where one was given.
     results : Path or None  A folder that keeps logs as they were read.
     accept : tuple of str   Stages that the caller accepts as they are, beside those of the file.
+    memo : Memo             Files, and logs that were read.
     """
 
     path: Path
@@ -47,8 +49,7 @@ class CampaignSource:
     data: Path | None = None
     results: Path | None = None
     accept: tuple[str, ...] = ()
-    _records: dict[str, Record] = field(default_factory=dict)
-    _files: dict[str, tuple[Path, RecordTable]] = field(default_factory=dict)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @property
     def accepted(self) -> tuple[str, ...]:
@@ -66,27 +67,28 @@ class CampaignSource:
         ------
         MissingDataError   When a log is not where the campaign says.
         """
-        if not self._files:
-            out: dict[str, tuple[Path, RecordTable]] = {}
-            for name, table in self.content.records.items():
-                for own, file in self._files_of(name, table):
-                    if own in out and out[own][0] != file:
-                        where = self.where(f"records.{name}")
-                        raise DeckError(
-                            f"two logs give a record '{own}': '{out[own][0].name}' and '{file.name}'. Give one of them a name by `file`.",
-                            where,
-                        )
-                    out[own] = (file, table)
-            for name in self.content.checksums:
-                if name not in out:
-                    get = next((f" {t.get}" for t in self.content.records.values() if t.files is not None and t.get), "")
-                    raise MissingDataError(
-                        f"a checksum is given for '{name}', but no log gives a record of that name: the data are incomplete or the name "
-                        f"is misspelt.{nearest(name, out)}{get}",
-                        self.where(f"checksums.{name}"),
+        return self.memo.made("files", self._all_files)
+
+    def _all_files(self) -> dict[str, tuple[Path, RecordTable]]:
+        out: dict[str, tuple[Path, RecordTable]] = {}
+        for name, table in self.content.records.items():
+            for own, file in self._files_of(name, table):
+                if own in out and out[own][0] != file:
+                    where = self.where(f"records.{name}")
+                    raise DeckError(
+                        f"two logs give a record '{own}': '{out[own][0].name}' and '{file.name}'. Give one of them a name by `file`.",
+                        where,
                     )
-            self._files.update(out)
-        return self._files
+                out[own] = (file, table)
+        for name in self.content.checksums:
+            if name not in out:
+                get = next((f" {t.get}" for t in self.content.records.values() if t.files is not None and t.get), "")
+                raise MissingDataError(
+                    f"a checksum is given for '{name}', but no log gives a record of that name: the data are incomplete or the name "
+                    f"is misspelt.{nearest(name, out)}{get}",
+                    self.where(f"checksums.{name}"),
+                )
+        return out
 
     def _files_of(self, name: str, table: RecordTable) -> list[tuple[str, Path]]:
         """Return the names of the records of a table, each with its file."""
@@ -142,14 +144,15 @@ class CampaignSource:
         ------
         RecordError   When its samples are not those that the campaign knows.
         """
-        if name not in self._records:
-            path, table = self.names()[name]
-            where = self.where(f"records.{name}")
-            try:
-                self._records[name] = self._joined(self._prepared(name, path, table, where), table, where)
-            except ThermidError as error:
-                raise placed(error, where) from None
-        return self._records[name]
+        return self.memo.made(("record", name), lambda: self._record(name))
+
+    def _record(self, name: str) -> Record:
+        path, table = self.names()[name]
+        where = self.where(f"records.{name}")
+        try:
+            return self._joined(self._prepared(name, path, table, where), table, where)
+        except ThermidError as error:
+            raise placed(error, where) from None
 
     def _prepared(self, name: str, path: Path, table: RecordTable, where: str) -> Record:
         """Return a log, prepared, with the checksum that the campaign gives; as it is kept, where nothing has changed since."""

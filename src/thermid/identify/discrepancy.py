@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from thermid.identify.coefficients import (
     patterns_of,
     with_patterns,
 )
+from thermid.identify.joint_gas import separated
 from thermid.identify.residuals import Problem
 from thermid.identify.solve import covariances, ended
 from thermid.identify.unknowns import Target, Unknown
@@ -32,9 +33,11 @@ if TYPE_CHECKING:
     from thermid.identify.coefficients import Course, Pattern
     from thermid.identify.wander import Wander
 
-__all__ = ["Discrepancy", "conditions_found", "discrepancy", "misfit_found", "misfit_kept"]
+__all__ = ["Discrepancy", "discrepancy", "discrepancy_kept", "kept_in", "misfit_kept", "with_discrepancy"]
 
 Array = NDArray[np.float64]
+KEY = "structural"
+"""Where the provenance of fitted values keeps it."""
 Key = tuple[str, str]
 """Path of a conductor, and 'difference' or 'level'."""
 ALIKE = 0.5
@@ -43,15 +46,17 @@ ALIKE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Discrepancy:
-    """What constant coefficients leave open of a fit.
+    """What a fit leaves open in its model's structure; kept with its values, so that a file says what the fit does.
 
     Parameters
     ----------
     conditions : dict               Path of a coefficient's conductor -> where it was found.
     means, sizes : dict             (path, kind) -> mean and standard deviation of the exponent or the radiative share. [-]
-    names : tuple of str            Unknowns of the fit.
-    response : array (unknowns, patterns)   What the fit would have found for a unit of each pattern, less what it found; fitted form.
+    names : tuple of str            Fitted values.
+    response : array (names, patterns)      What the fit would have found for a unit of each pattern, less what it found; fitted form.
     misfit : dict                   Node -> standard deviation of what wanders in its residuals, once the fit has done what it can. [K]
+    surfaces : dict                 Path of a conductor -> mean temperatures of its surface and gas over the records. [K]
+    separated : tuple of str        Contacts of which some record had another gas, or another pressure of it, than air on the ground.
     """
 
     conditions: Mapping[str, Conditions]
@@ -60,6 +65,39 @@ class Discrepancy:
     names: tuple[str, ...]
     response: Array
     misfit: Mapping[str, float]
+    surfaces: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    separated: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers and texts for a file."""
+        modes = [
+            {"path": p, "kind": kind, "mean": self.means[p, kind], "sd": sd, "response": self.response[:, k].tolist()}
+            for k, ((p, kind), sd) in enumerate(self.sizes.items())
+        ]
+        return {
+            "conditions": {p: [c.difference, c.level] for p, c in self.conditions.items()},
+            "modes": modes,
+            "names": list(self.names),
+            "misfit": dict(self.misfit),
+            "surfaces": {p: list(at) for p, at in self.surfaces.items()},
+            "separated": list(self.separated),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Discrepancy:
+        """Return what `to_dict` gave."""
+        modes, names = data["modes"], tuple(str(n) for n in data["names"])
+        response = np.array([[float(x) for x in m["response"]] for m in modes]).reshape(len(modes), len(names)).T
+        return cls(
+            {p: Conditions(float(d), float(t)) for p, (d, t) in data["conditions"].items()},
+            {(m["path"], m["kind"]): float(m["mean"]) for m in modes},
+            {(m["path"], m["kind"]): float(m["sd"]) for m in modes},
+            names,
+            response,
+            {n: float(x) for n, x in data["misfit"].items()},
+            {p: (float(hot), float(cold)) for p, (hot, cold) in data["surfaces"].items()},
+            tuple(data["separated"]),
+        )
 
     @cached_property
     def root(self) -> Array:
@@ -101,35 +139,72 @@ def discrepancy(fit: Calibration) -> Discrepancy:
 
     Raises
     ------
-    IdentificationError   When the calibration does not hold its records.
+    IdentificationError   When the calibration does not hold what its fit left open.
     """
+    kept = discrepancy_kept(fit.values)
+    if kept is None:
+        raise IdentificationError("this calibration does not hold what its fit left open. Run it again.", fit.stage)
+    return kept
+
+
+def discrepancy_kept(values: FittedValues) -> Discrepancy | None:
+    """Return what fitted values keep of what their fit left open; None where they are of a file of before."""
+    return kept_in(values.provenance)
+
+
+def kept_in(provenance: Mapping[str, Any]) -> Discrepancy | None:
+    """Return what the provenance of a stage keeps; None where it is of a file of before."""
+    kept = provenance.get(KEY)
+    return Discrepancy.from_dict(kept) if kept is not None else None
+
+
+def with_discrepancy(fit: Calibration) -> Calibration:
+    """Return a fit whose values keep what it leaves open."""
     problem = fit.problem
-    if problem is None or not fit.fitted:
-        raise IdentificationError("this calibration does not hold its records, so nothing can be asked of it. Run it again.", fit.stage)
+    assert problem is not None
     at = np.array(list(fit.fitted.values()))
-    ways, conditions = _patterns(fit, problem, at)
+    runs = _runs(problem, at)
+    own = [e.network.flat.names.model.identity() == fit.model.identity() for e in problem.experiments]
+    seen = [found for (_, found), here in zip(runs, own, strict=True) if here]
+    conditions = conditions_of(seen)
+    decided = _decided(problem, list(fit.values.assignments))
+    before = fit.request.store.provenance.values() if fit.request is not None else ()
+    conditions |= {p: c for known in before for p, c in _conditions(known).items() if p in conditions and p not in decided}
+    ways = []
+    for bench, (times, found), here in zip(problem.benches(), runs, own, strict=True):
+        network = bench.wiring.network
+        values = network.numbers({p: v.value for p, v in fit.values.assignments.items()} if here else {}).values
+        ways.append(patterns_of(network, times, found, conditions, values) if here else [])
     sizes = {(p.path, p.kind): p.sd for several in ways for p in several}
     means = {(p.path, p.kind): p.mean for several in ways for p in several}
     response = _response(fit, problem, at, ways, list(sizes))
-    return Discrepancy(conditions, means, sizes, tuple(u.name for u in problem.unknowns), response, _misfit(fit))
+    place = {u.name: k for k, u in enumerate(problem.unknowns)}
+    names = tuple(fit.values)
+    misfit = misfit_found(problem, fit.wander) if fit.wander is not None else {}
+    joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
+    kept = Discrepancy(conditions, means, sizes, names, response[[place[n] for n in names]], misfit, _surfaces(seen), joints)
+    known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
+    provenance = {**fit.values.provenance, **({"conditions": known} if known else {}), "misfit": misfit, KEY: kept.to_dict()}
+    store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
+    return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 
 
-def _patterns(fit: Calibration, problem: Problem, at: Array) -> tuple[list[list[Pattern]], dict[str, Conditions]]:
-    """Return the patterns of every record, and where each coefficient was found: here, or in the stage below that it was held from."""
-    runs = _runs(problem, at)
-    here = conditions_of([found for _, found in runs])
-    decided = _decided(problem, list(fit.values.assignments))
-    here |= {p: c for values in fit.held for p, c in found_at(values).items() if p in here and p not in decided}
-    ways = []
-    for bench, (times, found) in zip(problem.benches(), runs, strict=True):
-        network = bench.wiring.network
-        values = network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
-        ways.append(patterns_of(network, times, found, here, values))
-    return ways, here
+def _surfaces(seen: Sequence[Mapping[str, Course]]) -> dict[str, tuple[float, float]]:
+    """Return conductor -> mean temperatures of its ends over the records, weighted by the square of their difference. [K]"""
+    out = {}
+    for path in dict.fromkeys(p for run in seen for p in run):
+        parts = [run[path] for run in seen if path in run]
+        first, second = (np.concatenate(x) for x in zip(*((c.first, c.second) for c in parts), strict=True))
+        weight = (first - second) ** 2
+        if weight.sum() > 0.0:
+            out[path] = (float(weight @ first / weight.sum()), float(weight @ second / weight.sum()))
+    return out
 
 
 def _runs(problem: Problem, at: Array) -> list[tuple[Array, dict[str, Course]]]:
-    """Return times and the course of every constant coefficient, per record."""
+    """Return times and the course of every constant coefficient, per record; no run where there is none."""
+    if not any(constant_coefficients(e.network) for e in problem.experiments):
+        return [(np.zeros(0), {}) for _ in problem.experiments]
     return [courses(b.wiring, b.engine, problem.inputs(i, at)[0], problem.options) for i, b in enumerate(problem.benches())]
 
 
@@ -140,18 +215,13 @@ def _decided(problem: Problem, paths: Sequence[str]) -> set[str]:
     return {path for path, c in constant_coefficients(network).items() if coefficient_path(c) in touched}
 
 
-def conditions_found(problem: Problem, at: Array, paths: Sequence[str]) -> dict[str, list[float]]:
-    """Return path of a conductor -> difference and level [K] where its coefficient was found, of those that fitted parameters decide."""
-    decided = _decided(problem, paths)
-    if not decided:
-        return {}
-    found = conditions_of([run for _, run in _runs(problem, at)])
-    return {p: [c.difference, c.level] for p, c in found.items() if p in decided}
-
-
 def found_at(values: FittedValues) -> dict[str, Conditions]:
     """Return path of a conductor -> where its coefficient was found, as fitted values keep it."""
-    return {p: Conditions(float(d), float(t)) for p, (d, t) in values.provenance.get("conditions", {}).items()}
+    return _conditions(values.provenance)
+
+
+def _conditions(provenance: Mapping[str, Any]) -> dict[str, Conditions]:
+    return {p: Conditions(float(d), float(t)) for p, (d, t) in provenance.get("conditions", {}).items()}
 
 
 def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequence[Pattern]], keys: Sequence[Key]) -> Array:
@@ -177,11 +247,6 @@ def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequ
     return np.asarray(-known @ cross / level)
 
 
-def _misfit(fit: Calibration) -> dict[str, float]:
-    """Return node -> standard deviation of what wanders in its residuals, over all records. [K]"""
-    return misfit_found(fit.problem, fit.wander) if fit.problem is not None and fit.wander is not None else {}
-
-
 def misfit_found(problem: Problem, wander: Wander) -> dict[str, float]:
     """Return node -> standard deviation of what wanders in its residuals, over all records. [K]"""
     slow = {(t.record, t.sensor): t.slow for t in wander.traces}
@@ -192,6 +257,6 @@ def misfit_found(problem: Problem, wander: Wander) -> dict[str, float]:
     return {n: float(np.sqrt(np.mean(several))) for n, several in parts.items()}
 
 
-def misfit_kept(values: FittedValues) -> dict[str, float]:
-    """Return node -> standard deviation of what the fit could not follow, as fitted values keep it; empty where they are of before. [K]"""
-    return {n: float(size) for n, size in values.provenance.get("misfit", {}).items()}
+def misfit_kept(provenance: Mapping[str, Any]) -> dict[str, float]:
+    """Return node -> standard deviation of what a stage could not follow, as its provenance keeps it; empty where it does not. [K]"""
+    return {n: float(size) for n, size in provenance.get("misfit", {}).items()}

@@ -72,7 +72,10 @@ def _read(folder: Path | None) -> tuple[Look, ...]:
     if path is None or not path.is_file():
         return ()
     try:
-        return tuple(Look(**one) for one in json.loads(path.read_text(encoding="utf-8")))
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(content, list):
+            raise TypeError
+        return tuple(Look(**one) for one in content)
     except (ValueError, TypeError):
         raise DeckError(
             "the file is damaged. It says which records failed a verdict before; without it they would pass for independent ones. "

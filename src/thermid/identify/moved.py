@@ -4,28 +4,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.moves import Group, Move, Moves
+from thermid.identify.inherit import form, known_before
+from thermid.identify.moves import MOVED, NOT_REJECTED, Group, Move, Moves
+from thermid.identify.opened import Opened, opened_at
+from thermid.identify.responses import covering
+from thermid.identify.shifts import Shift, Test, Together, holm, normal_shifts, normal_together, shifts, together
+from thermid.identify.trace_noise import weighed
+from thermid.identify.unknowns import Unknown
+from thermid.identify.values import FittedValue
+from thermid.identify.wander import binned
+from thermid.knowledge.store import State
 
 if TYPE_CHECKING:
+    from thermid.identify.request import Request
     from thermid.identify.residuals import Problem
     from thermid.identify.solve import Fit
     from thermid.identify.values import FittedValues
-    from thermid.identify.wander import Wander
     from thermid.model.model import Model
 
 __all__ = ["moves_above", "moves_from"]
 
 Array = NDArray[np.float64]
-DECIDED = 0.3
-"""Root of the share that a level's own data have in what is known of a direction, from which they can be asked alone."""
-INFORMED = 1e-6
-"""Part of what is known of a direction that must come from below, for below to have said anything of it."""
+
+
+STRETCHES = 160
+"""Stretches of a trace, whose errors count what happens within minutes."""
 
 
 def part_of(model: Model, path: str) -> str:
@@ -37,86 +46,101 @@ def part_of(model: Model, path: str) -> str:
     return f"{head}.{inner}" if inner else head
 
 
-def moves_above(
-    handed: Sequence[FittedValues], model: Model, problem: Problem, found: Fit, total: Array, wandering: Wander | None = None
-) -> Moves:
-    """Return how far this level's data moved what stages below handed on as priors.
+@dataclass(frozen=True, eq=False)
+class _Inherited:
+    """What stages below found of a fit's unknowns, those opened for the test among them.
 
-    With P the information of all priors, A that of this level's data and x0 where the priors alone would stand, the fit ends at
-    x = x0 + (A + P)^-1 J'(y - J x0). Its shift x - x0 has the covariance P^-1 - (A + P)^-1 when the priors hold (J. A. Hausman,
-    Econometrica 46 (1978) 1251, lemma 2.1); where residuals are larger than the noise, or wander, the shift scatters more, by what the
-    errors of the fit were widened with, and that is counted.
+    Parameters
+    ----------
+    at : tuple of int               Their positions among the unknowns; instruments that were found with them too.
+    states : tuple of State         As their stages printed them; None for an instrument.
+    root : array (at, sources)      Root of their covariance, in the fitted form of the unknowns.
     """
-    names = [u.name for u in problem.unknowns]
-    stages = {p: v.stage for v in handed for p in v.parameters}
-    errors = {p: one.error for v in handed for p, one in v.parameters.items()}
-    members = [k for k, u in enumerate(problem.unknowns) if u.kind == "parameter" and u.name in stages]
-    if not members:
+
+    at: tuple[int, ...]
+    states: tuple[State | None, ...]
+    root: Array
+
+
+def _fixed(request: Request, problem: Problem) -> dict[tuple[str, ...], State]:
+    """Return what was inherited and is no unknown of a fit, by the paths where it acts; instances of one part have one value."""
+    here, shared = covering(problem.unknowns), request.shared
+    groups: dict[tuple[frozenset[str], float], tuple[State, list[str]]] = {}
+    for s in request.store.parameters.values():
+        acts = [p for p in s.acts if p not in here]
+        if s.known and acts and s.path not in request.prior:
+            one = frozenset(shared.get(acts[0], (acts[0],)))
+            groups.setdefault((one, s.value), (s, []))[1].extend(acts)
+    return {tuple(dict.fromkeys(acts)): s for s, acts in groups.values()}
+
+
+def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...], State]) -> _Inherited:
+    unknowns, store = opened.problem.unknowns, request.store
+    before = known_before(request, unknowns[: opened.own])
+    moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
+    own = [unknowns[k] for k in before.at]
+    states = [next((moving[n] for n in (u.name, *u.also) if n in moving), None) if u.kind == "parameter" else None for u in own]
+    named = {group[0]: s for group, s in fixed.items()}
+    at, rows = [int(k) for k in before.at], list(before.rows)
+    for k, u in enumerate(unknowns[opened.own :], start=opened.own):
+        state = named[u.name]
+        row = store.rows([state.path])[0] * form(state, u)
+        at.append(k)
+        states.append(state)
+        rows.append(np.concatenate([row, np.zeros(before.rows.shape[1] - row.size)]))
+    return _Inherited(tuple(at), tuple(states), np.array(rows).reshape(len(at), before.rows.shape[1]))
+
+
+def moves_above(request: Request, problem: Problem, found: Fit, level: float = 1.0) -> Moves:
+    """Return what the logs of a fit say of the values that it inherited, fixed or as priors.
+
+    Each value is opened without its prior in one step of Gauss and Newton from the end of the fit, by generalised least squares: traces
+    are white noise plus an autocorrelated deviation, averaged over what their residuals allow (`weighed`). Unknowns of the fit that were
+    not inherited stay free; the other inherited values count with their errors. `level` is the variance of the noise of traces that are
+    too short to show it, in squares of what was stated.
+    """
+    fixed = _fixed(request, problem)
+    if not (fixed or request.prior):
         return Moves()
-    if wandering is not None and wandering.excess.any():
-        wandering = _let_go(problem, found, total)
-    shift, spread, known = _shift(problem, found, total, wandering)
-    means = {k: problem.unknowns[k].to_value(float(found.fitted[k] - shift[k])) for k in members}
+    opened = opened_at(request, problem, found.fitted, list(fixed))
+    known, unknowns = _inherited(request, opened, fixed), opened.problem.unknowns
+    start = opened.fitted.copy()
+    for k, state in zip(known.at, known.states, strict=True):
+        start[k] = unknowns[k].to_fitted(state.value if state is not None else request.store[unknowns[k].name].value)
+    pieces = binned(opened.problem, opened.fitted, request.loss, request.knee, STRETCHES)
+    here = [replace(b, mean=b.mean + b.slopes @ (start - opened.fitted)) for b in pieces.values()]
+    priors, pulls = _beside(opened.problem, start, known.at)
+    test = Test.of(weighed(here, priors, pulls, level), priors, pulls, known.at, known.root)
+    asked = {k: s for k, s in enumerate(known.states) if s is not None}
     values = []
-    for k in members:
-        u = problem.unknowns[k]
-        sd = math.sqrt(max(spread[k, k], 0.0))
-        tested = known[k] and sd > math.sqrt(INFORMED * total[k, k])
-        far = float(shift[k]) / sd if tested else math.nan
-        here = u.to_value(float(found.fitted[k]))
-        values.append(Move(u.name, part_of(model, u.name), stages[u.name], means[k], here, u.unit, far, _normal(far), errors[u.name]))
-    tested_rows = {names[k]: k for k, m in zip(members, values, strict=True) if math.isfinite(m.deviations)}
-    together = lambda paths: _together([tested_rows[p] for p in paths if p in tested_rows], shift, spread)  # noqa: E731
-    return Moves(tuple(values), _groups(values, together))
+    for (k, state), s in zip(asked.items(), shifts(test, list(asked)), strict=True):
+        u, at = unknowns[known.at[k]], known.at[k]
+        alone, used = u.to_value(start[at] + s.size), u.to_value(opened.fitted[at])
+        below = (state.value, request.store.error(state.path), state.random)
+        values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
+    rows = {m.path: k for m, k in zip(values, asked, strict=True)}
+    far = [rows[m.path] for m in values if m.verdict == MOVED]
+    return Moves(tuple(values), _groups(values, lambda groups: together(test, [[rows[p] for p in g] for g in groups], far)))
 
 
-def _let_go(problem: Problem, found: Fit, total: Array) -> Wander:
-    """Return how the residuals wander where this level's data alone would put what they decide.
-
-    Where the priors hold values back, residuals wander by that, and it is what the test is to see.
-    """
-    from thermid.identify.wander import wander
-
-    sizes = np.sqrt(np.where(np.isfinite(np.diag(total)), np.maximum(np.diag(total), 0.0), 0.0))
-    here = problem.compressed(found.fitted)
-    vectors, s, basis = np.linalg.svd(here.slopes * sizes, full_matrices=False)
-    own = s > DECIDED
-    step = sizes * (basis[own].T @ (vectors[:, own].T @ -here.rows / s[own]))
-    low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in problem.unknowns), strict=True))
-    at = np.clip(found.fitted + step, low, high)
-    return wander(problem, replace(found, fitted=at))
+def _beside(problem: Problem, start: Array, known: Sequence[int]) -> tuple[Array, Array]:
+    """Return information and scores of the priors of unknowns that no stage below found."""
+    info, pulls = np.zeros((start.size, start.size)), np.zeros(start.size)
+    for k, u in enumerate(problem.unknowns):
+        if u.prior is not None and k not in known:
+            info[k, k] = u.prior.sd**-2
+            pulls[k] = (u.prior.mean - start[k]) * u.prior.sd**-2
+    return info, pulls
 
 
-def _shift(problem: Problem, found: Fit, total: Array, wandering: Wander | None) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return fitted less what the priors alone say, its covariance, and of which unknowns the priors say anything."""
-    finite = np.isfinite(np.diag(total)) & (np.diag(total) > 0)
-    scale = np.where(finite, np.sqrt(np.where(finite, np.diag(total), 1.0)), 1.0)
-    data, priors = found.jacobian * scale, found.priors * scale
-    rows = problem.prior_rows(found.fitted)[0]
-    seen, prior = data.T @ data, priors.T @ priors
-    sizes, vectors = np.linalg.eigh(prior)
-    own, free = vectors[:, sizes > INFORMED], vectors[:, sizes <= INFORMED]
-    size = sizes[sizes > INFORMED]
-    # what the data say of the directions that have priors, those without marginalised
-    cross = own.T @ seen @ free
-    taken = cross @ np.linalg.pinv(free.T @ seen @ free, hermitian=True)
-    left = own.T @ seen @ own - taken @ cross.T
-    gain = np.linalg.inv(left + np.diag(size))
-    # by how much the scores J'r of the data scatter: in squares of the noise, and along the ways in which residuals wander
-    level = _widened(found, problem) if wandering is None else wandering.level
-    scores = level * left
-    if wandering is not None:
-        seen_along = own - free @ taken.T
-        scores = scores + seen_along.T @ (scale[:, None] * wandering.excess * scale) @ seen_along
-    moved = own @ (own.T @ (priors.T @ rows) / size)
-    spread = own @ (gain @ (scores + left @ (left / size[:, None])) @ gain) @ own.T
-    known = finite & (np.linalg.norm(free, axis=1) < 1e-3)
-    return scale * moved, spread * np.outer(scale, scale), known
-
-
-def _widened(found: Fit, problem: Problem) -> float:
-    """Return the factor by which the residuals exceed the noise, in squares."""
-    return max(1.0, found.chi_square / max(problem.worth - len(problem.unknowns), 1))
+def _move(
+    path: str, part: str, stage: str, below: tuple[float, float, float], alone: float, here: float, of: Unknown | FittedValue, s: Shift
+) -> Move:
+    """Return the move of a value; `below` is it with its error and random error; a detectable shift of a logarithm is one upward."""
+    value, error, random = below
+    detectable = (abs(value) * math.expm1(min(s.detectable, 50.0)) if of.log else s.detectable) if math.isfinite(s.size) else math.inf
+    far = s.size / s.error if s.error > 0 else math.nan
+    return Move(path, part, stage, value, alone, here, of.unit, far, s.chance, detectable, error, random)
 
 
 def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], found: FittedValues, place: Callable[[str], str]) -> Moves:
@@ -133,20 +157,27 @@ def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], found: 
     stage's own covariance is the measure.
     """
     order = list(found)
-    values, shift, spread = [], np.zeros(len(order)), np.zeros((len(order), len(order)))
+    shift, spread = np.zeros(len(order)), np.zeros((len(order), len(order)))
+    pairs = [(stage, stage[path], q) for stage, names in staged for path, q in names.items()]
     for stage, names in staged:
         own = list(stage)
-        at, rows = [own.index(p) for p in names], [order.index(q) for q in names.values()]
+        at, there = [own.index(p) for p in names], [order.index(q) for q in names.values()]
         below = stage.covariance[np.ix_(at, at)]
-        spread[np.ix_(rows, rows)] = _less(below, found.covariance[np.ix_(rows, rows)])
-        for path, q in names.items():
-            k, before, here = order.index(q), stage[path], found[q]
-            shift[k] = math.log(here.value / before.value) if here.log else here.value - before.value
-            sd = math.sqrt(spread[k, k])
-            far = float(shift[k]) / sd if sd > 0 and math.isfinite(sd) else math.nan
-            values.append(Move(q, place(q), stage.stage, before.value, here.value, here.unit, far, _normal(far), before.error))
-    rows_of = {m.path: order.index(m.path) for m in values if math.isfinite(m.deviations)}
-    return Moves(tuple(values), _groups(values, lambda paths: _together([rows_of[p] for p in paths if p in rows_of], shift, spread)))
+        spread[np.ix_(there, there)] = _less(below, found.covariance[np.ix_(there, there)])
+    for _, before, q in pairs:
+        here = found[q]
+        shift[order.index(q)] = math.log(here.value / before.value) if here.log else here.value - before.value
+    rows = [order.index(q) for *_, q in pairs]
+    values = []
+    for (stage, before, q), s in zip(pairs, normal_shifts(shift[rows], np.sqrt(np.diag(spread))[rows]), strict=True):
+        known, here = (before.value, before.error, before.error_random), found[q]
+        values.append(_move(q, place(q), stage.stage, known, here.value, here.value, here, s))
+
+    def asked(groups: Sequence[Sequence[str]]) -> list[Together]:
+        several = [[order.index(p) for p in g] for g in groups]
+        return [normal_together(shift[r], spread[np.ix_(r, r)]) for r in several]
+
+    return Moves(tuple(values), _groups(values, asked), "the joint fit")
 
 
 def _less(below: Array, here: Array) -> Array:
@@ -158,34 +189,19 @@ def _less(below: Array, here: Array) -> Array:
     return np.asarray((along * np.where(sizes < 0.9, 1.0 - sizes, 1.0)) @ along.T)
 
 
-def _normal(far: float) -> float:
-    """Return the chance of a standard normal number at least so far from zero."""
-    return math.erfc(abs(far) / math.sqrt(2.0)) if math.isfinite(far) else math.nan
-
-
-def _together(rows: Sequence[int], shift: Array, spread: Array) -> tuple[float, int, float]:
-    """Return chi-square, directions and chance of several shifts together."""
-    from scipy.stats import chi2
-
-    if not rows:
-        return 0.0, 0, math.nan
-    sd = np.sqrt(np.diag(spread)[list(rows)])
-    sizes, vectors = np.linalg.eigh(spread[np.ix_(rows, rows)] / np.outer(sd, sd))
-    kept = sizes > 1e-6 * sizes.max()
-    along = vectors[:, kept].T @ (shift[list(rows)] / sd)
-    square, count = float(np.sum(along**2 / sizes[kept])), int(kept.sum())
-    return square, count, float(chi2.sf(square, count))
-
-
-def _groups(values: Sequence[Move], test: Callable[[Sequence[str]], tuple[float, int, float]]) -> tuple[Group, ...]:
-    """Return one group per part, and one of all together."""
-    parts: dict[str, list[str]] = {}
+def _groups(values: Sequence[Move], test: Callable[[Sequence[Sequence[str]]], list[Together]]) -> tuple[Group, ...]:
+    """Return one group per part with several values, and one of all; values of which the logs say nothing are left out of the tests."""
+    parts: dict[str, list[Move]] = {}
     for m in values:
-        parts.setdefault(m.part, []).append(m.path)
-    out = [
-        Group(f"part '{part}'" if part else "the model's own", tuple(paths), *test(paths))
-        for part, paths in parts.items()
-        if len(parts) > 1
-    ]
-    every = [m.path for m in values]
-    return (*out, Group("all together", tuple(every), *test(every)))
+        parts.setdefault(m.part, []).append(m)
+    several = {part: moves for part, moves in parts.items() if 1 < len(moves) < len(values)}
+    named = [(f"part '{part}'" if part else "the model's own", moves) for part, moves in several.items()]
+    every = [*named, *([("all together", list(values))] if len(values) > 1 else [])]
+    told = [[m.path for m in moves if math.isfinite(m.deviations)] for _, moves in every]
+    tests = iter(test([paths for paths in told if paths]))
+    found = [next(tests) if paths else Together(0.0, 0, math.nan) for paths in told]
+    chances = [*holm([t.chance for t in found[:-1]]), *(t.chance for t in found[-1:])]
+    return tuple(
+        Group(name, tuple(m.path for m in moves), t.chi_square, t.directions, p, all(m.verdict == NOT_REJECTED for m in moves))
+        for (name, moves), t, p in zip(every, found, chances, strict=True)
+    )

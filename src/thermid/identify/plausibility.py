@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,6 @@ from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.identify.calibration import Calibration
 from thermid.identify.driven import power_while_on
-from thermid.identify.split_priors import _from_records
 from thermid.identify.values import FittedValue
 from thermid.model.flat import FlatConductor
 from thermid.model.signal import literal
@@ -21,6 +21,7 @@ from thermid.physics.air import dry_air
 from thermid.physics.bodies import body_htc, conduction_floor
 from thermid.physics.materials import MATERIALS
 from thermid.physics.radiation import linearised_htc
+from thermid.simulation.transient import simulate
 
 __all__ = ["Finding", "Plausibility", "plausibility"]
 
@@ -154,7 +155,7 @@ def _behind(network: Network, path: str, owners: Mapping[str, FittedValue]) -> F
 def _conductors(fit: Calibration, network: Network, owners: Mapping[str, FittedValue]) -> Iterator[Finding]:
     """Yield findings on coefficients of surfaces and joints."""
     surfaces = [c for c in network.flat.conductors if c.kind in ("effective", "convection") and "area" in c.fields]
-    temperatures = _from_records(fit, network, surfaces)
+    temperatures = _from_records(fit, surfaces)
     for c in surfaces:
         field = "effective_htc" if c.kind == "effective" else "htc"
         v = _behind(network, c.fields[field], owners) if field in c.fields else None
@@ -284,3 +285,18 @@ def _power_given(fit: Calibration, network: Network, load: str) -> tuple[str, fl
         return f"{load} as logged", watts * (factor.value if factor else 1.0), watts * factor.error if factor else 0.0
     numbers = network.numbers({p: v.value for p, v in fit.values.assignments.items()})
     return f"{load} by the deck", sum(float(value_of(r.coefficients[0])) for r in numbers.loads if r.name == load), 0.0
+
+
+def _from_records(of: Calibration, surfaces: Sequence[FlatConductor]) -> dict[str, tuple[float, float]]:
+    """Return surface -> mean temperatures of surface and gas over the records with gas, weighted by their difference. [K]"""
+    sums = {c.path: np.zeros(3) for c in surfaces}
+    for e in of.experiments:
+        solution = simulate(of.fitted_model, e.bare, times=e.times)
+        media = e.scenario.media()
+        for c in surfaces:
+            if media.empty(c.gas):
+                continue
+            hot, cold = (solution[end].kelvin for end in c.ends)
+            weight = (hot - cold) ** 2
+            sums[c.path] += np.array([weight.sum(), weight @ hot, weight @ cold])
+    return {p: (float(s[1] / s[0]), float(s[2] / s[0])) if s[0] > 0 else (math.nan, math.nan) for p, s in sums.items()}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
+from thermid.knowledge.standing import Standing
 from thermid.model.model import Model
 from thermid.model.replacement import Replacement, Split, short_text
 
@@ -106,6 +107,11 @@ class RetunePlan:
     model: Model = field(repr=False)
 
     @property
+    def standing(self) -> Standing:
+        """Of the values that the plan rests on: those of the last stage before."""
+        return list(self.campaign.stages.values())[-1].standing
+
+    @property
     def freed(self) -> tuple[str, ...]:
         """Interface values that are retuned, ``stage: path``."""
         return tuple(f"{t.stage}: {t.path}" for t in self.touched if not t.held)
@@ -167,7 +173,7 @@ class RetunePlan:
         lines.append("  neighbours, exposed area before -> after; what they convect with is not freed:")
         for name, (a, b, dt) in self.neighbours.items():
             lines.append(f"    {name}: {1e4 * a:.4g} -> {1e4 * b:.4g} cm^2, {dt:+.2f} K at rest")
-        return "\n".join([*lines, *self._at_rest()])
+        return self.standing.over("\n".join([*lines, *self._at_rest()]))
 
     def _at_rest(self) -> list[str]:
         """Return the temperatures before and after, and those of the last record where the old part had another power in it."""

@@ -18,14 +18,16 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.identify.calibration import Calibration
+from thermid.identify.discrepancy import discrepancy_kept
 from thermid.identify.split_priors import Part, parts_of
 from thermid.identify.split_surface import Split, SplitSurface
 from thermid.identify.values import FittedValue, FittedValues
+from thermid.knowledge.standing import Standing, of_model, worst
 from thermid.model.model import Model
 from thermid.network.network import compile_network
 from thermid.simulation.scenario import Scenario
 
-__all__ = ["split", "split_needed"]
+__all__ = ["split", "split_needed", "split_values"]
 
 Array = NDArray[np.float64]
 
@@ -69,10 +71,32 @@ def split(
     wanted = (paths,) if isinstance(paths, str) else tuple(paths)
     base = of.values.bare() if isinstance(of, Calibration) else FittedValues(of.title, {}, np.zeros((0, 0)))
     model = of.fitted_model if isinstance(of, Calibration) else of
-    parts = parts_of(of, wanted, conditions, priors or {})
+    kept = discrepancy_kept(of.values) if isinstance(of, Calibration) else None
+    surfaces = conditions if conditions is not None else kept.surfaces if kept is not None else {}
+    return split_values(model, base, wanted, surfaces, priors or {})
+
+
+def split_values(
+    model: Model,
+    base: FittedValues,
+    wanted: Sequence[str],
+    at: Scenario | Mapping[str, tuple[float, float]],
+    priors: Mapping[str, tuple[float, float]] | None = None,
+) -> Split:
+    """Return effective coefficients taken apart, from fitted values and where these were found.
+
+    Parameters
+    ----------
+    model : Model               With the values laid over it.
+    base : FittedValues         The fitted parameters.
+    wanted : sequence of str    Surfaces; every one with an effective coefficient where none is named.
+    at : Scenario or dict       What was done then, settled; or surface -> its temperature and its gas's. [K]
+    priors : dict               As in `split`.
+    """
+    parts = parts_of(model, base, wanted, at, priors or {})
     joint = _Joint(base, parts)
     done = [joint.take(part) for part in parts]
-    values = joint.values()
+    values = joint.values(worst([of_model(model), *([base.standing] if base else [])]))
     origin = f"split of '{values.stage}'"
     entries = tuple(joint.entry(p, used, remark) for p, (used, remark) in zip(parts, done, strict=True))
     return Split(entries, values, _laid(model, values, origin), _caution(model, base, parts))
@@ -99,15 +123,13 @@ def _laid(model: Model, values: FittedValues, origin: str) -> Model:
     return model.with_values({p: v for p, v in values.assignments.items() if v.origin.startswith("split")}, origin)
 
 
-def split_needed(fit: Calibration, scenario: Scenario, known: Sequence[str] = ()) -> list[str]:
-    """Return the surfaces whose effective coefficient a scenario takes apart, and whose emissivity no fit and no caller knows already."""
-    model = fit.fitted_model
+def split_needed(model: Model, scenario: Scenario, known: Sequence[str]) -> list[str]:
+    """Return the surfaces whose effective coefficient a scenario takes apart, and whose emissivity is not among the known values."""
     network = compile_network(model)
     media = scenario.media()
-    taken = {*fit.values.assignments, *(p for v in fit.held for p in v.assignments), *map(model.canonical, known)}
     roots = network.flat.parameters.literal_behind
     effective = [c for c in network.flat.conductors if c.kind == "effective" and c.emissivity and not media.as_printed]
-    return [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & taken]
+    return [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & {*known}]
 
 
 class _Joint:
@@ -207,13 +229,13 @@ class _Joint:
         self.mean = self.mean - column * (v / w * ratio)
         self.cov = self.cov - np.outer(column, column) * (v * v / (w * w) * ratio * (ratio + z))
 
-    def values(self) -> FittedValues:
-        """Return the fitted parameters and the emissivities with their joint covariance."""
+    def values(self, standing: Standing) -> FittedValues:
+        """Return the fitted parameters and the emissivities with their joint covariance; the latter have a standing of what was split."""
         items: dict[str, Any] = dict(self.base.items())
         for path, part in self.fresh.items():
             value, error = self.emissivity(part), self.deviation(part)
             origin = f"split: {part.prior.text}"
-            items[path] = FittedValue(path, value, error, error, True, "1", part.prior.mean, (0.0, 1.0), origin)
+            items[path] = FittedValue(path, value, error, error, True, "1", part.prior.mean, (0.0, 1.0), origin, standing=standing)
         return replace(self.base, items_=items, covariance=self.cov)  # one covariance, drawn from priors as well
 
     def entry(self, part: Part, used: bool, remark: str) -> SplitSurface:

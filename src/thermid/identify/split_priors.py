@@ -6,11 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, nearest
-from thermid.identify.calibration import Calibration
 from thermid.identify.values import FittedValues
 from thermid.model.flat import FlatConductor
 from thermid.model.model import Model
@@ -22,7 +19,6 @@ from thermid.physics.finishes import SPAN, finish
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.steady import steady
-from thermid.simulation.transient import simulate
 
 __all__ = ["Part", "Prior", "parts_of"]
 
@@ -108,15 +104,18 @@ class Part:
 
 
 def parts_of(
-    of: Model | Calibration, wanted: Sequence[str], conditions: Scenario | None, priors: Mapping[str, tuple[float, float]]
+    model: Model,
+    values: FittedValues,
+    wanted: Sequence[str],
+    conditions: Scenario | Mapping[str, tuple[float, float]],
+    priors: Mapping[str, tuple[float, float]],
 ) -> list[Part]:
-    """Return what is known of each surface.
+    """Return what is known of each surface; arguments as in `split_values`.
 
     Raises
     ------
     IdentificationError   When a surface has no effective coefficient, or nothing says what its emissivity may be.
     """
-    model = of.fitted_model if isinstance(of, Calibration) else of
     network = compile_network(model)
     known = {c.path: c for c in network.flat.conductors if c.kind == "effective"}
     chosen = [model.canonical(w) for w in wanted] or list(known)
@@ -125,13 +124,14 @@ def parts_of(
             raise IdentificationError(f"'{path}' is no surface with an effective coefficient.{nearest(path, known)}", model.title)
     if not chosen:
         raise IdentificationError("no surface has an effective coefficient, so there is nothing to split.", model.title)
-    at = (
-        _from_records(of, network, [known[p] for p in chosen])
-        if conditions is None
-        else _settled(model, conditions, [known[p] for p in chosen])
-    )
-    values = of.values if isinstance(of, Calibration) else None
-    return [_part(network, known[p], at[p], values, priors) for p in chosen]
+    at = conditions if isinstance(conditions, Mapping) else _settled(model, conditions, [known[p] for p in chosen])
+    if not at:
+        raise IdentificationError(
+            "at which temperatures were the coefficients fitted? Give the conditions: a scenario that settles there, or a fit that has its"
+            " records.",
+            network.title,
+        )
+    return [_part(network, known[p], at.get(p, (math.nan, math.nan)), values, priors) for p in chosen]
 
 
 def _settled(model: Model, conditions: Scenario, surfaces: Sequence[FlatConductor]) -> dict[str, tuple[float, float]]:
@@ -140,29 +140,8 @@ def _settled(model: Model, conditions: Scenario, surfaces: Sequence[FlatConducto
     return {c.path: (found[c.ends[0]], found[c.ends[1]]) for c in surfaces}
 
 
-def _from_records(of: Model | Calibration, network: Network, surfaces: Sequence[FlatConductor]) -> dict[str, tuple[float, float]]:
-    """Return surface -> mean temperatures of surface and gas over the records with gas, weighted by their difference. [K]"""
-    if not isinstance(of, Calibration) or not of.experiments:
-        raise IdentificationError(
-            "at which temperatures were the coefficients fitted? Give the conditions: a scenario that settles there, or a fit that has its"
-            " records.",
-            network.title,
-        )
-    sums = {c.path: np.zeros(3) for c in surfaces}
-    for e in of.experiments:
-        solution = simulate(of.fitted_model, e.bare, times=e.times)
-        media = e.scenario.media()
-        for c in surfaces:
-            if media.empty(c.gas):
-                continue
-            hot, cold = (solution[end].kelvin for end in c.ends)
-            weight = (hot - cold) ** 2
-            sums[c.path] += np.array([weight.sum(), weight @ hot, weight @ cold])
-    return {p: (float(s[1] / s[0]), float(s[2] / s[0])) if s[0] > 0 else (math.nan, math.nan) for p, s in sums.items()}
-
-
 def _part(
-    network: Network, c: FlatConductor, at: tuple[float, float], fitted: FittedValues | None, priors: Mapping[str, tuple[float, float]]
+    network: Network, c: FlatConductor, at: tuple[float, float], fitted: FittedValues, priors: Mapping[str, tuple[float, float]]
 ) -> Part:
     """Return what is known of one surface."""
     values = network.numbers().values
@@ -175,7 +154,7 @@ def _part(
     area = value_of(exposed_area(c.path, values[c.fields["area"]], c.takes, values, c.where))
     effective = value_of(values[c.fields["effective_htc"]])
     root = network.flat.parameters.literal_behind(c.fields["effective_htc"])
-    entry = fitted.assignments.get(root) if fitted is not None else None
+    entry = fitted.assignments.get(root)
     air = dry_air(0.5 * (hot + cold))
     return Part(
         c.path,
@@ -194,7 +173,7 @@ def _part(
     )
 
 
-def _root(network: Network, c: FlatConductor, fitted: FittedValues | None) -> str:
+def _root(network: Network, c: FlatConductor, fitted: FittedValues) -> str:
     """Return the path of the value behind an emissivity; where instances share a fitted one, the path it was fitted under."""
     if not c.emissivity:
         raise IdentificationError(
@@ -203,7 +182,7 @@ def _root(network: Network, c: FlatConductor, fitted: FittedValues | None) -> st
             c.where,
         )
     root = network.flat.parameters.freeable(c.emissivity, network.flat.names.model.canonical)
-    entry = fitted.assignments.get(root) if fitted is not None else None
+    entry = fitted.assignments.get(root)
     return entry.path if entry else root
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,6 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.identify.values import FittedValues
-from thermid.knowledge.sources import LogNormal
-
-if TYPE_CHECKING:
-    from thermid.simulation.simulator import Simulator
 
 __all__ = ["Spread"]
 
@@ -77,38 +72,3 @@ class Spread:
         also = {ahead + p: tuple(ahead + q for q in v.also) for p, v in found.items() if v.also}
         names, logs = tuple(ahead + p for p in found), tuple(v.log for v in found.values())
         return cls(cause or f"fit of {values.stage}", names, found.covariance, logs, also)
-
-    @classmethod
-    def stated(cls, given: Mapping[str, Any], ready: Simulator, cause: str = "stated") -> Spread:
-        """Return independent spreads written as texts.
-
-        Parameters
-        ----------
-        given : dict        Name -> ``"0.5 [W]"`` or ``"10 [%]"`` (standard deviation), ``{"sd": ...}``, ``{"log_sd": 0.2}``, or
-                            ``{"low": ..., "high": ...}`` (anything between is as likely; its width over the root of 12 counts).
-        ready : Simulator   The model and scenario, with these names free; it knows their units.
-
-        Raises
-        ------
-        ScenarioError   When a spread is none of these forms.
-        """
-        laws = [ready.law(raw, spread) for raw, spread in given.items()]
-        logs = tuple(isinstance(law, LogNormal) for law in laws)
-        sizes = [law.log_sd if isinstance(law, LogNormal) else float(np.sqrt(law.variance)) for law in laws]
-        return cls(cause, tuple(given), np.diag(np.array(sizes) ** 2), logs)
-
-    def root(self) -> Array:
-        """Return a matrix L (names, directions) with ``L L'`` the covariance."""
-        if not self.names:
-            return np.zeros((0, 0))
-        sizes, vectors = np.linalg.eigh(self.covariance)
-        return np.asarray(vectors * np.sqrt(np.clip(sizes, 0.0, None)))
-
-    def draws(self, centre: Mapping[str, float], members: int, generator: np.random.Generator) -> dict[str, Array]:
-        """Return name -> value of every member (members,), about the values given. [SI]"""
-        deviations = self.root() @ generator.standard_normal((len(self.names), members))
-        out: dict[str, Array] = {}
-        for row, name, log in zip(deviations, self.names, self.log, strict=True):
-            values = centre[name] * np.exp(row) if log else centre[name] + row
-            out |= dict.fromkeys((name, *self.also.get(name, ())), values)
-        return out

@@ -100,6 +100,13 @@ class Campaign:
         return worst(c.standing for c in self.fits)
 
     @property
+    def exit_code(self) -> int:
+        """Exit code: 1 where a verdict failed or was not judged, else that of the standing; what is accepted does not count."""
+        accepted = self.source.accepted if self.source is not None else ()
+        missed = [v for v in self.verdicts if v.passed is False and v.model not in accepted]
+        return 1 if missed else self.standing.exit_code
+
+    @property
     def fits(self) -> tuple[Calibration, ...]:
         """The calibrations of all stages, and the joint one where there is one."""
         return (*self.stages.values(), *([self.joint] if self.joint is not None else []))
@@ -119,10 +126,9 @@ class Campaign:
         return out
 
     def __str__(self) -> str:
-        """Return all stages and verdicts as text."""
-        return "\n\n".join(
-            [self.title, *map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
-        )
+        """Return all stages and verdicts as text, below a line that says which of them must not be used."""
+        parts = [*map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
+        return "\n\n".join([self.standing.over(self.title, "stage"), *parts])
 
 
 @takes_objects

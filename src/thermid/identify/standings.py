@@ -115,6 +115,6 @@ def verdict_standing(failed: list[Verdict], accepted: bool) -> Standing | None:
         return None
     missed = [c for v in failed for c in v.checks if not c.passed]
     first = max(missed, key=lambda c: c.found / c.limit)
-    records = ", ".join(v.record for v in failed)
+    records = ", ".join(dict.fromkeys(v.record for v in failed))
     words = f"verdict on {records}: {first.sensor} {first.criterion.replace('_', ' ')} {first.found:.3g} K, limit {first.limit:.3g} K"
     return Standing("failed", words, failed[0].model, accepted)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thermid.identify.keys import key_for
 from thermid.identify.request import Request
@@ -16,6 +17,8 @@ from thermid.model.model import Model
 from thermid.model.resolve import deck_text, parameter_table
 
 __all__ = ["state_of", "stored"]
+
+Array = NDArray[np.float64]
 
 
 def stored(request: Request, problem: Problem, values: FittedValues, found: Responses) -> Store:
@@ -29,7 +32,10 @@ def stored(request: Request, problem: Problem, values: FittedValues, found: Resp
     """
     kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
     key = key_for(request)
-    rows, sources = found.of(kept, key[:16], f"noise of stage '{values.stage}'")
+    rows, own = found.of(kept, key[:16], f"noise of stage '{values.stage}'")
+    sources = tuple({s.name: s for s in (*request.store.sources, *own)}.values())
+    place = {s.name: k for k, s in enumerate(sources)}
+    rows = _placed(rows, [place[s.name] for s in own], len(sources))
     known = [not found.unlimited[k] for k in kept]
     origin = Origin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
     before = request.store
@@ -39,7 +45,7 @@ def stored(request: Request, problem: Problem, values: FittedValues, found: Resp
         rest = _left(state, covering(problem.unknowns))
         if rest is not None:
             states[rest.path] = rest
-            root.append(np.concatenate([row, np.zeros(len(sources) - row.size)]))
+            root.append(np.concatenate([row, np.zeros(len(sources) - row.size)]))  # the sources of what was known before come first
     for v, row, sure in zip(values.values(), rows, known, strict=True):
         states[v.path] = replace(state_of(v, origin, request.model, before), known=sure)
         root.append(row)
@@ -52,6 +58,13 @@ def stored(request: Request, problem: Problem, values: FittedValues, found: Resp
         provenance={**before.provenance, values.stage: values.provenance},
     )
     return whole.trimmed()
+
+
+def _placed(rows: Array, columns: list[int], count: int) -> Array:
+    """Return responses (values, sources) with each column at its place among `count` sources."""
+    out = np.zeros((rows.shape[0], count))
+    out[:, columns] = rows
+    return out
 
 
 def _left(state: State, here: set[str]) -> State | None:

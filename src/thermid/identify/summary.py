@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from thermid.identify.calibration import Calibration, Local
 from thermid.identify.contradicted import FAR, loudly
-from thermid.identify.discrepancy import conditions_found, misfit_found
 from thermid.identify.moved import moves_above
 from thermid.identify.residuals import Predictions, Problem
 from thermid.identify.responses import Responses
@@ -47,10 +46,6 @@ def summarise(request: Request, problem: Problem, found: Fit, known: Responses, 
         "records": records,
         "synthetic": any(r.origin.synthetic for r in request.records),
     }
-    paths = [q for v in items.values() if v.kind == "parameter" for q in (v.path, *v.also)]
-    conditions = conditions_found(problem, found.fitted, paths)
-    provenance |= {"conditions": conditions} if conditions else {}
-    provenance |= {"misfit": misfit_found(problem, spread)} if spread is not None else {}
     own = np.ix_(kept, kept)
     values = FittedValues(name, items, total[own], provenance)
     alone, rests = own_standing(request, problem, found, values, total, spread), rests_on(request, values)
@@ -59,7 +54,7 @@ def summarise(request: Request, problem: Problem, found: Fit, known: Responses, 
     blocks = Predictions(found.sums, problem, found.fitted)
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
     freedom = round(problem.worth) - len(problem.unknowns)
-    moved = moves_above(request.inherited, request.model, problem, found, total, spread)
+    moved = moves_above(request, problem, found, spread.level if spread is not None else 1.0)
     return Calibration(
         name,
         request.model,

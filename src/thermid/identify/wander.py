@@ -13,7 +13,7 @@ from thermid.identify.residuals import Problem
 from thermid.identify.solve import Fit, covariances
 from thermid.identify.statistics import loss_of
 
-__all__ = ["BINS", "Binned", "Trace", "Wander", "binned", "wander", "wandering"]
+__all__ = ["BINS", "Binned", "Trace", "Wander", "binned", "correlation", "wander", "wandering"]
 
 Array = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ def wandering(pieces: Mapping[tuple[str, str], Binned], found: Fit, worth: float
         effective = total
         if own > 0.0:
             weighed = b.count[:, None] * b.slopes
-            like = _correlation(b.times, time)
+            like = correlation(b.times, time)
             wandering = slow * weighed.T @ like @ weighed
             if b.share < 1.0:
                 # the weights stand for correlated noise already; what residuals wander beyond that is added
@@ -139,31 +139,29 @@ def wandering(pieces: Mapping[tuple[str, str], Binned], found: Fit, worth: float
     return Wander(tuple(traces), level, excess)
 
 
-def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 1.0) -> dict[tuple[str, str], Binned]:
-    """Return (record, sensor) -> its residuals in stretches of time."""
+def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 1.0, bins: int = BINS) -> dict[tuple[str, str], Binned]:
+    """Return (record, sensor) -> its residuals in so many stretches of time at most; a trace of up to 160 samples as it is."""
     out: dict[tuple[str, str], Binned] = {}
     blocks = iter(problem.blocks(fitted))
     for i, experiment in enumerate(problem.experiments):
         times = experiment.times
-        own = times.size <= 2 * BINS
-        edges = times if own else np.linspace(times[0], times[-1], BINS + 1)[:-1]
-        centres = times if own else edges + 0.5 * (times[-1] - times[0]) / BINS
+        own, count = times.size <= 2 * BINS, min(bins, times.size // 2)
+        edges = times if own else np.linspace(times[0], times[-1], count + 1)[:-1]
+        centres = times if own else edges + 0.5 * (times[-1] - times[0]) / count
         slopes = problem.slopes(i, fitted, centres)
         for k, o in enumerate(experiment.observations):
             block = next(blocks)
             z = block.residuals / o.sigma(problem.noise)
             counts = np.diff(np.append(np.searchsorted(times[o.index], edges), z.size))  # times rise
-            place, count = np.repeat(np.arange(edges.size), counts), counts.astype(float)
+            place, held = np.repeat(np.arange(edges.size), counts), counts.astype(float)
             weighed = z if loss == "linear" else loss_of(z**2, loss, knee)[1] * z
-            mean = np.bincount(place, weighed, minlength=edges.size) / np.maximum(count, 1.0)
+            mean = np.bincount(place, weighed, minlength=edges.size) / np.maximum(held, 1.0)
             inside = weighed - np.repeat(mean, counts)
-            full = count > 0
+            full = held > 0
             spare = z.size - int(full.sum())
             within = float(inside @ inside) / max(spare, 1)
             squares = float(weighed @ z)
-            out[block.record, o.sensor] = Binned(
-                mean[full], count[full], centres[full], slopes[full, k, :], within, spare, squares, o.share
-            )
+            out[block.record, o.sensor] = Binned(mean[full], held[full], centres[full], slopes[full, k, :], within, spare, squares, o.share)
     return out
 
 
@@ -173,7 +171,7 @@ def _not_below_zero(matrix: Array) -> Array:
     return np.asarray((vectors * np.maximum(sizes, 0.0)) @ vectors.T)
 
 
-def _correlation(times: Array, time: float) -> Array:
+def correlation(times: Array, time: float) -> Array:
     """Return the correlations (times, times) of what wanders with a correlation time [s]."""
     return np.asarray(np.exp(-np.abs(times[:, None] - times[None, :]) / time)) if time > 0 else np.eye(times.size)
 
@@ -203,7 +201,7 @@ def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]]) -> tuple[fl
     times = np.geomspace(spacing, max(0.5 * span, 2.0 * spacing), TIMES)
     key = b.times.tobytes()
     if key not in alike:
-        alike[key] = [_correlation(b.times, time) for time in times]
+        alike[key] = [correlation(b.times, time) for time in times]
     likes = [root[:, None] * like * root for like in alike[key]]
     lean = _leaning(likes, decided, free @ y, calm)
     tried: dict[int, tuple[float, float, float]] = {}

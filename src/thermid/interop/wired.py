@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
 from thermid.interop.formula import Formula, with_formulas
+from thermid.model.kinds import HINGES
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Table
 from thermid.network.network import Network
@@ -21,6 +22,7 @@ from thermid.simulation.wiring import Wiring
 __all__ = ["Source", "Wired", "identifiers", "named_rows", "one_line", "refuse_crooked", "wired"]
 
 LINEAR = ("linear", "flow")
+TABLES = ("table", "potential", *HINGES.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +107,8 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
     wiring = Wiring(network, scenario)
     numbers = with_formulas(network)
     for row in numbers.conductors:
-        if row.form in ("table", "potential", "gas", "natural"):
-            kind = "a table of points" if row.form in ("table", "potential") else "a law of gas at a pressure, which rests on tables"
+        if row.form in (*TABLES, "gas", "natural"):
+            kind = "a table of points" if row.form in TABLES else "a law of gas at a pressure, which rests on tables"
             raise DeckError(f"'{row.name}' is {kind}, which is not written to {what}.", network.title)
     for node in network.stores:
         raise DeckError(f"the specific heat of '{node}' changes with temperature, which is not written to {what}.", network.title)

@@ -18,7 +18,7 @@ from thermid.model.parameter import Parameter, exact
 from thermid.model.replacement import Dropped
 from thermid.model.resolve import parameter_table
 
-__all__ = ["Dropped", "Origin", "State", "Store", "graft"]
+__all__ = ["Dropped", "Origin", "State", "Store", "graft", "structural_under"]
 
 Array = NDArray[np.float64]
 
@@ -352,4 +352,19 @@ def _under(path: str, part: str) -> str:
 def _provenance(known: Mapping[str, Any], part: str) -> Mapping[str, Any]:
     """Return what is known of a fit, its places by their paths in the model above."""
     moved = {n: {_under(p, part): x for p, x in known[n].items()} for n in ("conditions", "misfit") if n in known}
-    return {**known, **moved}
+    structural = {"structural": structural_under(known["structural"], f"{part}.")} if part and "structural" in known else {}
+    return {**known, **moved, **structural}
+
+
+def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
+    """Return what a fit keeps of structural errors (`Discrepancy.to_dict`), its places by their paths in the model above.
+
+    Parameters
+    ----------
+    kept : dict
+    ahead : str     What paths begin with there, such as ``unit.``; names of instruments hold a space and stay.
+    """
+    placed = {n: {ahead + p: x for p, x in kept[n].items()} for n in ("conditions", "misfit", "surfaces")}
+    modes = [{**m, "path": ahead + m["path"]} for m in kept["modes"]]
+    names = [n if " " in n else ahead + n for n in kept["names"]]
+    return {**kept, **placed, "modes": modes, "names": names, "separated": [ahead + p for p in kept["separated"]]}

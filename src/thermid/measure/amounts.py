@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import floor, isfinite, log10
 
 from thermid.errors import RecordError, ThermidError
 from thermid.expression import parse
 from thermid.units import format_value, require
 
-__all__ = ["amount", "duration_text", "positive_seconds", "seconds", "short"]
+__all__ = ["amount", "digits", "duration_text", "positive_seconds", "seconds", "short"]
 
 
 def amount(given: object, slot: str, what: str) -> float:
@@ -71,6 +71,14 @@ def duration_text(value: float) -> str:
         if value >= limit:
             return f"{value / size:.4g} {name}"
     return f"{value:.4g} s"
+
+
+def digits(value: float, error: float) -> str:
+    """Return a number with as many decimals as its error has two digits."""
+    if not isfinite(error) or error <= 0:
+        return f"{value:.6g}"
+    decimals = max(0, 1 - floor(log10(error)))
+    return f"{value:.{decimals}f}" if abs(value) < 1e6 and decimals < 12 else f"{value:.6g}"
 
 
 def short(number: float, digits: int = 2) -> str:

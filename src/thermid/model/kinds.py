@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -18,8 +19,9 @@ from thermid.errors import DeckError
 from thermid.model.curves import Curve, evaluate, value_and_slope
 from thermid.physics import conduction, contact, convection, radiation
 from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.units import TEMPERATURE
 
-__all__ = ["ANCHOR", "KINDS", "Kind", "Law", "law_conductance"]
+__all__ = ["ANCHOR", "HINGES", "KINDS", "Kind", "Law", "law_conductance"]
 
 ANCHOR: Final = 300.0
 """Temperature to which the coefficients of gas laws refer, here and in the kernel. [K]"""
@@ -29,6 +31,10 @@ ACCOMMODATION: Final = 0.9
 (1971) 163, has 0.87 to 0.97. Helium and hydrogen need their own, 0.3 to 0.5. [-]"""
 ROOM: Final = 293.15
 """Temperature at which the radiation of a lead is made linear. [K]"""
+HINGES: Final = {"temperature": "hinge", "difference": "hinge of difference"}
+"""Form of a hinge by what it is over."""
+ROUND: Final = 1e-3
+"""Temperature on either side of a hinge over which it is rounded, here and in the kernel. [K]"""
 SMOOTHING: Final = 0.01
 """Temperature difference below which a power law is smoothed, so that its derivative stays finite at zero. [K]"""
 
@@ -39,19 +45,47 @@ class Law:
 
     Parameters
     ----------
-    form : str                      linear, power, radiation, flow, table, gas (at rest, rarefied), natural (convection by tables) or
-                                    potential (conduction by the integral of a conductivity).
+    form : str                      linear, power, radiation, flow, table, gas (at rest, rarefied), natural (convection by tables),
+                                    potential (conduction by the integral of a conductivity), or hinge (part of a table that moves).
     coefficients : tuple of Number  What the form needs, the conductance-like one first.
     medium : str                    'solid', 'radiation' or 'gas' (falls with pressure) or 'mixed' (an effective value, gas and radiation);
                                     'rest' (gas in a gap) and 'correlation' are written out where the gas is known; 'fin' has conductances
                                     in air, bare, and with radiation alone where that is known.
-    curve : Curve or None           For tables.
+    points : tuple                  Of a table that follows values: temperature [K] and conductance [W/K] of each point, joined by straight
+                                    lines, constant beyond both ends. A table that an author gives stands in the deck.
+    over : str                      What such a table is over: 'temperature', the mean of both ends, or 'difference'.
     """
 
     form: str
     coefficients: tuple[Number, ...]
     medium: str = "solid"
-    curve: Curve | None = None
+    points: tuple[tuple[Number, Number], ...] = ()
+    over: str = "temperature"
+
+    def pieces(self) -> tuple[Law, ...]:
+        """Return laws of the kernel that act side by side and are this one.
+
+        A table of straight lines through (x, y) is ``y_0 + sum_k (s_k - s_(k-1)) (u - x_k)+`` with the slopes s between its points and none
+        beyond: a constant and one hinge for each point, all of whose numbers may move, with their derivatives.
+
+        Raises
+        ------
+        DeckError   When temperatures do not increase, a conductance is negative, or the table is in a gas.
+        """
+        if not self.points:
+            return (self,)
+        x, y = zip(*self.points, strict=True)
+        if self.form != "table" or self.over not in HINGES or self.medium != "solid":
+            raise DeckError(f"points make a table of a solid over {' or '.join(HINGES)}; this law is '{self.form}' over {self.over}.")
+        if any(not value_of(b) > value_of(a) for a, b in pairwise(x)):
+            shown = ", ".join(f"{value_of(each):.6g}" for each in x)
+            raise DeckError(f"a table needs increasing temperatures; its points lie at {shown} K.")
+        if any(value_of(each) < 0.0 for each in y):
+            raise DeckError("a table would have a negative conductance; heat would flow uphill.")
+        scale = self.coefficients[0]
+        lines = [0.0, *((d - c) / (b - a) for (a, c), (b, d) in pairwise(self.points)), 0.0]
+        hinges = [Law(HINGES[self.over], (scale * (after - before), at)) for (before, after), at in zip(pairwise(lines), x, strict=True)]
+        return Law("linear", (scale * y[0],)), *hinges
 
 
 Fields = Mapping[str, Number]
@@ -186,6 +220,12 @@ def _table(f: Fields) -> Law:
     return Law("table", (f.get("scale", 1.0),))
 
 
+def _heat_pipe(f: Fields) -> Law:
+    """Return a conductance that switches with the mean temperature of its ends, half-way at the start temperature."""
+    first = f["start_temperature"] - 0.5 * f["transition"]
+    return Law("table", (1.0,), points=((first, f["off_conductance"]), (first + f["transition"], f["on_conductance"])))
+
+
 _AREA = {"area": "m^2"}
 _ALL = frozenset
 
@@ -235,6 +275,11 @@ KINDS: Final[Mapping[str, Kind]] = {
         words=_ALL({"to"}),
         loss=_lead_loss,
     ),
+    "heat_pipe": Kind(
+        _heat_pipe,
+        (_ALL({"on_conductance", "off_conductance", "start_temperature", "transition"}),),
+        {"on_conductance": "W/K", "off_conductance": "W/K", "start_temperature": TEMPERATURE, "transition": "K"},
+    ),
     "table": Kind(_table, (_ALL({"scale"}), _ALL()), {"scale": "1"}, needs_curve=True),
 }
 
@@ -252,6 +297,9 @@ def law_conductance(
     hot, cold : array (times,)  Temperatures of the ends a and b. [K]
     """
     difference = hot - cold
+    if form in HINGES.values():
+        beyond = (0.5 * (hot + cold) if form == HINGES["temperature"] else difference) - c[1]
+        return np.asarray(c[0] * np.where(beyond >= ROUND, beyond, 0.25 / ROUND * np.maximum(beyond + ROUND, 0.0) ** 2))
     if form == "power":
         return np.asarray(c[0] * (difference**2 + SMOOTHING**2) ** (0.5 * c[1]))
     if form == "radiation":

@@ -12,7 +12,7 @@ from typing import Any
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.expression import NAME
-from thermid.files import read_text
+from thermid.files import parse_toml, read_text
 from thermid.model.build import elements_from
 from thermid.model.curves import Curve
 from thermid.model.identity import definition_of
@@ -89,7 +89,7 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         )
     try:
         text = read_text(path, "utf-8-sig")
-        return tomllib.loads(text), line_numbers(text)
+        return parse_toml(text), line_numbers(text)
     except UnicodeDecodeError:
         raise DeckError("the file is not UTF-8 text.", path.name) from None
     except tomllib.TOMLDecodeError as error:

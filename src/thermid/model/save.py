@@ -12,7 +12,7 @@ from tomlkit.items import InlineTable, Item, Table
 
 from thermid.errors import DeckError, ThermidError
 from thermid.expression import parse
-from thermid.files import DECK, OWN, may_write, read_text, unsealed, write_text
+from thermid.files import DECK, OWN, may_write, unsealed, write_text
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, to_dict, value_to
 
@@ -70,7 +70,7 @@ def _text(model: Model, like: Path | None) -> str:
     data = {k: v for k, v in data.items() if v != {}}
     if like is None:
         return tomlkit.dumps(_pretty(data))
-    document = tomlkit.parse(unsealed(read_text(like)))
+    document = tomlkit.parse(unsealed(like.read_text(encoding="utf-8")))
     if "box" not in document and model.box == Model(title="").box:
         del data["box"]
     _update(document, data)

@@ -68,19 +68,17 @@ class Standing:
         open_causes = [s for s in self.causes if not s.accepted]
         return 0 if not open_causes else INADEQUATE if all(s.usable for s in open_causes) else UNUSABLE
 
-    def reason(self, of: str = "") -> str:
-        """Return the reason in words for a result of a stage: its own, or that it rests on another stage."""
-        if not self.stage or self.stage == of:
-            return self.because
-        return f"rests on stage '{self.stage}' ({self.because})" if self.because else f"rests on stage '{self.stage}'"
+    def reason(self, of: str = "", link: str = "rests on stage") -> str:
+        """Return the reason in words for a result of stage `of`: its own, or that it rests on another stage."""
+        return self.because if not self.stage or self.stage == of else f"{link} '{self.stage}' ({self.because})"
 
-    def line(self, of: str = "") -> str:
+    def line(self, of: str = "", link: str = "rests on stage") -> str:
         """Return the line that stands first in a result of stage `of`; empty where there is nothing to be told."""
-        if self.fair:
-            return ""
-        more = "".join(f"; also {s.state}: {s.reason(of)}" for s in self.causes[1:])
-        taken = " (accepted)" if self.accepted else ""
-        return f"{self.state.upper()}{taken}: {self.reason(of)}{more}"
+        return "; also ".join(f"{s.state.upper()}{' (accepted)' * s.accepted}: {s.reason(of, link)}" for s in self.causes)
+
+    def over(self, text: str, link: str = "rests on stage") -> str:
+        """Return a result as text below the line that must stand first in it."""
+        return f"{self.line(link=link)}\n{text}" if not self.fair else text
 
     def accept(self, stages: Container[str]) -> Standing:
         """Return it with the causes of some stages accepted."""

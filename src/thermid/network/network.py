@@ -143,6 +143,10 @@ class Network:
             raise DeckError(f"'{c.path}' would have a negative conductance; heat would flow uphill.", c.where)
         if c.factor != 1.0:
             laws = tuple(replace(law, coefficients=(c.factor * law.coefficients[0], *law.coefficients[1:])) for law in laws)
+        try:
+            laws = tuple(piece for law in laws for piece in law.pieces())
+        except ThermidError as error:
+            raise error.located(c.where) from None
         emissivity = values[c.emissivity] if c.emissivity else None
         # a fit at its bound of 1 may lie a rounding above
         for given in (emissivity, fields.get("emissivity")):

@@ -17,7 +17,7 @@ class ConductorRow:
     Parameters
     ----------
     name : str                      Path of the conductor it comes from.
-    form : str                      linear, power, radiation, flow, table, gas or natural.
+    form : str                      linear, power, radiation, flow, table, gas, natural, potential, hinge or hinge of difference.
     ends : (str, str)               Node paths; heat flow is positive from the first to the second.
     coefficients : tuple of Number  The first one scales the heat flow.
     curve : Curve or None           For tables.

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.dual import value_of
-from thermid.model.resolve import ParameterSet, parameter_table
+from thermid.model.resolve import parameter_table
 from thermid.model.signal import literal
-from thermid.network.network import compile_network
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
-from thermid.qualify.foresight import Foresight, Known
+from thermid.prediction.known import Known
+from thermid.prediction.omitted import assumed_values
+from thermid.qualify.foresight import Foresight
 from thermid.simulation.simulator import prepare
 from thermid.units import TEMPERATURE
 
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from thermid.qualify.plan_schema import TestTable, ValidityTable
 
 __all__ = ["Assumption", "assumptions", "effects", "extrapolations", "ranked", "uncounted"]
-
-TENTH = 0.1
-"""Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
 
 
 @dataclass(frozen=True)
@@ -82,27 +80,21 @@ def effects(known: Known, name: str, run: Foresight, nodes: Mapping[str, str]) -
     ahead = f"{known.at}." if known.at else ""
     fitted = {ahead + p for v in known.values for p in (*v, *(q for w in v.values() for q in w.also))}
     table = parameter_table(model)
-    numbers = compile_network(model, media=run.scenario.media()).numbers().values
-    loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in fitted]
-    driven = {model.canonical(p) for p in (*run.scenario.schedule, *run.scenario.gains.values())}
-    moved = {p for n in driven if n in table for p in (n, ParameterSet(model).literal_behind(n))}
-    free = [p for p in loose if value_of(numbers[p]) and p not in moved]
-    if not free:
+    loose = assumed_values(model, run.scenario, fitted)
+    if not loose:
         return []
     times = run.solution.times[:: max(1, run.solution.times.size // 60)]
-    ready = prepare(model, run.scenario, free, times=times)
+    ready = prepare(model, run.scenario, [a.path for a in loose], times=times)
     found = ready.run(sensitivities=True)
     slopes = {n: np.abs(found.slopes(n)).max(axis=0) for n in nodes}
     out = []
-    for k, path in enumerate(ready.free):
-        given, value = table[path].parameter, abs(float(value_of(numbers[path])))
-        low, high = given.minimum, given.maximum
-        ranged = low is not None and high is not None and bool(np.isfinite(high - low))
-        size = (high - low) / 12**0.5 if low is not None and high is not None and ranged else TENTH * value
+    numbers = ready.wiring.network.numbers().values
+    for k, one in enumerate(loose):
+        path, given, value = one.path, table[one.path].parameter, abs(float(value_of(numbers[one.path])))
         key, around = path.removeprefix(ahead), bool(fitted) and path.startswith(ahead)
         for node, point in nodes.items():
-            effect = float(slopes[node][k]) * size
-            out.append(Assumption(key, given.text, given.basis, size / value, effect, point, name, ranged, around))
+            effect = float(slopes[node][k]) * one.size
+            out.append(Assumption(key, given.text, given.basis, one.size / value, effect, point, name, one.ranged, around))
     return out
 
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from thermid.errors import ScenarioError
 from thermid.files import OWN, replacing, sweep
 from thermid.model.model import Model
-from thermid.qualify.chances import MISFIT, Inputs, is_shift
+from thermid.prediction.budget import Budget
+from thermid.prediction.setting import Setting
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
-from thermid.simulation.simulator import Simulator, prepare
 
 __all__ = ["Chunk", "Job", "MissingPackageError", "Store", "digest", "run_members_of", "work"]
 
@@ -40,9 +40,8 @@ class Job:
 
     Parameters
     ----------
-    model : Model
+    budget : Budget                 What differs from member to member.
     scenarios : tuple of Scenario   Variants, one of which every member has.
-    inputs : Inputs                 What differs from member to member.
     nodes : tuple of str            Nodes whose temperatures are kept.
     times : array (times,)          [s]
     seed, chunk : int               Of the draws; members that run together.
@@ -50,9 +49,8 @@ class Job:
     version : str                   Of thermid.
     """
 
-    model: Model
+    budget: Budget
     scenarios: tuple[Scenario, ...]
-    inputs: Inputs
     nodes: tuple[str, ...]
     times: Array
     seed: int
@@ -60,9 +58,21 @@ class Job:
     options: Options
     version: str
 
+    @property
+    def model(self) -> Model:
+        """The model, values laid over it."""
+        return self.budget.model
+
+    @property
+    def variant(self) -> int | None:
+        """Position of the source that chooses a member's scenario; None where there is one scenario."""
+        return next((k for k, s in enumerate(self.budget.sources) if s.kind == "variant"), None)
+
     def key(self) -> str:
         """Return a hash of all of it."""
-        own = (self.scenarios, self.inputs, self.nodes, self.times, self.seed, self.chunk, self.options, self.version)
+        b = self.budget
+        drawn = (b.sources, b.alike, b.targets, b.gain, b.modes, b.conditions)
+        own = (self.scenarios, drawn, self.nodes, self.times, self.seed, self.chunk, self.options, self.version)
         return digest((self.model.identity(), *own))
 
     def parts(self, members: int) -> list[tuple[int, int]]:
@@ -110,38 +120,27 @@ def work(job: Job, first: int, members: int, threads: int = 1) -> Chunk:
     """Return the runs of a chunk of members."""
     from importlib.metadata import version
 
-    temperatures, failed, simd = run_members_of(job, job.inputs.numbers(job.seed, first, members), threads)
+    temperatures, failed, simd = run_members_of(job, job.budget.numbers(job.seed, first, members), threads)
     return Chunk(first, temperatures, {first + m: why for m, why in failed.items()}, version("thermid"), simd)
 
 
 def run_members_of(job: Job, numbers: Array, threads: int = 1) -> tuple[Array, dict[int, str], str]:
-    """Return temperatures (members, nodes, times) [K] at numbers (streams, members), members that failed, and the instruction set."""
-    values, variant = job.inputs.values(numbers)
-    misfit = values.pop(MISFIT, None)
+    """Return temperatures (members, nodes, times) [K] at numbers (sources, members), members that failed, and the instruction set."""
+    sources = job.budget.drawn(numbers)
+    chosen = sources[job.variant].astype(np.int64) if job.variant is not None else np.zeros(numbers.shape[1], dtype=np.int64)
     out = np.full((numbers.shape[1], len(job.nodes), job.times.size), np.nan)
     failed: dict[int, str] = {}
     simd = ""
-    for v in np.unique(variant).tolist():
-        members = np.flatnonzero(variant == v)
-        ready = prepare(job.model, job.scenarios[v], job.inputs.names, times=job.times, options=job.options)
-        if not values:
-            run = ready.run()
-            out[members] = np.array([run[n].kelvin for n in job.nodes])
-            continue
-        together = ready.ensemble({n: _absolute(ready, n, x[members]) for n, x in values.items()}, nodes=job.nodes, threads=threads)
-        failed |= {int(members[m]): why for m, why in together.failed.items()}
-        simd = str(together.statistics["simd"])
-        if len(together.failed) < members.size:
-            for k, node in enumerate(job.nodes):
-                out[members, k] = together.temperatures(node).T
-    if misfit is not None:
+    for v in np.unique(chosen).tolist():
+        members = np.flatnonzero(chosen == v)
+        setting = Setting.of(job.budget, scenario=job.scenarios[v], times=job.times, options=job.options)
+        found, together = setting.temperatures(sources[:, members], job.nodes, threads)
+        if together is not None:
+            failed |= {int(members[m]): why for m, why in together.failed.items()}
+            simd = str(together.statistics["simd"])
         for k, node in enumerate(job.nodes):
-            out[:, k] += (job.inputs.misfit[node] * misfit)[:, None]
+            out[members, k] = found[node].T
     return out, failed, simd
-
-
-def _absolute(ready: Simulator, name: str, values: Array) -> Array:
-    return ready.nominal[name] + values if is_shift(ready, name) else values
 
 
 @dataclass(frozen=True)

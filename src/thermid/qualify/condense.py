@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import value_of
 from thermid.errors import DeckError
+from thermid.model.kinds import law_conductance
 from thermid.network.network import Network
 from thermid.network.rows import ConductorRow
 from thermid.simulation.solution import Solution
@@ -120,9 +121,10 @@ def _secant(row: ConductorRow, means: Mapping[str, float], run: Solution) -> flo
         return first * (a * a + b * b) * (a + b)
     if row.form == "power":
         return float(first * max(abs(a - b), 0.01) ** value_of(row.coefficients[1]))
-    heat, difference = run.heat_flows[row.name], run[row.ends[0]].kelvin - run[row.ends[1]].kelvin
-    squares = float(np.sum(difference**2))
-    return float(np.sum(heat * difference)) / squares if squares > 0 else 0.0
+    hot, cold = (run[end].kelvin for end in row.ends)
+    weights = (hot - cold) ** 2
+    conductance = law_conductance(row.form, [value_of(c) for c in row.coefficients], row.curve, hot, cold)
+    return float(np.sum(conductance * weights) / weights.sum()) if weights.any() else 0.0
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.identify.calibration import Calibration
 from thermid.identify.grouping import listed
+from thermid.knowledge.standing import UNJUDGED, Standing, of_model
 from thermid.measure import Record
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.criteria import CRITERIA, CriteriaSet, Gate, judge
@@ -118,6 +119,7 @@ class Correlation:
     gates : tuple of Gate               Every criterion of every set.
     exclusions : Exclusions
     windows : dict                      Case -> its settled stretches. [s]
+    standing : Standing                 Of the values that the simulation rests on; unjudged where only its log is known.
     """
 
     title: str
@@ -126,6 +128,7 @@ class Correlation:
     gates: tuple[Gate, ...]
     exclusions: Exclusions
     windows: Mapping[str, Sequence[Window]]
+    standing: Standing = UNJUDGED
 
     @property
     def failed(self) -> tuple[Gate, ...]:
@@ -159,7 +162,7 @@ class Correlation:
             {k: getattr(d, k) for k in ("sensor", "case", "kind", "samples", "excluded")} | {f"{k}_K": getattr(d, k) for k in sizes}
             for d in self.deviations
         ]
-        return {"verdicts": self.verdicts, "gates": gates, "sensors": sensors}
+        return {"standing": self.standing.to_dict(), "verdicts": self.verdicts, "gates": gates, "sensors": sensors}
 
     def __str__(self) -> str:
         """Return deviations and verdicts as text."""
@@ -168,7 +171,7 @@ class Correlation:
         for name, passed in self.verdicts.items():
             lines.append(f"  {name}: {words[passed]}")
             lines += [f"    {g}" for g in self.gates if g.criteria == name]
-        return "\n".join(lines)
+        return self.standing.over("\n".join(lines))
 
 
 @takes_objects
@@ -198,8 +201,9 @@ def correlate(
     IdentificationError   When a criterion has no data, a weight or an exclusion names no sensor, or too many sensors are excluded.
     NameNotFoundError     When there is no such set of criteria.
     """
+    standing = UNJUDGED
     if isinstance(readings, Calibration):
-        seen = overlays(readings)
+        seen, standing = overlays(readings), of_model(readings.fitted_model)
     elif len(readings) == 2 and isinstance(readings[0], Record) and isinstance(readings[1], Record):
         seen = paired(readings[0], readings[1])
     else:
@@ -225,7 +229,7 @@ def correlate(
         found.append(_deviation(o, "transient", (float(o.times[0]), float(o.times[-1])), weight, reason))
     sets = [_named(c) for c in criteria]
     gates = [g for c in sets for g in judge(c, found, title)]
-    return Correlation(title, seen, tuple(found), tuple(gates), left_out, windows)
+    return Correlation(title, seen, tuple(found), tuple(gates), left_out, windows, standing)
 
 
 def _named(criteria: str | CriteriaSet) -> CriteriaSet:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.qualify.campaign_runs import Job, MissingPackageError, run_members_of
-from thermid.qualify.chances import MISFIT
 
 __all__ = ["Driver", "Sobol", "drivers_of", "sobol_of"]
 
@@ -141,7 +140,7 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512)
     half = 0.5**32  # a normal has no value at 0 or 1
     problem: dict[str, Any] = {
         "num_vars": len(groups),
-        "names": list(job.inputs.streams),
+        "names": [s.name for s in job.budget.sources],
         "groups": list(groups),
         "bounds": [[half, 1.0 - half]] * len(groups),
     }
@@ -159,7 +158,5 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512)
 
 def _groups(job: Job) -> Sequence[str]:
     """Return the group of every stream."""
-    own = [c.name for c in job.inputs.chances]
-    fitted = [s.cause for s in job.inputs.spreads for _ in s.names]
-    last = [job.inputs.chosen] * (job.inputs.variants > 1) + [MISFIT] * bool(job.inputs.misfit)
-    return [*own, *fitted, *last]
+    budget = job.budget
+    return [s.name if s.kind == "stated" and cause == "stated" else cause for s, cause in zip(budget.sources, budget.causes, strict=True)]

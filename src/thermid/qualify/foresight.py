@@ -10,62 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.identify.calibration import Calibration
-from thermid.identify.discrepancy import misfit_kept
-from thermid.identify.further import MISFIT
-from thermid.identify.predict import predict
-from thermid.identify.prediction import Band, Prediction
-from thermid.identify.split import split, split_needed
-from thermid.identify.spread import Spread
-from thermid.identify.values import FittedValues
-from thermid.model.model import Model
+from thermid.identify.values import FittedValue
+from thermid.knowledge.standing import Standing
+from thermid.knowledge.store import State
+from thermid.prediction.budget import Budget, budget_of
+from thermid.prediction.known import Known
+from thermid.prediction.predict import predicted
+from thermid.prediction.prediction import Band, Prediction
+from thermid.prediction.structural import MISFIT
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
-from thermid.simulation.simulator import Simulator, prepare
+from thermid.simulation.simulator import prepare
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
 
-__all__ = ["IN_TESTS", "Foresight", "Known", "foresee", "prior_spread", "widened"]
+__all__ = ["IN_TESTS", "Foresight", "foresee", "widened"]
 
 Array = NDArray[np.float64]
 Given = Mapping[str, Any]
 IN_TESTS = "misfit in tests"
 """Cause: what the model could not follow in the logs of a plan."""
-
-
-@dataclass(frozen=True, eq=False)
-class Known:
-    """A model with what is known of its values.
-
-    Parameters
-    ----------
-    model : Model                       With its best values.
-    values : tuple of FittedValues      What was fitted, each with its covariance.
-    fit : Calibration or None           The fit itself, where its records are at hand; then the discrepancy is counted too.
-    synthetic : bool                    Whether any record behind the values was made and not measured.
-    at : str                            The submodel that the values belong to; empty for the model itself.
-    """
-
-    model: Model
-    values: tuple[FittedValues, ...] = ()
-    fit: Calibration | None = None
-    synthetic: bool = False
-    at: str = ""
-
-    @classmethod
-    @takes_objects
-    def of(cls, source: Model | Calibration) -> Known:
-        """Return what a fit knows; of a model that nobody fitted, nothing but its values."""
-        if isinstance(source, Model):
-            return cls(source)
-        return cls(source.fitted_model, (*source.held, source.values), source, source.synthetic)
-
-    @property
-    def misfit(self) -> dict[str, float]:
-        """Node -> standard deviation of what the fit could not follow; empty where the values do not say it. [K]"""
-        ahead = f"{self.at}." if self.at else ""
-        found = next((m for v in reversed(self.values) if (m := misfit_kept(v))), {})
-        return {ahead + n: size for n, size in found.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +49,11 @@ class Foresight:
     prediction: Prediction
     before: Mapping[str, Array] = field(default_factory=dict)
 
+    @property
+    def standing(self) -> Standing:
+        """Of the values that it rests on."""
+        return self.prediction.standing
+
 
 @takes_objects
 def foresee(
@@ -94,88 +63,59 @@ def foresee(
     nodes: Sequence[str] = (),
     spread: Given | Sequence[Given] = (),
     times: Any = None,
+    without: Sequence[str] = (),
     options: Options | None = None,
 ) -> Foresight:
-    """Return what a model says of a scenario.
+    """Return what a model says of a scenario: `predict`, the run with the best values, and the errors before any fit.
 
     Parameters
     ----------
     known : Known           The model and what is known of its values.
     scenario : Scenario     The test.
     nodes : sequence        Nodes to predict; all by default.
-    spread : dict           What else is not known exactly: name -> standard deviation as text, as in `predict`.
+    spread : dict           What else is not known exactly, as in `predict`.
     times : array           Times to store; 301 by default. [s]
+    without : sequence      Sources that are not counted, as in `predict`.
     options : Options       The integrator's.
     """
-    if known.fit is None:
-        return _told(known, scenario, list(nodes), [spread] if isinstance(spread, Mapping) else list(spread), times, options)
-    names = [*spread] if isinstance(spread, Mapping) else [n for s in spread for n in s]
-    thin = split_needed(known.fit, scenario, names)
-    model = split(known.fit, thin).model if thin else known.model
-    solution = simulate(model, scenario, times=times, options=options)
+    budget = budget_of(known, scenario, spread, without=without)
+    solution = simulate(budget.model, scenario, times=times, options=options)
     wanted = list(nodes) or list(solution.nodes)
-    told = predict(known.fit, scenario, spread=spread, times=solution.times, nodes=wanted, options=options)
-    prior = prior_spread(known.values)
-    before: dict[str, Array] = {}
-    if prior.names:
-        ready = prepare(model, scenario, prior.names, times=solution.times, options=options)
-        before = _sizes(ready, prior, wanted, ready.run(sensitivities=True))
-    return Foresight(scenario, solution, told, before)
+    told = predicted(budget, wanted, times=solution.times, options=options)
+    return Foresight(scenario, solution, told, _before(budget, known, wanted, solution.times, options))
 
 
-def _sizes(ready: Simulator, spread: Spread, nodes: Sequence[str], run: Solution) -> dict[str, Array]:
-    """Return node -> standard error (times,) that a spread gives it. [K]"""
-    found = _columns(ready, [spread], nodes, run)
-    return {n: np.sqrt(np.sum(list(parts.values()), axis=0)) for n, parts in found.items()}
+def _before(budget: Budget, known: Known, nodes: Sequence[str], times: Array, options: Options | None) -> dict[str, Array]:
+    """Return node -> standard error (times,) that values have which lie anywhere within what was known of them before any fit. [K]"""
+    own = [s for store in known.stores for s in store.parameters.values() if s.acts]
+    inner: list[tuple[str, tuple[str, ...], State | FittedValue]] = [(s.acts[0], s.acts[1:], s) for s in own]
+    alone = [(path, v.also, v) for values in known.alone for path, v in values.parameters.items()]
+    prior = {path: (size, v.log, also) for path, also, v in [*inner, *alone] if (size := _size_before(v))}
+    if not prior:
+        return {}
+    names = [p for path, (_, _, also) in prior.items() for p in (path, *also)]
+    ready = prepare(budget.model, budget.scenario, names, times=times, options=options)
+    run = ready.run(sensitivities=True)
+    place = {name: k for k, name in enumerate(ready.free)}
+    chain = np.zeros((len(place), len(prior)))
+    for k, (path, (size, log, also)) in enumerate(prior.items()):
+        for name in map(ready.canonical, (path, *also)):
+            chain[place[name], k] = size * (ready.nominal[name] if log else 1.0)
+    return {n: np.linalg.norm(run.slopes(n) @ chain, axis=1) for n in nodes}
 
 
-def prior_spread(values: Sequence[FittedValues], at: str = "") -> Spread:
-    """Return how far fitted values could lie before they were fitted: their priors, or anywhere within their bounds.
-
-    A value that had neither is left out; its error before the fit has no size.
-    """
-    found: dict[str, tuple[float, bool, tuple[str, ...]]] = {}
-    for several in values:
-        for path, v in several.parameters.items():
-            low, high = v.bounds
-            if v.prior is not None and np.isfinite(v.prior[1]):
-                size = v.prior[1]
-            elif v.log and low > 0 and np.isfinite(high):
-                size = float(np.log(high / low)) / 12**0.5
-            elif not v.log and np.isfinite(low) and np.isfinite(high):
-                size = (high - low) / 12**0.5
-            elif v.log and low >= 0 and np.isfinite(high) and v.start > 0:
-                size = min(1.0, (high - low) / 12**0.5 / v.start)
-            else:
-                continue
-            ahead = f"{at}." if at else ""
-            found[ahead + path] = (size, v.log, tuple(ahead + p for p in v.also))
-    names = tuple(found)
-    sizes = np.array([found[n][0] for n in names])
-    also = {n: found[n][2] for n in names if found[n][2]}
-    return Spread("before the fit", names, np.diag(sizes**2), tuple(found[n][1] for n in names), also)
-
-
-def _told(known: Known, scenario: Scenario, nodes: Sequence[str], given: Sequence[Given], times: Any, options: Options | None) -> Foresight:
-    """Return what values say whose records are not at hand: their covariance, what their fit could not follow, and what is stated.
-
-    What constant coefficients leave out needs the records. One run for all of it.
-    """
-    spreads = [Spread.of(v, at=known.at, cause=f"fit of {v.stage}") for v in known.values if v.parameters]
-    prior = prior_spread(known.values, known.at)
-    names = [n for s in (*spreads, prior) for own in s.names for n in (own, *s.also.get(own, ()))] + [n for s in given for n in s]
-    ready = prepare(known.model, scenario, tuple(dict.fromkeys(names)), times=times, options=options)
-    spreads += [Spread.stated(s, ready) for s in given if s]
-    run = ready.run(sensitivities=bool(names))
-    wanted = list(nodes) or list(run.nodes)
-    parts = _columns(ready, spreads, wanted, run)
-    still = np.zeros(ready.times.size)
-    bands = {run[n].path: Band(run[n].path, ready.times, run[n].kelvin, still, parts[n]) for n in wanted}
-    causes = {s.cause: f"what is left open of {', '.join(s.names[:4])}{' and more' if len(s.names) > 4 else ''}" for s in spreads}
-    find = {n: run[n].path for n in wanted}
-    told = Prediction(known.model.title, scenario.title, ready.times, bands, {}, causes, tuple(run.warnings), find)
-    seen = Foresight(scenario, run, told, _sizes(ready, prior, wanted, run) if prior.names else {})
-    return widened(seen, known.misfit, MISFIT, "what the model could not follow in the records that it was fitted to")
+def _size_before(v: State | FittedValue) -> float:
+    """Return how far a value could lie before it was fitted, by its prior or its bounds; fitted form, zero where that has no size."""
+    low, high = v.bounds
+    if v.prior is not None and np.isfinite(v.prior[1]):
+        return float(v.prior[1])
+    if v.log and low > 0 and np.isfinite(high):
+        return float(np.log(high / low)) / 12**0.5
+    if not v.log and np.isfinite(low) and np.isfinite(high):
+        return float(high - low) / 12**0.5
+    if v.log and low >= 0 and np.isfinite(high) and v.start > 0:
+        return float(min(1.0, (high - low) / 12**0.5 / v.start))
+    return 0.0
 
 
 def widened(seen: Foresight, sizes: Mapping[str, float], cause: str, words: str) -> Foresight:
@@ -194,30 +134,22 @@ def widened(seen: Foresight, sizes: Mapping[str, float], cause: str, words: str)
         return seen
     other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
     boundaries = seen.solution._run.network.boundaries
-    bands = {}
-    for path, band in seen.prediction.bands.items():
-        variance = 0.0 if path in boundaries else sizes.get(path, other) ** 2
-        parts = dict(band.parts)
-        before = parts.pop(MISFIT, np.zeros(band.times.size))
-        parts |= {cause: np.full(band.times.size, variance)} if variance > float(before.max()) else {MISFIT: before}
-        bands[path] = replace(band, parts=parts)
+    bands = {
+        path: _wider(b, 0.0 if path in boundaries else sizes.get(path, other) ** 2, cause) for path, b in seen.prediction.bands.items()
+    }
     told = replace(seen.prediction, bands=bands, causes={**seen.prediction.causes, cause: words})
     return replace(seen, prediction=told)
 
 
-def _columns(ready: Simulator, spreads: Sequence[Spread], nodes: Sequence[str], run: Solution) -> dict[str, dict[str, Array]]:
-    """Return node -> cause -> variance (times,) that the spreads give it. [K^2]"""
-    place = {name: k for k, name in enumerate(ready.free)}
-    slopes = {n: run.slopes(n) if ready.free else None for n in nodes}
-    out: dict[str, dict[str, Array]] = {n: {} for n in nodes}
-    for s in spreads:
-        chain = np.zeros((len(place), len(s.names)))
-        for k, (name, log) in enumerate(zip(s.names, s.log, strict=True)):
-            for path in map(ready.canonical, (name, *s.also.get(name, ()))):
-                chain[place[path], k] = ready.nominal[path] if log else 1.0
-        chain = chain @ s.root()
-        for n in nodes:
-            known = slopes[n]
-            if known is not None:
-                out[n][s.cause] = out[n].get(s.cause, 0.0) + np.sum((known @ chain) ** 2, axis=1)
-    return out
+def _wider(band: Band, variance: float, cause: str) -> Band:
+    """Return a band with the larger of a variance and of the misfit that it holds."""
+    before = band.parts.get(MISFIT, np.zeros(band.times.size))
+    if not variance > float(before.max()):
+        return replace(band, parts={**band.parts, MISFIT: before})
+    members = band.members
+    if members is not None:
+        # what is added to each member: independent of all others, constant over the run
+        more = np.sqrt(variance - before[:, None]) * np.random.default_rng(0).standard_normal(members.shape[1])
+        members = members + more
+    parts = {c: v for c, v in band.parts.items() if c != MISFIT} | {cause: np.full(band.times.size, variance)}
+    return replace(band, parts=parts, members=members)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
+from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.drivers import Driver, drivers_of
@@ -78,6 +80,10 @@ class Hold:
     assumed : int               How many values of the model are assumed.
     warnings : tuple of str     What a reader must know.
     discrepancy : float         Standard deviation that members have for what a fit could not follow, the largest; None without. [K]
+    standing : Standing         Of the values that it rests on.
+    left_out : tuple of LeftOut What the members do not count.
+    not_counted : str           What of it a reader must know first.
+    causes : tuple of str       Structural errors and others beside the fit that members count.
     """
 
     title: str
@@ -90,6 +96,10 @@ class Hold:
     assumed: int
     warnings: tuple[str, ...] = ()
     discrepancy: float | None = None
+    standing: Standing = UNJUDGED
+    left_out: tuple[LeftOut, ...] = ()
+    not_counted: str = ""
+    causes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> HoldPoint:
         """Return the entry of a limit by the name that was given to it, or by its node."""
@@ -114,6 +124,7 @@ class Hold:
     def __str__(self) -> str:
         """The sentence, a line for each limit, what drives them, and remarks."""
         lines = [self.sentence + (f" ({self.watermark})" if self.watermark else "")]
+        lines += [f"  {self.not_counted}"] if self.not_counted else []
         for p in (*self.points, *([self.together] if len(self.points) > 1 else [])):
             low, high = p.never_between
             never = f"never passed in {100 * p.never:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
@@ -124,7 +135,7 @@ class Hold:
             lines.append(f"  {p.name} {'above' if p.side == 'highest' else 'below'} {p.limit:g} degC: kept for {until}, {never}")
             lines += [f"    driven by {named}" for named in [driven_by(p)] if named]
         lines.append(f"  {self.members} members; intervals are what their number leaves open, not what the model does not know")
-        return "\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)])
+        return self.standing.over("\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)]))
 
     @property
     def counted(self) -> str:
@@ -152,6 +163,7 @@ class Hold:
         return {
             "title": self.title,
             "scenario": self.scenario,
+            "standing": self.standing.to_dict(),
             "sentence": self.sentence,
             "watermark": self.watermark,
             "confidence": self.confidence,
@@ -160,6 +172,7 @@ class Hold:
             "points": {p.name: of(p) for p in self.points},
             "together": of(self.together),
             "discrepancy_K": self.discrepancy,
+            "left_out": [{"what": x.what, "kelvin": x.kelvin if math.isfinite(x.kelvin) else None} for x in self.left_out],
             "warnings": list(self.warnings),
         }
 
@@ -189,8 +202,11 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
     points = [_point(runs, draws, name, side, value, confidence) for name, side, value in wanted]
     points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))
     together = _together(runs, points, confidence)
-    sizes = [runs.job.inputs.misfit[p.node] for p in points if runs.job.inputs.misfit]
-    known = (len(runs.assumed), runs.warnings, max(sizes, default=None))
+    budget = runs.job.budget
+    limited = {p.node for p in points}
+    sizes = [float(np.abs(row).sum()) for t, row in zip(budget.targets, budget.gain, strict=True) if t.form == "node" and t.name in limited]
+    causes = tuple(dict.fromkeys(c for c in budget.causes if c not in ("stated", "fit")))
+    known = (len(runs.assumed), runs.warnings, max(sizes, default=None), runs.standing, runs.left_out, runs.not_counted, causes)
     return Hold(runs.title, runs.scenario, confidence, runs.times, runs.reached.size, tuple(points), together, *known)
 
 

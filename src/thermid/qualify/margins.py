@@ -10,6 +10,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.foresight import Foresight
 from thermid.qualify.limit_checks import times_in_state
@@ -39,6 +40,7 @@ class Margin:
     course_mark : str           Mark of the course: 'memory' where the run goes by numbers that nobody has checked.
     assumed : float             What assumed values that no spread names may move it by, 95 %; in no sum. [K]
     not_counted : tuple of str  What the uncertainty does not hold, in words.
+    standing : Standing         Of the values that the prediction rests on.
     """
 
     point: str
@@ -57,6 +59,7 @@ class Margin:
     course_mark: str = "read"
     assumed: float = 0.0
     not_counted: tuple[str, ...] = field(default=())
+    standing: Standing = UNJUDGED
 
     @property
     def sign(self) -> float:
@@ -67,6 +70,15 @@ class Margin:
     def uncertainty(self) -> float:
         """Half the interval of the prediction at the policy's level. [K]"""
         return NormalDist().inv_cdf(0.5 + 0.5 * self.policy.level) * self.error
+
+    @property
+    def printed(self) -> float:
+        """The uncertainty as it is printed, to a tenth: what is left between the printed temperature and the printed margin. [K]
+
+        Each rounded by itself, the terms of the sum would miss it by up to two tenths.
+        """
+        room = self.sign * (self.limit - ICE_POINT - round(self.predicted - ICE_POINT, 1))
+        return abs(round(room - self.policy.acceptance.value - self.policy.qualification.value - round(self.margin, 1), 1))
 
     @property
     def margin(self) -> float:
@@ -139,7 +151,7 @@ class Margin:
         word = f"not decided: {self.undecided}" if self.undecided else "met" if self.passed else "NOT met"
         return (
             f"{self.point}, {self.side} ({self.run}, {self.time / 3600:.2f} h, {self.state}): {self.predicted - ICE_POINT:.1f} degC, "
-            f"uncertainty {self.uncertainty:.1f} + acceptance {p.acceptance.value:g} [{p.acceptance.mark}] + qualification "
+            f"uncertainty {self.printed:.1f} + acceptance {p.acceptance.value:g} [{p.acceptance.mark}] + qualification "
             f"{p.qualification.value:g} [{p.qualification.mark}], limit {self.limit - ICE_POINT:.1f} degC: {self.margin:+.1f} K, {word}; "
             f"by the flat {self.flat.value:g} K: {self.flat_left:+.1f} K"
         )
@@ -187,7 +199,7 @@ def margins(
 def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Policy, tested: bool, state: str) -> list[Margin]:
     """Return the tightest instant of a run in each state."""
     band = run.prediction[one.node]
-    error, sign = band.error, 1.0 if k else -1.0
+    error, sign = band.half_width / NormalDist().inv_cdf(0.975), 1.0 if k else -1.0
     out = []
     for own in ("operating", "non-operating", "start-up"):
         ends, inside = one.ends(own), times_in_state(run.solution, one, own, state or "operating")
@@ -198,5 +210,5 @@ def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Po
         before = run.before.get(one.node, run.before.get(band.path))
         shares = {c: float(v[at] / error[at] ** 2) if error[at] > 0 else 0.0 for c, v in band.parts.items()}
         figures = (float(band.times[at]), float(band.kelvin[at]), float(error[at]), float(before[at]) if before is not None else np.nan)
-        out.append(Margin(one.point, side, own, name, *figures, shares, ends[k], one.mark, policy, tested))
+        out.append(Margin(one.point, side, own, name, *figures, shares, ends[k], one.mark, policy, tested, standing=run.standing))
     return out

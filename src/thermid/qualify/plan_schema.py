@@ -129,7 +129,7 @@ class TestTable(_Strict):
     weights: dict[str, float] = {}
     steady: list[list[str]] = []
     stable: str = "3 C/h"
-    spread: dict[str, str] = {}
+    spread: dict[str, str | dict[str, str | float]] = {}
     heaters: dict[str, str] = {}
     gravity: str = ""
     orientation: str = ""

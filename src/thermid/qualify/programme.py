@@ -12,9 +12,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
-from thermid.identify.coefficients import coefficient_path, constant_coefficients
-from thermid.identify.further import MISFIT
-from thermid.network.network import compile_network
+from thermid.prediction.omitted import SILENT, UNFITTED
 from thermid.qualify.assumptions import Assumption, effects, ranked, uncounted
 from thermid.qualify.foresight import IN_TESTS, widened
 from thermid.qualify.limits import Limits
@@ -27,7 +25,8 @@ from thermid.qualify.trying import tried
 from thermid.units import counted
 
 if TYPE_CHECKING:
-    from thermid.qualify.foresight import Known
+    from thermid.knowledge.standing import Standing
+    from thermid.prediction.known import Known
 
 __all__ = ["Qualification", "run_plan"]
 
@@ -43,6 +42,7 @@ class Qualification:
     trials : tuple of Trial         The tests, in the plan's order.
     margins : tuple of Margin       Of every reference point on both sides, over the service cases.
     assumptions : tuple             Assumed values, those that move a reference point most first.
+    accepted : tuple of str         Stages that are accepted as they are, whatever their standing.
     """
 
     plan: Plan
@@ -51,6 +51,7 @@ class Qualification:
     margins: tuple[Margin, ...]
     assumptions: tuple[Assumption, ...]
     limits: tuple[Limits, ...] = field(repr=False, default=())
+    accepted: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Trial:
         """Return a test by its name."""
@@ -70,6 +71,11 @@ class Qualification:
     def known(self) -> Known:
         """The model with what is known of its values."""
         return self.plan.known
+
+    @property
+    def standing(self) -> Standing:
+        """Of the values that every prediction rests on."""
+        return self.known.standing.accept(self.accepted)
 
     @property
     def passed(self) -> bool | None:
@@ -120,6 +126,7 @@ class Qualification:
             "schema": 1,
             "status": "ok",
             "title": self.plan.title,
+            "standing": self.standing.to_dict(),
             "passed": self.passed,
             "open": list(self.open),
             "waived": list(self.waived),
@@ -155,7 +162,7 @@ class Qualification:
         lines += [f"  not counted in {who}: {what}" for what, who in self._left_out().items()]
         lines += [f"  open: {o}" for o in self.open]
         lines += [f"  assumed: {a.path} = {a.text} moves {a.point} by {a.effect:.2g} K ({a.run})" for a in self.assumptions[:5]]
-        return "\n".join(lines)
+        return self.standing.over("\n".join(lines))
 
 
 def _margin(m: Margin) -> dict[str, Any]:
@@ -169,7 +176,11 @@ def _margin(m: Margin) -> dict[str, Any]:
 
 @takes_objects
 def run_plan(
-    plan: Plan | str | os.PathLike[str], *, data: str | os.PathLike[str] | None = None, notice: Callable[[str], None] | None = None
+    plan: Plan | str | os.PathLike[str],
+    *,
+    data: str | os.PathLike[str] | None = None,
+    notice: Callable[[str], None] | None = None,
+    accept: Sequence[str] = (),
 ) -> Qualification:
     """Return a plan worked through: predictions, limits, margins, and the verdict on every log that has come back.
 
@@ -178,6 +189,7 @@ def run_plan(
     plan : Plan or path     The plan.
     data : path             A folder of logs outside the project.
     notice : callable       Called with the name of each test before it is run.
+    accept : sequence       Stages that are accepted as they are: their standing stays and is told.
 
     Raises
     ------
@@ -201,7 +213,8 @@ def run_plan(
     trials = _alike(_informed(trials))
     found = {t.test.name: effects(t.known, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials}
     every = [a for several in found.values() for a in several]
-    return Qualification(given, lock_status(given), tuple(trials), tuple(_margins(given, trials, every)), ranked(every), given.limits)
+    margin = tuple(_margins(given, trials, every))
+    return Qualification(given, lock_status(given), tuple(trials), margin, ranked(every), given.limits, tuple(accept))
 
 
 def _informed(trials: Sequence[Trial]) -> list[Trial]:
@@ -263,26 +276,14 @@ def _stated(t: Trial) -> list[str]:
     return [f"scale.{find(n.removeprefix('scale.'))}" if n.startswith("scale.") else find(n) for n in t.test.spread]
 
 
-def _fitted_constants(t: Trial) -> list[str]:
-    """Return the conductors whose constant coefficient stands for convection and was fitted; assumed ones are counted as such."""
-    ahead = f"{t.known.at}." if t.known.at else ""
-    fitted = [ahead + p for v in t.known.values for p in (*v, *(q for w in v.values() for q in w.also))]
-    network = compile_network(t.known.model, media=t.foresight.scenario.media())
-    moved = set(network.flat.parameters.downstream(fitted))
-    return [path for path, c in constant_coefficients(network).items() if coefficient_path(c) in moved]
-
-
 def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
     """Return in words what the uncertainty of a margin does not hold."""
     out = []
     if m.given and m.error <= 0:
         out.append("the temperature of the start, which is given and not predicted")
-    if not {MISFIT, IN_TESTS} & {*m.shares}:
-        out.append("discrepancy: no log of the fit is at hand and none of a test has come back")
-    constant = _fitted_constants(t) if t.known.fit is None else []
-    if constant:
-        listed = ", ".join(f"'{n}'" for n in constant[:3]) + (f" and {len(constant) - 3} more" if len(constant) > 3 else "")
-        out.append(f"what the fitted constant coefficient of {listed} leaves out (counted once [model] names campaign and stage)")
+    shown = (UNFITTED, SILENT) if IN_TESTS in m.shares else ()
+    # assumed values follow with what they do to this point in this run
+    out += [x.what for x in t.expected.prediction.left_out if not np.isfinite(x.kelvin) and x.what not in shown]
     if moved >= 0.05:
         out.append(f"assumed values that no spread names, up to {moved:.1f} K")
     return tuple(out)

@@ -15,12 +15,13 @@ from thermid.model.flat import flatten
 from thermid.model.modelfile import resolve_inside
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.known import Known
 from thermid.qualify.as_run import exchanged, not_covered, not_reached
 from thermid.qualify.assumptions import extrapolations
 from thermid.qualify.conduct import run_profile
 from thermid.qualify.correlation import Exclusions, correlate
 from thermid.qualify.diagnosis import diagnose
-from thermid.qualify.foresight import Known, foresee
+from thermid.qualify.foresight import foresee
 from thermid.qualify.heaters import heater_duty
 from thermid.qualify.limit_checks import LimitCheck, check_limits, check_readings
 from thermid.qualify.limits import Limits

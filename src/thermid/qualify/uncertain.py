@@ -13,8 +13,12 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.standing import Standing, of_model
 from thermid.model.model import Model
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.omitted import assumed_left_out, first_line
+from thermid.prediction.setting import Setting
 from thermid.qualify.campaign_runs import Chunk, Job, Store, chunks
 from thermid.qualify.macro import assumed
 from thermid.qualify.run_plan import CHUNK, Values, plan_runs
@@ -73,8 +77,26 @@ class UncertainRuns:
     @cached_property
     def draws(self) -> dict[str, Array]:
         """Name -> value of every member (members,), shifts for boundaries; ``scenario`` and ``start_time`` are counted. [SI]"""
-        values, variant = self.job.inputs.values(self.job.inputs.numbers(self.job.seed, 0, len(self)))
-        return values | ({self.job.inputs.chosen: variant.astype(float)} if self.job.inputs.variants > 1 else {})
+        job = self.job
+        sources = job.budget.drawn(job.budget.numbers(job.seed, 0, len(self)))
+        setting = Setting.of(job.budget, scenario=job.scenarios[0], times=job.times, options=job.options)
+        return setting.told(sources)
+
+    @cached_property
+    def left_out(self) -> tuple[LeftOut, ...]:
+        """What the members do not count."""
+        return (*self.job.budget.omitted, *(x for x, _ in assumed_left_out(self.job.budget, self.nodes)))
+
+    @property
+    def not_counted(self) -> str:
+        """What a reader must know first: what members do not count and could matter; empty where nothing is."""
+        errors = [float(self.of(n)[:, -1].std()) for n in self.nodes] if self.reached.size else []
+        return first_line(self.left_out, min(errors, default=0.0))
+
+    @cached_property
+    def standing(self) -> Standing:
+        """Of the values that it rests on."""
+        return of_model(self.job.model)
 
     @cached_property
     def assumed(self) -> tuple[str, ...]:
@@ -113,13 +135,14 @@ class UncertainRuns:
     def __str__(self) -> str:
         """The highest temperatures as a short table, 5 % and 95 % of the members below."""
         lines = [f"{self.title}, {self.scenario}: {len(self)} members, {len(self.failed)} failed"]
+        lines += [self.not_counted] if self.not_counted else []
         width = max(len(n) for n in self.nodes)
         for n in self.nodes if self.reached.size else ():
             low, middle, high = np.quantile(self.highest(n), (0.05, 0.5, 0.95))
             lines.append(f"  {n:<{width}}  highest {middle:8.2f} degC   90 % between {low:.2f} and {high:.2f}")
         if self.assumed:
             lines.append(f"  demonstration, {len(self.assumed)} assumed parameters")
-        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+        return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
 
 
 @takes_objects
@@ -130,6 +153,7 @@ def uncertain_runs(
     *,
     at: str = "",
     spread: Mapping[str, Any] | None = None,
+    without: Sequence[str] = (),
     n: int = 10_000,
     seed: int = 0,
     nodes: Sequence[str] | None = None,
@@ -153,8 +177,9 @@ def uncertain_runs(
     scenario : Scenario, or several     Several are draws of the weather, all as likely.
     values : Calibration, FittedValues, Spread, or several      What fits found (laid over the model) and left open (drawn).
     at : str                    The submodel that the values belong to; empty for the model itself.
-    spread : dict               What else is not known: name as in `ensemble`, or a pattern of parameters -> see `chance`; ``start_time`` ->
-                                ``{"low": "0 [h]", "high": "6 [h]"}``, the same weather entered at another time.
+    spread : dict               What else is not known exactly: name as in `ensemble`, or a pattern of parameters -> spread as text;
+                                ``start_time`` -> ``{"low": "0 [h]", "high": "6 [h]"}``, the same weather entered at another time.
+    without : sequence of str   Sources that are not counted, as in `predict`.
     n, seed : int               Members; of the draws.
     nodes : sequence of str     Nodes to keep; the reference points by default.
     every : str or float        Interval of the stored samples; 121 by default.
@@ -174,7 +199,7 @@ def uncertain_runs(
     if n < 1 or workers < 1:
         raise ScenarioError("a campaign of runs needs at least one member and one process.", model.title)
     job, remarks = plan_runs(
-        model, scenario, values, at=at, spread=spread, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
+        model, scenario, values, at=at, spread=spread, without=without, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
     )
     store = Store.of(job, folder) if folder is not None else None
     parts = job.parts(n)

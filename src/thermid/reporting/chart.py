@@ -6,8 +6,9 @@ per cent of the axis. The script of a page zooms by the panel's scale and reads 
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
@@ -27,7 +28,11 @@ POINTS, MOST = 400, 24_000
 
 @dataclass(frozen=True)
 class Line:
-    """One line of a panel; `colour` is a pair (variable of the page, value elsewhere), `dash` an SVG dash pattern, width in px."""
+    """One line of a panel; `colour` is a pair (variable of the page, value elsewhere), `dash` an SVG dash pattern, width in px.
+
+    A line that is the difference of two others of the figure names them in `less`, the minuend first: the three are then drawn at the
+    same samples, and a page shows numbers of them whose difference is the one shown.
+    """
 
     label: str
     x: Array
@@ -35,6 +40,7 @@ class Line:
     colour: tuple[str, str]
     width: float = 1.4
     dash: str = ""
+    less: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -136,12 +142,13 @@ def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, s
     every = [line.x for p in panels for line in p.lines]
     x_low, x_high = _widened(min(float(x.min()) for x in every), max(float(x.max()) for x in every), 0.01)
     limit = min(POINTS, MOST // max(len(every), 1))
+    kept = _together(panels, limit)
     whole = height - 8.0 - bottom - gap * (len(panels) - 1)
     top, points, out = 8.0, 0, []
     for k, panel in enumerate(panels):
         tall = whole * panel.share / sum(p.share for p in panels)
         box = (left, top, width - left - right, tall)
-        drawn, count = _panel(panel, box, (x_low, x_high), f"{key}-{k}", limit, k == len(panels) - 1)
+        drawn, count = _panel(panel, box, (x_low, x_high), f"{key}-{k}", limit, k == len(panels) - 1, kept)
         out.append(drawn)
         points += count
         top += tall + gap
@@ -149,6 +156,21 @@ def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, s
     end = f'<text x="{left + (width - left - right) / 2:.0f}" y="{height - 5:.0f}" text-anchor="middle">{escape(", ".join(x_name))}</text>'
     head = f'<svg class="plot" role="img" aria-label="{said}" viewBox="0 0 {width:g} {height:g}" data-unit="{escape(x_name[1])}"'
     return f'{head} style="font-size:11px;fill:var(--f-soft,#556172)">{"".join(out)}{end}</svg>', points
+
+
+def _together(panels: Sequence[Panel], limit: int) -> dict[int, NDArray[np.int64]]:
+    """Return identity of a line -> positions at which it is drawn, of lines that are differences and of those that they are made of."""
+    every = [line for p in panels for line in p.lines]
+    out: dict[int, NDArray[np.int64]] = {}
+    for line in every:
+        alike = [o for o in every if np.array_equal(o.x, line.x)]
+        minuends = {o.less[0] for o in alike if o.less}
+        names = minuends | {o.less[1] for o in alike if o.less}
+        if (line.less or line.label in names) and line.x.size > limit and all(np.isfinite(o.y).all() for o in alike):
+            # what leaps in the subtrahend leaps in the difference
+            leading = [o for o in alike if o.less or o.label in minuends]
+            out[id(line)] = np.unique(np.concatenate([thinned(o.y, max(limit // len(leading), 8)) for o in leading]))
+    return out
 
 
 def seen(panels: Sequence[Panel], x_name: tuple[str, str], ends: tuple[float, float]) -> str:
@@ -173,7 +195,13 @@ def _widened(low: float, high: float, share: float) -> tuple[float, float]:
 
 
 def _panel(
-    p: Panel, box: tuple[float, float, float, float], x_ends: tuple[float, float], key: str, limit: int, last: bool
+    p: Panel,
+    box: tuple[float, float, float, float],
+    x_ends: tuple[float, float],
+    key: str,
+    limit: int,
+    last: bool,
+    kept: Mapping[int, NDArray[np.int64]],
 ) -> tuple[str, int]:
     left, top, width, height = box
     found = [v[np.isfinite(v)] for line in p.lines for v in (line.y,)] + [v for a in p.areas for v in (a.low, a.high)]
@@ -190,7 +218,7 @@ def _panel(
     if last:
         texts += [_text(x, top + height + 14, "middle", number_text(t, steps[0])) for t, x in zip(x_ticks, place, strict=True)]
     scale = _Scale(x_ends, (low, high))
-    shapes = [_area(a, scale, limit) for a in p.areas] + [_line(line, scale, limit) for line in p.lines]
+    shapes = [_area(a, scale, limit) for a in p.areas] + [_line(line, scale, limit, kept.get(id(line))) for line in p.lines]
     middle = top + height / 2
     name = ", ".join(t for t in (p.name, p.unit) if t)
     ends = " ".join(f"{v:.9g}" for v in (*x_ends, low, high))
@@ -237,29 +265,30 @@ def _moves(x: NDArray[np.int64], y: NDArray[np.int64]) -> str:
     return f"M{x[0]} {y[0]}l{text}" if steps else f"M{x[0]} {y[0]}h1"
 
 
-def _stretches(line: Line) -> Iterator[tuple[Array, Array]]:
-    """Yield the parts of a line between which samples are missing."""
-    good = np.isfinite(line.x) & np.isfinite(line.y)
-    x, y = line.x[good], line.y[good]
-    steps = np.diff(x)
+def _stretches(line: Line) -> Iterator[NDArray[np.int64]]:
+    """Yield the positions of the parts of a line between which samples are missing."""
+    good = np.flatnonzero(np.isfinite(line.x) & np.isfinite(line.y))
+    steps = np.diff(line.x[good])
     holes = np.flatnonzero(steps > 8 * np.median(steps)) + 1 if steps.size else np.zeros(0, dtype=np.int64)
-    for a, b in zip(np.split(x, holes), np.split(y, holes), strict=True):
-        if a.size:
-            yield a, b
+    yield from (at for at in np.split(good, holes) if at.size)
 
 
-def _line(line: Line, scale: _Scale, limit: int) -> tuple[str, int]:
+def _line(line: Line, scale: _Scale, limit: int, kept: NDArray[np.int64] | None) -> tuple[str, int]:
     path, points = [], 0
     whole = max(line.x.size, 1)
-    for x, y in _stretches(line):
-        keep = thinned(y, max(int(limit * x.size / whole), 8))
-        path.append(_moves(scale.across(x[keep]), scale.down(y[keep])))
+    for at in _stretches(line):
+        if kept is None:
+            keep = at[thinned(line.y[at], max(int(limit * at.size / whole), 8))]
+        else:
+            keep = np.unique(np.concatenate([at[[0, -1]], at[np.isin(at, kept)]]))
+        path.append(_moves(scale.across(line.x[keep]), scale.down(line.y[keep])))
         points += int(keep.size)
     variable, colour = line.colour
     dash = f";stroke-dasharray:{line.dash}" if line.dash else ""
+    less = f' data-less="{escape(json.dumps(line.less))}"' if line.less else ""
     style = f"stroke:var({variable},{colour});stroke-width:{line.width:g}{dash}"
     return (
-        f'<path class="line" data-n="{escape(line.label)}" d="{"".join(path)}" vector-effect="non-scaling-stroke" style="{style}"/>',
+        f'<path class="line" data-n="{escape(line.label)}"{less} d="{"".join(path)}" vector-effect="non-scaling-stroke" style="{style}"/>',
         points,
     )
 

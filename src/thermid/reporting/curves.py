@@ -20,7 +20,7 @@ LOOKS: dict[str, tuple[tuple[str, str], float, str]] = {
     "simulated": (("--f-simulated", SIMULATED), 1.6, "6 2.5"),
     "bound": (("--f-residual", RESIDUAL), 1.6, "1.5 2.5"),
     "bound off": (("--f-residual", RESIDUAL), 1.6, "6 2 1.5 2"),
-    "bound start": (("--f-residual", RESIDUAL), 3.0, ""),
+    "bound start": (("--f-residual", RESIDUAL), 6.0, ""),
     "other": (("--s2", SERIES[2]), 1.4, "8 2.5 2 2.5"),
     "truth": (("--f-ink", INK), 1.1, ""),
 }
@@ -37,12 +37,14 @@ class Curve:
     look : str              One of `LOOKS`.
     times : array (times,)  [s]
     values : array (times,) In the unit of the axis.
+    less : (str, str)       Labels of the two curves whose difference it is, in the same unit; None for no difference.
     """
 
     label: str
     look: str
     times: Array
     values: Array
+    less: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -96,5 +98,5 @@ def _panel(
     name: str, lines: Sequence[Curve], length: float, areas: Sequence[Area] = (), top: float | None = None, share: float = 1.0
 ) -> Panel:
     what, _, unit = name.partition(", ")
-    drawn = [Line(c.label, c.times / length, c.values, *LOOKS[c.look]) for c in lines]
+    drawn = [Line(c.label, c.times / length, c.values, *LOOKS[c.look], less=c.less) for c in lines]
     return Panel(what, unit, drawn, areas, top=top, share=share)

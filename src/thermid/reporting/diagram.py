@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 
 from thermid.dual import value_of
@@ -66,6 +66,7 @@ def diagram(
     temperatures: Mapping[str, float] | None = None,
     flows: Mapping[str, float] | None = None,
     powers: Mapping[str, float] | None = None,
+    logged: Collection[str] = (),
     folded: Sequence[str] = (),
     title: str | None = None,
     marked: bool = False,
@@ -78,6 +79,7 @@ def diagram(
     temperatures : dict     Node or boundary -> temperature; masses are tinted by it, from blue (coldest) to orange (warmest). [K]
     flows : dict            Conductor -> heat flow from its first end to its second; lines are as wide as it is large, with an arrow. [W]
     powers : dict           Load -> power in place of the deck's; a load that is not in it heats a given temperature. [W]
+    logged : collection     Loads whose power a log gives: the deck's is not shown for them.
     folded : sequence       Paths of submodels that are drawn as one mass each.
     title : str             What a screen reader says; the model's title by default.
     marked : bool           Whether elements carry their paths (``data-path``, ``data-part``), for a page that answers to clicks.
@@ -101,7 +103,7 @@ def diagram(
     parts += [part for k, wire in enumerate(plan.wires) for part in _wire(plan, k, wire, flowing, marked)]
     parts += _rails(plan, under)
     parts += [part for row in plan.rows.values() for part in _node(plan, row, under, at, marked, row.path + "." in plain.parts)]
-    parts += _loads(plan, plain, numbers, powers)
+    parts += _loads(plan, plain, numbers, powers, logged)
     parts += [part for k, wire in enumerate(plan.wires) for part in _label(plan, k, wire)]
     signs = [("≈", "≈ at 35 and 25 °C"), (" *<", "* changes with temperature or time")]
     legend, bottom = _legend(plan, bool(network.flat.loads), [text for sign, text in signs if any(sign in part for part in parts)])
@@ -265,15 +267,17 @@ def _tint(kelvin: float, given: Mapping[str, float]) -> str:
     return "#" + "".join(f"{round(p + part * (q - p)):02x}" for p, q in zip(a, b, strict=True))
 
 
-def _power(load: FlatLoad, numbers: Numbers, powers: Mapping[str, float] | None) -> tuple[str, bool]:
+def _power(load: FlatLoad, numbers: Numbers, powers: Mapping[str, float] | None, logged: Collection[str]) -> tuple[str, bool]:
     """Return the power of a load as text, and whether it may be another at another time: that of the deck, or the one given."""
+    if load.path in logged:
+        return "as logged", False
     if powers is not None:
         return (quantity(powers[load.path], "W") if load.path in powers else ""), False
     text = quantity(value_of(numbers.values[load.fields["power"]]), "W") if "power" in load.fields else "table" if load.curve else ""
     return text, bool(set(load.fields) - {"power"} or (load.curve and "power" in load.fields))
 
 
-def _loads(plan: Layout, plain: Folded, numbers: Numbers, powers: Mapping[str, float] | None) -> Iterable[str]:
+def _loads(plan: Layout, plain: Folded, numbers: Numbers, powers: Mapping[str, float] | None, logged: Collection[str]) -> Iterable[str]:
     """Yield an arrow per load, with its power and name."""
     at: dict[str, int] = {}
     for load in plain.flat.loads:
@@ -282,7 +286,7 @@ def _loads(plan: Layout, plain: Folded, numbers: Numbers, powers: Mapping[str, f
         y = row.middle + LOAD_PORT * (k - (row.loads - 1) / 2)
         end = (plan.left + plan.right) / 2 - 6 if row.massless else plan.left
         start = plan.left - LOAD_WIDTH + 8
-        power, changes = _power(load, numbers, powers)
+        power, changes = _power(load, numbers, powers, logged)
         varies = " *" if changes else ""
         name = load.path.removeprefix(row.box)
         tip = f"{load.path} into {load.node}: {power}" + (", changes with temperature or time" if varies else "")

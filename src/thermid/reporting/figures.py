@@ -77,11 +77,13 @@ class Dots:
     label : str         Name.
     values : dict       Sensor -> RMSE of each record. [K]
     held_out : bool     Whether no fit has seen the records.
+    doubt : str         What stands under the name, such as that the fit is not credible; a small RMSE alone would recommend it.
     """
 
     label: str
     values: Mapping[str, Sequence[float]]
     held_out: bool = False
+    doubt: str = ""
 
 
 def time_unit(duration: float) -> tuple[float, str]:
@@ -143,7 +145,7 @@ def compared(times: Array, measured: Array, predicted: Array, key: str, label: s
     lines = [Line("measured", x, y, LOOKS["measured"], 3.4), Line("simulated", x, predicted - ICE_POINT, LOOKS["simulated"], 1.4)]
     panels = [
         Panel("temperature", "°C", lines, bands, share=2.4),
-        Panel(below, "K", [Line("measured less simulated", x, left, LOOKS["residual"], 1.0)], low, (0.0,)),
+        Panel(below, "K", [Line("measured less simulated", x, left, LOOKS["residual"], 1.0, less=("measured", "simulated"))], low, (0.0,)),
     ]
     markup, points = chart(panels, key=key, label=label, x_name=("time", unit), size=(440, 280))
     entries = [Entry("measured", "--f-measured", width=4), Entry("simulated", "--f-simulated", width=2)]
@@ -191,7 +193,9 @@ def overview(lines: Sequence[Dots]) -> Drawn:
     for k, line in enumerate(lines):
         middle = 8.0 + row * (k + 0.5)
         name = f'<tspan style="fill:var(--f-ink,{INK})">{escape(_cut(line.label))}</tspan>'
-        held = f'<tspan x="{left - 10:g}" dy="13">held out</tspan>' if line.held_out else ""
+        under = "held out" if line.held_out else escape(line.doubt)
+        look = f' style="fill:var(--bad,{RESIDUAL});font-weight:700"' if line.doubt else ""
+        held = f'<tspan x="{left - 10:g}" dy="13"{look}>{under}</tspan>' if under else ""
         out.append(f'<text x="{left - 10:g}" y="{middle + (4 if not held else -2):.1f}" text-anchor="end">{name}{held}</text>')
         for at, (sensor, found) in enumerate(line.values.items()):
             m, values = sensors.index(sensor), np.asarray(found, dtype=float)
@@ -203,7 +207,9 @@ def overview(lines: Sequence[Dots]) -> Drawn:
                 out.append(f'<path d="{median}" style="fill:none;stroke:var(--f-ink,{INK});stroke-width:1.8"/>')
             points += int(values.size)
         highest_here = max((v for values in line.values.values() for v in values), default=0.0)
-        said.append(f"{line.label}{', held out' if line.held_out else ''}: at most {highest_here:.3g} K")
+        said.append(
+            f"{line.label}{', held out' if line.held_out else ''}{f', {line.doubt}' if line.doubt else ''}: at most {highest_here:.3g} K"
+        )
     axis = f'<path d="M{left:g} {bottom:.0f}H{width - right:g}" style="stroke:var(--f-soft,{SOFT});stroke-width:.8"/>'
     end = f'<text x="{(left + width - right) / 2:.0f}" y="{bottom + 32:.0f}" text-anchor="middle">RMSE of a record, K</text>'
     label = escape(f"RMSE per record and sensor, by stage. {'; '.join(said[:14])}.")

@@ -10,6 +10,7 @@ import numpy as np
 
 from thermid.identify.calibration import Calibration
 from thermid.identify.contradicted import BLAME
+from thermid.identify.moves import MOVED
 from thermid.identify.stages import Campaign
 from thermid.identify.values import FittedValue
 from thermid.model.resolve import ParameterSet
@@ -174,9 +175,11 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
     for c in _fits(campaign):
         if c.contradicted:
             yield f"Do not use {c.stage}: {_some(list(c.contradicted.values()))}. {BLAME}", c.stage
+        elif not c.standing.usable:
+            yield f"Do not use {c.stage}: it is {c.standing.state}, {c.standing.reason(c.stage)}.", c.stage
         for m in c.moved.values:
-            if m.verdict == "had to move":
-                yield f"{m.path} had to move from what {m.stage} found: look for what the part meets here and not alone.", c.stage
+            if m.verdict == MOVED:
+                yield f"{m.path} moved from what {m.stage} found: look for what the part meets here and not alone.", c.stage
         for value in c.values.parameters.values():
             if at_bound(value):
                 yield f"{value.path}: widen its bounds, or doubt the power, area or place that it stands for.", c.stage

@@ -1,36 +1,38 @@
-"""What a page says of levels: whether values handed on from below had to move."""
+"""What a page says of levels: what the logs of a stage say of the values that it inherited."""
 
 from __future__ import annotations
 
 import math
 
 from thermid.identify.calibration import Calibration
-from thermid.identify.moves import Group, Move
+from thermid.identify.moves import MOVED, NOT_REJECTED, UNDECIDED, Group, Move
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, significant
 from thermid.units import unit
 
 __all__ = ["moved"]
 
-LOOKS = {"had to move": "bad", "may have moved": "warn", "held": "good", "not tested": "soft"}
+LOOKS = {MOVED: "bad", NOT_REJECTED: "good", UNDECIDED: "soft"}
 
 
 def moved(calibration: Calibration) -> Table:
-    """Return what stages below handed on against what this level's data say: per parameter, per part, and all together."""
+    """Return inherited values against what this stage's logs say of them alone: per parameter, per part, and all together."""
     columns = [
-        Column("handed on"),
-        Column("by stage"),
-        Column("below", True),
-        Column("here", True),
+        Column("inherited"),
+        Column("from stage"),
+        Column("there", True),
+        Column("logs alone", True, "the value by this stage's logs alone, without what was known of it; of a joint fit its value there"),
         Column("unit"),
         Column("change, %", True),
-        Column(
-            "deviations", True, "the shift over the root of the variance that this level's data took off; for several values chi-square"
-        ),
-        Column("chance", True, "of so large a shift when nothing but noise moves it"),
+        Column("deviations", True, "the change over its standard error; for several values chi-square"),
+        Column("chance", True, "of so large a change when nothing moved, corrected for the number of values tested"),
+        Column("found, %", True, "the change that would be found with 90 % power, in parts of the value"),
         Column("result"),
     ]
-    rows: list[Line] = [_line(m, calibration) for m in calibration.moved.values] + [_group(g) for g in calibration.moved.groups]
-    how = "A value that had to move: the part does not behave in the assembly as it did alone, or the stage below missed something."
+    rows: list[Line] = [_line(m) for m in calibration.moved.values] + [_group(g) for g in calibration.moved.groups]
+    how = (
+        "A value that moved: the part does not behave in the assembly as it did alone, or the stage below missed something. A value is "
+        "called not rejected only where a change of 10 % would be found."
+    )
     return Table.of(columns, rows, how)
 
 
@@ -38,20 +40,21 @@ def _result(verdict: str) -> Cell:
     return Cell(verdict, "", LOOKS[verdict])
 
 
-def _line(m: Move, calibration: Calibration) -> Line:
+def _line(m: Move) -> Line:
     of = unit(m.unit)
-    below, here = ((v - float(of.offset)) / float(of.factor) for v in (m.below, m.here))
-    share = number(100 * (here / below - 1), 2) if below else DASH
+    below, alone = ((v - float(of.offset)) / float(of.factor) for v in (m.below, m.alone))
+    share = number(100 * (alone / below - 1), 2) if below and m.told else DASH
     far = f"{m.deviations:+.1f}" if math.isfinite(m.deviations) else DASH
-    found = calibration.values.get(m.path)
-    sizes = [e / float(of.factor) for e in (m.below_error, found.error if found is not None else math.nan)]
-    shown = [
-        f"{significant(v, e)} ± {number(e, 2)}" if math.isfinite(e) else plain(v, 5) for v, e in zip((below, here), sizes, strict=True)
-    ]
-    return [Cell(m.path, "", "main"), m.stage, *shown, pretty(m.unit), share, far, number(m.chance, 2), _result(m.verdict)]
+    error = m.below_error / float(of.factor)
+    there = f"{significant(below, error)} ± {number(error, 2)}" if math.isfinite(error) else plain(below, 5)
+    seen = number(100 * m.detectable_share, 2) if m.told else DASH
+    here = plain(alone, 4) if m.told else DASH
+    return [
+        Cell(m.path, "", "main"), m.stage, there, here, pretty(m.unit), share, far, number(m.chance, 2), seen, _result(m.verdict),
+    ]  # fmt: skip
 
 
 def _group(g: Group) -> Line:
     what = Cell(g.name, ", ".join(g.paths), "main")
     square = f"χ² {number(g.chi_square, 3)} of {g.directions}" if g.directions else DASH
-    return [what, "", "", "", "", "", square, number(g.chance, 2), _result(g.verdict)]
+    return [what, "", "", "", "", "", square, number(g.chance, 2), "", _result(g.verdict)]

@@ -96,7 +96,7 @@
               x.push(x0 + (x1 - x0) * px / GRID); y.push(y1 - (y1 - y0) * py / GRID);
             }
           }
-          return { path, name: path.dataset.n, x, y, breaks };
+          return { path, name: path.dataset.n, less: path.dataset.less && JSON.parse(path.dataset.less), x, y, breaks };
         });
         const axis = g.querySelector(".ticks"), rules = g.querySelector(".grid"), view = g.querySelector(".view");
         return { g, left, top, width, height, x0, x1, y0, y1, lines, axis, rules, view, unit: g.dataset.unit, scale: view.getAttribute("transform"), first: [axis.innerHTML, rules.getAttribute("d")] };
@@ -214,12 +214,13 @@
       this.hair.setAttribute("d", `M${px} ${first.top}V${last.top + last.height}`);
       this.dots.replaceChildren();
       this.read.replaceChildren(make("b", "", `${text(x, (this.now[1] - this.now[0]) / 200)} ${this.unit}`));
+      const rows = this.rows(found);
       this.panels.forEach((p, k) => {
         const [y0, y1] = this.now[0] === this.whole[0] && this.now[1] === this.whole[1] ? [p.y0, p.y1] : p.now || [p.y0, p.y1];
         for (const [line, y] of found[k]) {
           if (y === null) continue;
-          const row = make("span"), digits = 10 ** Math.floor(Math.log10((y1 - y0) / 200));
-          row.append(make("span", "", line.name.replace(/ −?[\d.]+ °C$/, "")), make("span", "", `${text(y, digits)} ${p.unit}`));
+          const row = make("span"), [shown, digits] = rows.get(line);
+          row.append(make("span", "", line.name.replace(/ −?[\d.]+ °C$/, "")), make("span", "", `${text(shown, digits)} ${p.unit}`));
           this.read.append(row);
           const cy = p.top + p.height * (y1 - y) / (y1 - y0);
           if (cy >= p.top && cy <= p.top + p.height) this.dots.append(draw("circle", { cx: px, cy, r: 3, style: `fill:${line.path.style.stroke}` }));
@@ -229,6 +230,22 @@
       const right = px > first.left + first.width / 2;
       this.read.style.left = right ? `${100 * first.left / this.svg.viewBox.baseVal.width + 1}%` : "auto";
       this.read.style.right = right ? "auto" : "2%";
+    }
+
+    /** What is said of each line: its value and the step of its last digit. A difference and the two it is of have one step, and agree. */
+    rows(found) {
+      const whole = this.now[0] === this.whole[0] && this.now[1] === this.whole[1], out = new Map(), at = (name, own) => found.flat().find(([l, y]) => l.name === name && l !== own && !l.less && y !== null)?.[0];
+      this.panels.forEach((p, k) => {
+        const [y0, y1] = whole ? [p.y0, p.y1] : p.now || [p.y0, p.y1], step = 10 ** Math.floor(Math.log10((y1 - y0) / 200));
+        for (const [line, y] of found[k]) out.set(line, [y, step]);
+      });
+      const differences = found.flat().filter(([l, y]) => l.less && y !== null), finest = Math.min(...differences.map(([l]) => out.get(l)[1]));
+      for (const [line] of differences) {
+        const [more, less] = line.less.map((name) => at(name, line));
+        for (const l of [line, more, less]) if (l) { const [y, step] = out.get(l), own = Math.min(step, finest); out.set(l, [Math.round(y / own) * own, own]); }
+        if (more && less) out.set(less, [out.get(more)[0] - out.get(line)[0], out.get(line)[1]]);
+      }
+      return out;
     }
 
     /** y of a line at x, between its points; null outside it and in a gap. */

@@ -164,7 +164,8 @@ def _stage(key: str, c: Calibration, campaign: Campaign) -> StagePart:
         "areas": tables.areas(c.fitted_model),
         "held": origins.held(c),
     }
-    picture = _inline(diagram(c.fitted_model, title=f"{c.stage}: the model with its fitted values"))
+    logged = {load for e in c.experiments for load in (*e.scenario.loads, *e.scenario.commands)}
+    picture = _inline(diagram(c.fitted_model, logged=logged, title=f"{c.stage}: the model with its fitted values"))
     return StagePart(key, c.stage, c.model, facts, c.warnings, picture, _traces(c.blocks, f"{key}-trace"), shown, trust(campaign, c))
 
 
@@ -193,7 +194,7 @@ def _held_out(campaign: Campaign) -> Traces | None:
 
 def _dots(campaign: Campaign) -> list[Dots]:
     """Return the RMSE of every record by stage, and of the held-out records by model."""
-    lines = [Dots(stage, _rmse([c])) for stage, c in campaign.stages.items()]
+    lines = [Dots(stage, _rmse([c]), doubt="" if c.standing.fair else c.standing.state) for stage, c in campaign.stages.items()]
     judged: dict[str, list[Calibration]] = {}
     for v in campaign.verdicts:
         known = judged.setdefault(v.model, [])
@@ -218,7 +219,11 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
         rows.append([Cell(node, "", "main"), *(f"{t:.2f}" for t in (celsius[0], celsius[-1], celsius.max(), celsius.min()))])
     drawn = figures.prediction(solution, key, f"{title}: predicted temperatures")
     final = dict(zip(solution.nodes, solution.temperatures[-1].tolist(), strict=True))
-    pictures = [_inline(diagram(m, temperatures=final, title=f"{title}: temperatures at the end")) for m in _models_of(solution, campaign)]
+    powers = {load: float(np.broadcast_to(w, solution.times.shape)[-1]) for load, w in solution.load_powers.items()}
+    pictures = [
+        _inline(diagram(m, temperatures=final, powers=powers, title=f"{title}: temperatures at the end"))
+        for m in _models_of(solution, campaign)
+    ]
     length = duration(float(solution.times[-1] - solution.times[0]))
     return Prediction(key, title, solution, drawn, Table.of(columns, rows), next(iter(pictures), ""), length)
 

@@ -6,9 +6,9 @@ import math
 
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.marks import MARKS
-from thermid.reporting.cells import DASH, Cell
+from thermid.reporting.cells import DASH, Cell, plain
 
-__all__ = ["celsius", "hours", "mark", "verdict"]
+__all__ = ["celsius", "given", "hours", "mark", "verdict"]
 
 
 def verdict(passed: bool | None, why: str = "") -> Cell:
@@ -21,6 +21,11 @@ def verdict(passed: bool | None, why: str = "") -> Cell:
 def celsius(kelvin: float, decimals: int = 1) -> str:
     """Return a temperature in degrees Celsius; a dash where there is none."""
     return f"{kelvin - ICE_POINT:.{decimals}f}" if math.isfinite(kelvin) else DASH
+
+
+def given(kelvin: float) -> str:
+    """Return a limit in degrees Celsius with the digits that it was given in, so that what is left to it adds up; a dash for none."""
+    return plain(kelvin - ICE_POINT) if math.isfinite(kelvin) else DASH
 
 
 def hours(seconds: float) -> str:

@@ -8,7 +8,7 @@ from thermid.qualify.correlation import Correlation
 from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, plain, signed
-from thermid.reporting.qualification_cells import celsius, hours, mark, verdict
+from thermid.reporting.qualification_cells import celsius, given, hours, mark, verdict
 
 __all__ = ["checks", "deviations", "diagnoses", "excluded", "gates", "settled"]
 
@@ -107,7 +107,7 @@ def checks(q: Qualification) -> Table:
             head = Cell(t.test.name, "", "main") if k == 0 else Cell("", "", "same")
             first = min((x.time for x in c.crossings), default=math.nan)
             beyond = sum(x.outside for x in c.crossings)
-            ends = f"{celsius(c.limits[0], 0)} .. {celsius(c.limits[1], 0)}"
+            ends = f"{given(c.limits[0])} .. {given(c.limits[1])}"
             room = Cell(f"{c.room:.1f}" if math.isfinite(c.room) else DASH, "", "bad" if c.room < 0 else "")
             times = [hours(first), hours(beyond)] if c.crossings else [DASH, DASH]
             lowest, highest = (Cell(celsius(v), f"at {hours(at)}") for v, at in ((c.lowest, c.lowest_time), (c.highest, c.highest_time)))

@@ -6,7 +6,7 @@ import math
 
 from thermid.qualify.programme import Qualification
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, pretty, signed
-from thermid.reporting.qualification_cells import celsius, hours, verdict
+from thermid.reporting.qualification_cells import celsius, given, hours, verdict
 
 __all__ = ["assumed", "counted", "margin_table", "outside", "service"]
 
@@ -29,7 +29,7 @@ def margin_table(q: Qualification) -> Table:
         added = [Cell(f"{f.value:g} [{f.mark}]", f.source, "warn" if not f.decides else "") for f in (a, b)]
         head: Line = [Cell(m.point, "", "main"), m.side, m.run, hours(m.time), celsius(m.predicted)]
         shares = "; ".join(f"{c} {100 * s:.0f} %" for c, s in m.shares.items())
-        line: Line = [*head, Cell(f"{m.uncertainty:.1f}", shares), *added, Cell(f"{celsius(m.limit, 0)} [{m.limit_mark}]")]
+        line: Line = [*head, Cell(f"{m.printed:.1f}", shares), *added, Cell(f"{given(m.limit)} [{m.limit_mark}]")]
         line += [Cell(signed(m.margin, 1), "", "bad" if m.margin < 0 else "main"), verdict(m.passed, m.undecided)]
         line += [Cell(f"{m.flat.value:g} [{m.flat.mark}]", m.flat.source), signed(m.flat_left, 1)]
         rows.append([*line, f"{m.bought:.1f}" if math.isfinite(m.bought) else DASH])
@@ -46,7 +46,7 @@ def counted(q: Qualification) -> Table:
     for m in q.margins:
         shares = "; ".join(f"{c} {100 * s:.0f} %" for c, s in m.shares.items() if s >= 0.005)
         less = Cell("; ".join(m.not_counted), "", "warn") if m.not_counted else Cell(DASH)
-        rows.append([Cell(m.point, "", "main"), m.side, f"{m.uncertainty:.1f}", shares or "nothing", less])
+        rows.append([Cell(m.point, "", "main"), m.side, f"{m.printed:.1f}", shares or "nothing", less])
     return Table.of(columns, rows, "Shares of the variance.")
 
 

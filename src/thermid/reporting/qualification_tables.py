@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -93,8 +94,13 @@ def boundaries(q: Qualification) -> Table:
             head = Cell(t.test.name, "", "main") if k == 0 else Cell("", "", "same")
             planned = f"{trace.min():.1f} .. {trace.max():.1f}"
             seen = Cell(logged, "", "warn" if logged == "not logged" else "")
-            rows.append([head, name, planned, seen, column or DASH, t.test.spread.get(name, DASH)])
+            rows.append([head, name, planned, seen, column or DASH, stated_text(t.test.spread.get(name, DASH))])
     return Table.of(columns, rows, "Lowest to highest over the test.")
+
+
+def stated_text(spread: str | Mapping[str, str | float]) -> str:
+    """Return a stated spread as it is written."""
+    return spread if isinstance(spread, str) else ", ".join(f"{k} {v}" for k, v in spread.items())
 
 
 def duties(q: Qualification) -> list[Block]:
@@ -121,7 +127,7 @@ def duties(q: Qualification) -> list[Block]:
         lines: list[Line] = []
         for load, watts in t.foresight.solution.load_powers.items():
             w = np.broadcast_to(watts, times.shape)
-            said = t.test.spread.get(f"scale.{load}", t.test.spread.get(f"{load}.power", DASH))
+            said = stated_text(t.test.spread.get(f"scale.{load}", t.test.spread.get(f"{load}.power", DASH)))
             if w.any():
                 lines.append([load, number(float(np.trapezoid(w, times) / times[-1]), 3), number(float(w.max()), 3), said])
         if lines:

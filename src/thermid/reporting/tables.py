@@ -113,9 +113,15 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
     told = [(_is_coefficient(names[0][1]), names, found) for names, found in lines]
     htc = [_level_row(names, found, campaign) for is_htc, names, found in told if is_htc]
     rest = [_level_row(names, found, campaign) for is_htc, names, found in told if not is_htc and any(v for _, v in found.values())]
-    columns = [Column("part"), Column("parameter"), Column("unit"), *(Column(stage, True) for stage in campaign)]
+    columns = [Column("part"), Column("parameter"), Column("unit"), *(_stage_column(campaign[stage], stage) for stage in campaign)]
     how = "Strong: fitted at that stage, with its total standard error. Plain: held there. A dash: not in that model."
     return Table.of(columns, htc, how), Table.of(columns, rest, how)
+
+
+def _stage_column(fit: Calibration, stage: str) -> Column:
+    """Return the column of a stage, with its standing where a reader must know it."""
+    told = fit.standing
+    return Column(stage, True) if told.fair else Column(f"{stage} ({told.state})", True, told.line(stage))
 
 
 def _is_coefficient(path: str) -> bool:

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 CONDUCTORS = {"linear": _kernel.LINEAR, "power": _kernel.POWER, "radiation": _kernel.RADIATION, "flow": _kernel.FLOW}
 CONDUCTORS |= {"gas": _kernel.GAS, "natural": _kernel.NATURAL, "potential": _kernel.POTENTIAL}
+CONDUCTORS |= {"hinge": _kernel.HINGE_MEAN, "hinge of difference": _kernel.HINGE_DIFF}
 LOADS = {
     "signal": _kernel.SIGNAL,
     "polynomial": _kernel.POLY,

@@ -56,7 +56,7 @@ def refusal(engine: Engine) -> str:
             return f"the specific heat of '{name.removesuffix(' enthalpy')}' changes with temperature"
         if any(follows[p] >= 0 for p in places[1:]):
             return f"the {'exponent' if form == 'power' else 'pressure'} of '{name}' changes in time"
-        if curve is not None and curve.over == "difference" and a >= n:
+        if (form == "hinge of difference" or (curve is not None and curve.over == "difference")) and a >= n:
             return f"'{name}' is a table over a difference that begins at a boundary"
     for form, node, sensor, places, _, name in s["loads"]:
         if form == "thermostat":

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
+from thermid.memo import Memo
 from thermid.model.curves import Curve
 from thermid.model.signal import Signal
 from thermid.simulation.kernel_form import CONDUCTORS, LOADS, kernel_input
@@ -137,6 +137,7 @@ class SparseNetwork:
     boundary_inputs : tuple of int  Place of each boundary's input, -1 for none.
     offsets : array (boundaries,)   Constant part of each boundary's temperature. [K]
     inputs : tuple of Signal
+    memo : Memo                     The kernel's form of it.
     """
 
     capacities: Array
@@ -148,10 +149,14 @@ class SparseNetwork:
     boundary_inputs: tuple[int, ...]
     offsets: Array
     inputs: tuple[Signal, ...]
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
-    @cached_property
+    @property
     def problem(self) -> _kernel.LargeProblem:
-        """The kernel's form of it."""
+        """The kernel's form of it, made once."""
+        return self.memo.made("problem", self._problem)
+
+    def _problem(self) -> _kernel.LargeProblem:
         tables: list[Any] = []
 
         def table(curve: Curve | None) -> int:

@@ -13,6 +13,7 @@ import numpy as np
 from thermid.errors import DeckError
 from thermid.identify.calibration import Calibration
 from thermid.identify.retune_plan import RetunePlan
+from thermid.knowledge.standing import of_model
 from thermid.studio.courses import Shelf
 from thermid.studio.curves import Curve, RunCurves, Window
 from thermid.studio.desk import Desk
@@ -64,6 +65,7 @@ def desk_object(desk: Desk) -> dict[str, Any]:
         "fitted": desk.calibration is not None,
         "measured": desk.problem is not None,
         "warnings": list(desk.calibration.warnings) if desk.calibration is not None else [],
+        "standing": (desk.calibration.standing if desk.calibration is not None else of_model(desk.model)).to_dict(desk.title),
         "synthetic": desk.problem is not None and any(e.record.origin.synthetic for e in desk.problem.experiments),
         **curves_object(desk, {}, "air"),
     }
@@ -108,6 +110,7 @@ def fit_object(found: Calibration) -> dict[str, Any]:
     unknowns = found.problem.unknowns if found.problem is not None else ()
     others = {u.name: u.to_value(found.fitted[u.name]) for u in unknowns if u.kind != "parameter"}
     told = {"warnings": list(found.warnings), "evaluations": found.evaluations, "text": str(found)}
+    told |= {"standing": found.standing.to_dict(found.stage)}
     return {"values": values, "others": others, "sensors": sensors, **told}
 
 
@@ -127,6 +130,7 @@ def plan_object(plan: RetunePlan) -> dict[str, Any]:
     """Return what a swap costs."""
     return {
         "part": plan.part,
+        "standing": plan.standing.to_dict(),
         "old": plan.old,
         "new": plan.new,
         "stages": [{"name": s.name, "action": s.action, "why": s.why, "free": s.free, "records": s.records} for s in plan.stages],

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError
-from thermid.identify.prediction import Band
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.known import Known
+from thermid.prediction.prediction import Band
 from thermid.qualify.conduct import run_profile
-from thermid.qualify.foresight import Known, foresee
+from thermid.qualify.foresight import foresee
 from thermid.qualify.limit_checks import LimitCheck, check_limits, spans
 from thermid.qualify.limits import Limits
 from thermid.qualify.margins import Margin, margins
@@ -51,7 +53,7 @@ class Outcome:
     state : str                     Of points whose limits name no loads.
     source : str                    Where the limits stand.
     remarks : tuple of str          What a reader must know.
-    doubt : str                     Why the values that it was run with are not credible; empty where they are.
+    standing : Standing             Of the values that it was run with.
     """
 
     title: str
@@ -64,7 +66,7 @@ class Outcome:
     state: str = "operating"
     source: str = ""
     remarks: tuple[str, ...] = ()
-    doubt: str = ""
+    standing: Standing = UNJUDGED
 
     @property
     def worst(self) -> LimitCheck | None:
@@ -142,7 +144,19 @@ def _tested(course: Course, told: Told) -> Outcome:
     bands = trial.foresight.prediction.bands
     remarks = (*(trial.course.remarks if trial.course is not None else ()), *trial.outside)
     title = f"{name} on {trial.known.model.title}"
-    return Outcome(title, trial.foresight.solution, trial.limits, trial.checks, trial.course, found, bands, state, file.name, remarks)
+    return Outcome(
+        title,
+        trial.foresight.solution,
+        trial.limits,
+        trial.checks,
+        trial.course,
+        found,
+        bands,
+        state,
+        file.name,
+        remarks,
+        trial.foresight.standing,
+    )
 
 
 def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
@@ -154,6 +168,7 @@ def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
         "waited": None if run is None else run.waited,
         "trust": "" if run is None else run.trust,
         "decides": run is None or run.decides,
+        "standing": found.standing.to_dict(),
         "verdict": _doubted(found, _verdict(found)),
         "worst": _check(found.worst) if found.worst is not None else None,
         "phases": [] if run is None else [_phase(p) for p in run.phases],
@@ -170,10 +185,13 @@ def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
 
 
 def _doubted(found: Outcome, verdict: dict[str, str]) -> dict[str, str]:
-    """Return a verdict that decides nothing where the values of the run are not credible."""
-    if not found.doubt:
+    """Return a verdict that decides nothing where the values of the run are not credible or failed."""
+    state, why = found.standing.state.upper(), found.standing.reason()
+    if found.standing.fair:
         return verdict
-    return {"word": "not decided", "text": f"The values are NOT CREDIBLE, do not use them: {found.doubt}. By them: {verdict['text']}"}
+    if found.standing.usable:
+        return {**verdict, "text": f"The values are {state}: {why}. {verdict['text']}"}
+    return {"word": "not decided", "text": f"The values are {state}, do not use them: {why}. By them: {verdict['text']}"}
 
 
 def _verdict(found: Outcome) -> dict[str, str]:
@@ -281,7 +299,7 @@ def _margin(m: Margin) -> dict[str, Any]:
         "state": m.state,
         "time": m.time,
         "predicted": m.predicted - ICE_POINT,
-        "uncertainty": m.uncertainty,
+        "uncertainty": m.printed,
         "added": m.policy.acceptance.value + m.policy.qualification.value,
         "limit": m.limit - ICE_POINT,
         "margin": m.margin,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +30,7 @@ from thermid.reporting.cells import Table
 from thermid.reporting.tables import levels
 from thermid.simulation.scenario import Scenario, load_scenario
 from thermid.studio.desk import Desk
-from thermid.studio.stage_state import StageState, standing_of
+from thermid.studio.stage_state import StageState
 from thermid.studio.watch import Watch
 from thermid.units import unit
 
@@ -73,15 +73,17 @@ class Project:
         source = read_campaign(self.path, self._data) if "stages" in read_toml(self.path)[0] else None
         return source, source.content.title if source is not None else load_model(self.path).title
 
-    def read_again(self) -> None:
+    def read_again(self, changed: Collection[Path]) -> None:
         """Take the files as they are on disk now; every stage must be looked at again.
 
-        A fit whose model, logs and request are what they were stays done. A file that cannot be read leaves the project as it was, and
-        `broken` says why.
+        Logs are read again only where one of them, or the campaign, is among those that changed. A fit whose model, logs and request are
+        what they were stays done. A file that cannot be read leaves the project as it was, and `broken` says why.
         """
         self.edition += 1
+        decks = self.source is not None and self.path not in changed and all(f.suffix == ".toml" for f in changed)
         try:
-            self.source, self.title = self._read()
+            if self.broken or not decks:
+                self.source, self.title = self._read()
             self.broken = ""
         except ThermidError as error:
             self.broken = str(error)
@@ -306,7 +308,9 @@ class Project:
         self._desks.pop(name, None)
         sensors = {n: s.rmse for n, s in found.sensors.items()}
         below = self.below(name)
-        state = StageState(name, "done", "", below, sensors, *standing_of(name, self.done, below))
+        told = found.standing
+        standing = "" if told.fair else told.state
+        state = StageState(name, "done", "", below, sensors, standing, told.line(name), told.usable)
         return self._set(state, self.states[name].edition if unchanged else self.edition)
 
     def _forget(self, name: str) -> None:

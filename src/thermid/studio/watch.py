@@ -33,13 +33,13 @@ class Watch:
         self._seen: dict[Path, Stamp] = {}
         self._seen = self._stamps()
 
-    def changed(self) -> bool:
-        """Return whether any of the files was written, made or deleted since this was last asked."""
+    def changed(self) -> frozenset[Path]:
+        """Return the files that were written, made or deleted since this was last asked."""
         known = {f: _stamp(f) for f in (*self._seen, *self._beside())}
-        if known == self._seen:
-            return False
-        self._seen = self._stamps()
-        return True
+        found = frozenset(f for f, stamp in known.items() if self._seen.get(f) != stamp)
+        if found:
+            self._seen = self._stamps()
+        return found
 
     def _beside(self) -> list[Path]:
         """Return what may belong to the file: decks, scenarios, plans and tables of its folder, those inside and the one above; logs."""

@@ -63,7 +63,7 @@ class Work:
 
     def fresh(self) -> dict[str, Any]:
         """Look at all stages anew where a file was changed on disk, unless something runs; return the state and edition of each."""
-        if (self._thread is None or not self._thread.is_alive()) and self._project.watch.changed():
+        if self._thread is None or not self._thread.is_alive():
             self._look_again(_Job("look", ""))
         found = self._project.states
         return {name: [found[name].state, found[name].edition] for name in self._project.stages}
@@ -74,8 +74,7 @@ class Work:
         project.known(stage)
 
         def job(j: _Job) -> None:
-            if project.watch.changed():
-                self._look_again(j)
+            self._look_again(j)
             for name in [n for n in (*(project.below(stage) if below else ()), stage) if n == stage or n not in project.done]:
                 j.stage = name
                 project.run(name, lambda count, rms: _tell(j, count, rms))
@@ -105,7 +104,8 @@ class Work:
 
             found = run_course(self.shelf, desk, course, values, asked, told)
             _going(j)
-            self.outcome = found if course.kind == "test" else replace(found, doubt=self._project.states[stage].because)
+            fit = self._project.done.get(stage)
+            self.outcome = found if course.kind == "test" or fit is None else replace(found, standing=fit.standing)
 
         return self._start("scenario", stage, job)
 
@@ -118,8 +118,11 @@ class Work:
         return self.state()
 
     def _look_again(self, job: _Job) -> None:
-        """Take the files as they are now, and look at every stage."""
-        self._project.read_again()
+        """Take the files as they are now, and look at every stage; where none was changed, nothing is done."""
+        changed = self._project.watch.changed()
+        if not changed:
+            return
+        self._project.read_again(changed)
         self.shelf = Shelf(self._project.path)
         self._look(job)
 

@@ -291,7 +291,7 @@ class TestPredict:
         ("more", "word"),
         [
             ((), "a prediction needs a scenario"),
-            (("--scenario", "hot.toml", "--spread", "room"), "must be written as NAME=STANDARD DEVIATION"),
+            (("--scenario", "hot.toml", "--spread", "room"), "must be written as NAME=SPREAD"),
             (("--scenario", "hot.toml", "--at", "5 [h]"), "18000 s lies outside the run"),
             (("--scenario", "hot.toml", "--stage", "m_Pr"), "no stage 'm_Pr'"),
         ],

@@ -250,6 +250,12 @@ def test_a_fit_finds_a_clock_beside_its_values() -> None:
     # the errors of the values count that the clock is not known
     known = td.calibrate(BOX, held(130.0, 1.08)[0].joined(held(130.0, 1.08)[1], 130.0, 1.08), FREE, scenario=AIR)
     assert fit["case.capacitance"].error > 1.05 * known["case.capacitance"].error
+    # what is asked of the fit afterwards is what it says with the clock known
+    hot = td.Scenario("hot", boundaries={"air": "40 [degC]"}, start="air", duration="30 [min]")
+    one, other = (td.predict(f, hot)["case"].final for f in (fit, known))
+    assert one.celsius == pytest.approx(other.celsius, abs=0.02)
+    assert 0.9 * other.error < one.error < 2.0 * other.error  # it counts that the clock is not known
+    assert td.discrepancy(fit).misfit["case"] == pytest.approx(td.discrepancy(known).misfit["case"], abs=0.01)
 
 
 def test_a_held_rate_and_a_robust_loss() -> None:

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.cli.app import app
-from thermid.errors import NameNotFoundError
+from thermid.errors import DeckError, NameNotFoundError
 from thermid.identify.looks import FILE, look, looks_at
 from thermid.identify.stages import Campaign
 from unit.identify.bench import HTC, MASS, box, pair
@@ -76,6 +76,7 @@ class TestRecord:
     def test_files(self, record: td.CredibilityRecord, tmp_path: Path) -> None:
         as_json = json.loads(record.save(tmp_path / "r.json").read_text())
         as_toml = tomllib.loads(record.save(tmp_path / "r.toml").read_text())
+        assert as_json.pop("seal").startswith("written by thermid: credibility record")
         assert as_json == as_toml
         assert as_json["values"][JOINT]["tests"] == ["pair_one"]
         assert as_json["verdicts"] == [{"model": "pair", "record": "pair_two", "passed": True, "unseen": True}]
@@ -150,7 +151,12 @@ class TestLooks:
         assert len(looks_at(tmp_path, "sha")) == 3
         assert looks_at(tmp_path, "other") == ()
 
-    def test_a_damaged_file_remembers_nothing(self, tmp_path: Path) -> None:
-        (tmp_path / FILE).write_text("[{")
-        assert looks_at(tmp_path, "sha") == ()
+    def test_a_damaged_file_is_refused_and_stays(self, tmp_path: Path) -> None:
+        for damaged in ("", "[{", "{}", '[{"record": "r"}]'):
+            (tmp_path / FILE).write_text(damaged)
+            with pytest.raises(DeckError, match=r"looks\.json: the file is damaged.*failed a verdict before"):
+                looks_at(tmp_path, "sha")
+            with pytest.raises(DeckError, match="damaged"):
+                look(tmp_path, "r", "sha", "pair", "key", True)
+            assert (tmp_path / FILE).read_text() == damaged
         assert looks_at(None, "sha") == ()

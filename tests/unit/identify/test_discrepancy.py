@@ -11,12 +11,12 @@ from thermid.errors import IdentificationError
 from thermid.identify.calibrate import calibrate
 from thermid.identify.calibration import Calibration
 from thermid.identify.coefficients import EXPONENT
-from thermid.identify.discrepancy import discrepancy, found_at
-from thermid.identify.predict import predict
-from thermid.identify.staging import _prefixed
+from thermid.identify.discrepancy import Discrepancy, discrepancy, found_at
 from thermid.identify.values import load_values
 from thermid.measure import Channel, Record
 from thermid.model.model import Model
+from thermid.prediction.known import values_at
+from thermid.prediction.predict import predict
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
 from unit.identify.bench import HTC, MASS, box, log, room
@@ -75,15 +75,10 @@ def test_radiation_shows_at_other_levels() -> None:
     assert _shift(found, only, hot) == pytest.approx(missed, rel=0.3)
 
 
-def _shift(fit: Calibration, of_fit: object, scenario: Scenario = FAR) -> float:
-    import thermid.identify.further as further
-
-    kept = further.discrepancy
-    further.discrepancy = lambda _: of_fit  # type: ignore[assignment]
-    try:
-        return float(predict(fit, scenario)["case"].shift[-1])
-    finally:
-        further.discrepancy = kept
+def _shift(fit: Calibration, of_fit: Discrepancy, scenario: Scenario = FAR) -> float:
+    kept = {**fit.values.provenance, "structural": of_fit.to_dict()}
+    known = replace(fit, values=replace(fit.values, provenance=kept), store=replace(fit.store, provenance={fit.stage: kept}))
+    return float(predict(known, scenario)["case"].shift[-1])
 
 
 @pytest.mark.parametrize("air", [-34, 24, 61])
@@ -176,12 +171,13 @@ def test_conditions_are_kept_with_the_values_and_go_up_with_them(constant: Calib
     assert at == discrepancy(constant).conditions["skin"]
     assert str(at) == f"{at.difference:.2g} K at {at.level - 273.15:.0f} degC"
     assert 8.0 < at.difference < 13.3
-    assert found_at(_prefixed(constant.values, "a.")) == {"a.skin": at}
+    assert found_at(values_at(constant.values, "a")) == {"a.skin": at}
 
 
 def test_a_calibration_without_its_records_says_so(constant: Calibration) -> None:
-    with pytest.raises(IdentificationError, match="does not hold its records"):
-        discrepancy(replace(constant, problem=None))
+    bare = replace(constant.values, provenance={})
+    with pytest.raises(IdentificationError, match="does not hold what its fit left open"):
+        discrepancy(replace(constant, values=bare))
 
 
 def test_in_vacuum_a_coefficient_of_air_has_nothing_to_grow_with() -> None:

@@ -13,10 +13,10 @@ import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError
 from thermid.identify.calibrate import calibrate, fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.predict import predict
-from thermid.identify.prediction import Prediction
 from thermid.identify.request import Request
 from thermid.identify.spread import Spread
+from thermid.prediction.predict import predict
+from thermid.prediction.prediction import Prediction
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
 from unit.identify.bench import HTC, MASS, box, log, pair
@@ -98,7 +98,7 @@ def test_correlated_and_log_normal_spreads(found: Calibration) -> None:
     [({"sd": "0.4 [K]"}, 0.4), ("0.4 [K]", 0.4), ({"low": "39 [degC]", "high": "41 [degC]"}, 2 / np.sqrt(12))],
 )
 def test_forms_of_a_stated_spread(found: Calibration, spread: object, sd: float) -> None:
-    assert plain(found, HOT, spread={"air": spread})["air"].final.error == pytest.approx(sd)
+    assert plain(found, HOT, spread={"air": spread})["air"].final.error == pytest.approx(sd, rel=0.03)
 
 
 def test_draws_agree_with_derivatives_where_the_model_is_straight(found: Calibration) -> None:

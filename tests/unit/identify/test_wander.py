@@ -13,7 +13,7 @@ from thermid.identify.inherit import known_before
 from thermid.identify.request import Request
 from thermid.identify.solve import covariances, ended
 from thermid.identify.unknowns import Unknown
-from thermid.identify.wander import _beside, _correlation, _leaning, binned
+from thermid.identify.wander import _beside, _leaning, binned, correlation
 from thermid.measure import Channel, Record
 from thermid.model.modelfile import load_model
 from thermid.simulation import simulate
@@ -157,7 +157,7 @@ def test_the_score_of_white_residuals_is_standard_normal_beside_what_a_trace_dec
     times = np.arange(60.0)
     decided, free = _beside(rng.standard_normal((60, 3)) * 10.0)
     assert decided.shape == (60, 3)
-    like = _correlation(times, 8.0)
+    like = correlation(times, 8.0)
     found = []
     for _ in range(300):
         y = free.T @ rng.standard_normal(60)

@@ -12,6 +12,7 @@ import numpy as np
 from thermid import _kernel as k
 
 SMOOTH2 = 1e-4
+ROUND = 1e-3
 ANCHOR = 300.0
 
 
@@ -162,6 +163,9 @@ class Net:
         if kind == k.GAS:  # resistances of the gas as a continuum and of molecules that meet the walls alone, one behind the other
             mean = (ta + tb) / 2
             return g * d / (1 / self.look_up(table, mean) + math.sqrt(mean / ANCHOR) / c[slots[1]])
+        if kind in (k.HINGE_MEAN, k.HINGE_DIFF):
+            beyond = ((ta + tb) / 2 if kind == k.HINGE_MEAN else d) - c[slots[1]]
+            return g * d * (max(beyond, 0.0) if abs(beyond) >= ROUND else (beyond + ROUND) ** 2 / (4 * ROUND))
         if kind == k.POTENTIAL:
             return g * (self.look_up(table, ta) - self.look_up(table + 1, tb))
         if kind == k.NATURAL:  # Nu over signed Ra^(1/4); conductivity and Ra^(1/4) for 1 K over film temperature

@@ -47,6 +47,9 @@ def menagerie() -> Net:
     net.load(k.PROPORTIONAL, a, c(0.5), c(310.0), c(4.0), sensor=e)
     net.load(k.PROPORTIONAL, s, c(0.2), c(330.0))
     net.load(k.POLY, s, c(0.3), c(-0.01), -1, c(300.0), sensor=wall)
+    net.link(k.HINGE_MEAN, d, e, c(0.05), c(300.0))
+    net.link(k.HINGE_MEAN, a, wall, c(0.04), c(380.0))
+    net.link(k.HINGE_DIFF, d, b, c(0.02), c(7.0, constant))
     net.load(k.THERMOSTAT, d, c(7.0), c(294.0), c(296.0), sensor=e)
     return net
 

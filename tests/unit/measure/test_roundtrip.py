@@ -6,9 +6,11 @@ from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from thermid.errors import OutputError
 from thermid.measure import Record, read_record
 
 DIGITS = st.decimals(Decimal(-200), Decimal(2000), places=4)
@@ -106,12 +108,15 @@ def test_masked_samples_are_written_empty():
     record = Record.from_arrays("made", [0, 1, 2], {"case": [300.0, 301, 302]}).mask("case", 1, 1)
     with tempfile.TemporaryDirectory() as folder:
         record.to_csv(Path(folder) / "made.csv")
-        assert (Path(folder) / "made.csv").read_text() == "time [s],case [K]\n0,300\n1,\n2,302\n"
+        assert (Path(folder) / "made.csv").read_text() == '"time [s]",case [K]\n0,300\n1,\n2,302\n'
 
 
 def test_one_column_for_two_channels_is_written_under_their_names():
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.csv"
         path.write_text("t,T\n0,20\n1,21\n")
-        read_record(path, {"case": "T", "skin": "T"}).to_csv(path)
-        assert path.read_text() == "t [s],case [degC],skin [degC]\n0,20,20\n1,21,21\n"
+        record = read_record(path, {"case": "T", "skin": "T"})
+        with pytest.raises(OutputError):
+            record.to_csv(path)
+        record.to_csv(path.with_name("b.csv"))
+        assert path.with_name("b.csv").read_text() == '"t [s]",case [degC],skin [degC]\n0,20,20\n1,21,21\n'

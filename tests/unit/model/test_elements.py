@@ -110,6 +110,18 @@ def test_joint_of_one_surface(pair: Build) -> None:
             conductor(conductivity="1 [W/(m K)]", area="1 [m^2]", thickness="0 [mm]"),
             "Box, conductors.c: a zero thickness is a zero resistance, which would make two nodes one.",
         ),
+        (
+            conductor(
+                kind="heat_pipe", on_conductance="1 [W/K]", off_conductance="1 [W/K]", start_temperature="1 [degC]", transition="0 [K]"
+            ),
+            "Box, conductors.c: a table needs increasing temperatures; its points lie at 274.15, 274.15 K.",
+        ),
+        (
+            conductor(
+                kind="heat_pipe", on_conductance="-1 [W/K]", off_conductance="1 [W/K]", start_temperature="1 [degC]", transition="1 [K]"
+            ),
+            "Box, conductors.c: a table would have a negative conductance",
+        ),
         (conductor(conductance="-1 [W/K]"), "Box, conductors.c: 'c' would have a negative conductance; heat would flow uphill."),
         (conductor(conductivity="1 [W/(m K)]", area="1 [m^2]", thickness="-1 [mm]"), "'c' would have a negative conductance"),
         ({"surfaces/skin/htc": "-5 [W/(m^2 K)]"}, "Box, surfaces.skin: 'skin' would have a negative conductance"),
@@ -155,6 +167,16 @@ def test_open_paths_are_fine(part: Build) -> None:
         (
             {"kind": "lead", "conductivity": "390 [W/(m K)]", "length": "0.5 [m]", "cross_section": "0.25 [mm^2]", "count": 3},
             3 * 390 * 5e-7,
+        ),
+        (
+            {
+                "kind": "heat_pipe",
+                "on_conductance": "5 [W/K]",
+                "off_conductance": "0.1 [W/K]",
+                "start_temperature": "40 [degC]",
+                "transition": "4 [K]",
+            },
+            0.1,
         ),
         ({"kind": "table", "scale": 3, "table": {"points": [["0 [degC]", "1 [W/K]"], ["50 [degC]", "2 [W/K]"]]}}, 3.0),
     ],

@@ -100,6 +100,14 @@ steep = { kind = "table", between = ["plate", "air"], table = { over = "differen
     ["-5 [K]", "1 [mW/K]"], ["0.1 [K]", "2 [mW/K]"],
 ] } }
 
+[conductors.pipe]
+kind = "heat_pipe"
+between = ["plate", "back"]
+on_conductance = "5 [W/K]"
+off_conductance = "0.1 [W/K]"
+start_temperature = "40 [degC]"
+transition = "4 [K]"
+
 [joints.weld]
 between = ["front", "one.skin"]
 area = "3 [cm^2]"
@@ -236,18 +244,22 @@ def test_layers_become_values_with_their_bounds(sink: Model, tmp_path: Path) -> 
 
 def test_like_drops_what_is_gone_and_adds_what_is_new(sink: Model, tmp_path: Path) -> None:
     flight = sink.without_test_only()
-    with pytest.raises(OutputError, match=r"Box\.toml"):
-        save_model(flight, tmp_path / "flight.toml", like=tmp_path / "main.toml")
-    assert not (tmp_path / "flight.toml").exists()
-    assert (tmp_path / "Box.toml").read_text(encoding="utf-8") == BOX
-    (tmp_path / "out").mkdir()
-    save_model(flight, tmp_path / "out/flight.toml", like=tmp_path / "main.toml")
-    text = (tmp_path / "out/flight.toml").read_text(encoding="utf-8")
+    save_model(flight, tmp_path / "flight.toml", like=tmp_path / "main.toml")
+    text = (tmp_path / "flight.toml").read_text(encoding="utf-8")
     assert "probe" not in text
     assert "# the mass first" in text
-    assert load_model(tmp_path / "out/flight.toml") == flight
-    save_model(sink, tmp_path / "out/back.toml", like=tmp_path / "out/flight.toml")
-    assert load_model(tmp_path / "out/back.toml") == sink
+    assert load_model(tmp_path / "flight.toml") == flight
+    save_model(sink, tmp_path / "back.toml", like=tmp_path / "flight.toml")
+    assert load_model(tmp_path / "back.toml") == sink
+
+
+def test_a_part_that_its_author_changed_is_not_written_over(sink: Model, tmp_path: Path) -> None:
+    changed = BOX.replace("900", "901")
+    (tmp_path / "Box.toml").write_text(changed, encoding="utf-8")
+    with pytest.raises(OutputError, match=r"Box\.toml: it is there already"):
+        save_model(sink, tmp_path / "again.toml")
+    assert not (tmp_path / "again.toml").exists()
+    assert (tmp_path / "Box.toml").read_text(encoding="utf-8") == changed
 
 
 def test_like_a_deck_without_tables(sink: Model, tmp_path: Path) -> None:

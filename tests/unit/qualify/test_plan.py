@@ -291,7 +291,7 @@ def test_criteria_are_listed_in_quotes(tmp_path: Path) -> None:
 def test_what_margins_leave_out_is_said_once_below(tmp_path: Path) -> None:
     text = str(td.run_plan(project(tmp_path)))
     said = [line for line in text.splitlines() if "not counted in" in line]
-    assert len([line for line in said if "discrepancy: no log of the fit" in line]) == 1
+    assert len([line for line in said if "the model's own error: nothing was fitted" in line]) == 1
     assert not [line for line in text.splitlines() if line.startswith("  margin: ") and "not counted" in line]
     assert text.index(said[0]) > text.rindex("  margin: ")
 

@@ -67,6 +67,17 @@ def test_steady_temperatures_stay_exact_without_a_mass() -> None:
     assert found.by_node()["chip"].largest > 1.0  # at once, where it took ten seconds
 
 
+def test_a_conductor_of_several_rows_counts_once() -> None:
+    """A table of a kind is a row for each of its points; each was given the heat of them all, so that this pipe of 0.2 W/K was 0.6."""
+    pipe = {"kind": "heat_pipe", "between": ["chip", "base"], "start_temperature": "30 [degC]", "transition": "10 [K]"}
+    bent = part("chip", 2, 0.5, ("chip", "base"), 0.2)
+    bent["conductors"] = {"to_chip": {**pipe, "on_conductance": "0.2 [W/K]", "off_conductance": "0.2 [W/K]"}}
+    parts = (part("base", 800, 5, ("base", "air"), 0.8), part("left", 60, 2, ("left", "base"), 0.4))
+    plain = td.reduce(network(*parts, part("chip", 2, 0.5, ("chip", "base"), 0.2)), WARM, nodes=2, keep=["base", "left"])
+    same = td.reduce(network(*parts, bent), WARM, nodes=2, keep=["base", "left"])
+    assert td.steady(same.model, WARM)["chip"] == pytest.approx(td.steady(plain.model, WARM)["chip"], abs=1e-6)
+
+
 def test_a_massless_node_follows_an_outside_as_well() -> None:
     """Guyan's row sum: a node with 0.1 W/K to the base and 0.3 W/K outside takes part in the base with a sixteenth of its mass."""
     tail = part("tail", 160, 0, ("tail", "base"), 0.1)

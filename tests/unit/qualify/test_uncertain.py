@@ -10,9 +10,10 @@ import pytest
 import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
 from thermid.identify.values import FittedValue, FittedValues
-from thermid.knowledge.sources import Cut, Uniform, uniforms
+from thermid.knowledge.sources import Cut, Shifted, Uniform, uniforms
+from thermid.prediction.budget import Target
+from thermid.prediction.known import normal_sources
 from thermid.qualify import campaign_runs
-from thermid.qualify.chances import root_of
 from thermid.qualify.drivers import drivers_of
 from thermid.qualify.starts import begun_at
 
@@ -130,12 +131,13 @@ def test_values_of_a_unit_reach_it_on_its_host() -> None:
     assert found.draws["unit.heater.power"].mean() == pytest.approx(11.0, abs=0.1)
 
 
-def test_a_root_of_a_covariance_written_out() -> None:
-    some = np.random.default_rng(0).normal(size=(6, 4))
+def test_a_root_of_a_covariance_has_a_column_for_each_direction_that_has_a_variance() -> None:
+    some = np.random.default_rng(0).normal(size=(6, 4)) * np.array([1e-6, 1.0, 3.0, 1e4, 1.0, 1.0])[:, None]
     covariance = some @ some.T  # of rank four
-    root = root_of(covariance)
-    assert root @ root.T == pytest.approx(covariance, abs=1e-9)
-    assert (np.triu(root, 1) == 0.0).all()
+    sources, root = normal_sources("bench", covariance, "data")
+    assert root.shape == (6, len(sources)) == (6, 4)
+    scale = np.sqrt(np.diag(covariance))
+    assert root @ root.T / np.outer(scale, scale) == pytest.approx(covariance / np.outer(scale, scale), abs=1e-9)
 
 
 def test_a_pattern_reaches_every_number_and_what_is_named_wins() -> None:
@@ -147,11 +149,13 @@ def test_a_pattern_reaches_every_number_and_what_is_named_wins() -> None:
         }
     )
     job = td.uncertain_runs(two, SCENARIO, spread={"*.conductance": "range"}, n=2).job
-    (one,) = job.inputs.chances  # both instances share what one deck says
-    assert (one.name, one.also) == ("a.loss.conductance", ("b.loss.conductance",))
+    # both instances share what one deck says
+    assert job.budget.targets == (Target("a.loss.conductance", "add", ("b.loss.conductance",)),)
     own = {"*.conductance": "range", "a.loss.conductance": "1 [%]"}
-    chances = td.uncertain_runs(two, SCENARIO, spread=own, n=2).job.inputs.chances
-    assert {(c.name, type(c.law), c.also) for c in chances} == {("b.loss.conductance", Uniform, ()), ("a.loss.conductance", Cut, ())}
+    budget = td.uncertain_runs(two, SCENARIO, spread=own, n=2).job.budget
+    laws = {s.name: type(s.law.law) for s in budget.sources if isinstance(s.law, Shifted)}
+    assert laws == {"b.loss.conductance": Uniform, "a.loss.conductance": Cut}
+    assert all(t.also == () for t in budget.targets)
 
 
 def test_weather_and_start_times_are_drawn() -> None:
@@ -285,7 +289,7 @@ def test_mistakes_are_named(more: dict[str, object], words: str) -> None:
 
 
 def test_the_power_of_a_deck_that_the_scenario_gives_is_refused() -> None:
-    with pytest.raises(ScenarioError, match=r"the scenario gives the power of 'heater'.*Spread 'scale.heater' in per cent"):
+    with pytest.raises(td.ThermidError, match=r"the scenario gives the power of 'heater'.*Spread 'scale.heater' in per cent"):
         td.uncertain_runs(plate(), SCENARIO.with_(loads={"heater": "3 [W]"}), spread={"heater.power": "5 [%]"}, n=4)
 
 

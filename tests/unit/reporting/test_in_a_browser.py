@@ -27,6 +27,24 @@ const found = [...document.querySelectorAll("main *, header *")].filter(beyond).
 return [document.documentElement.scrollWidth - wide, found.map((e) => e.outerHTML.slice(0, 120))]"""
 
 
+TOGETHER = """
+const out = [], number = (t) => Number(t.split(' ')[0].replace('\u2212', '-'));
+const press = (box, key, n = 1) => { while (n--) box.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true })); };
+const read = (box) => {
+  const rows = new Map([...box.querySelectorAll('.read > span')].map((r) => [r.children[0].textContent, r.children[1].textContent]));
+  const names = ['measured', 'simulated', 'measured less simulated'];
+  if (rows.has(names[2])) out.push(names.map((n) => number(rows.get(n))));
+};
+for (const box of [...document.querySelectorAll('.chart.live')].filter((b) => b.querySelector('[data-less]')).slice(0, 6)) {
+  for (const key of ['0', '+']) {
+    press(box, key); press(box, 'Home');
+    for (let k = 0; k < 30; k++) { press(box, 'ArrowRight', 3); read(box); }
+  }
+  press(box, '0');
+}
+return out;"""
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Page]:
     pytest.importorskip("selenium", reason="selenium is not installed (extra test)")
@@ -167,6 +185,16 @@ def test_a_figure_answers_to_keys_and_its_values_are_those_of_the_data(browser: 
         browser.run("return [...document.querySelectorAll('#verdicts .read span:first-child')].some((e) => e.textContent === 'measured')")
         is False
     )
+
+
+def test_numbers_shown_together_agree(browser: Page, address: str) -> None:
+    """At sixty places of every figure with a difference, whole and zoomed: it is that of the two numbers above it."""
+    open_at(browser, address, 1280)
+    browser.run("for (const d of document.querySelectorAll('main details')) d.open = true")
+    shown = browser.run(TOGETHER)
+    assert len(shown) >= 120
+    assert max(abs(a - b - d) for a, b, d in shown) < 1e-9
+    assert any(abs(d) > 0.01 for *_, d in shown)
 
 
 def test_light_and_dark_change_and_are_kept_nowhere(browser: Page, address: str) -> None:

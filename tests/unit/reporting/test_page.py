@@ -144,6 +144,8 @@ def test_diagrams_traces_and_predictions_are_drawn(page: Page) -> None:
         assert sum(p.startswith(name) for p in plots) == 1
     assert sum(p.startswith("Hot: predicted temperatures. Time 0 to 5 h") for p in plots) == 1
     assert "without limit" in page.text  # the warning of the run in vacuum
+    assert "heat into case: as logged" in page.source  # the fit used the log's power, and the picture does not show the deck's 4 W
+    assert "heat into case: 4 W" not in page.source
 
 
 def test_warnings_are_told_at_the_top_and_at_the_stage(campaign: Campaign, tmp_path: Path) -> None:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import html
 import time
 from pathlib import Path
 
 import pytest
 
 from planted import campaign
+from thermid.identify.stages import Campaign
+from thermid.reporting.page import report
 from thermid.studio.outcomes import outcome_object
 from thermid.studio.project import Project
-from thermid.studio.stage_state import NOT_CREDIBLE
 from thermid.studio.work import Work
+
+NOT_CREDIBLE = "not credible"
 
 
 def idle(work: Work) -> None:
@@ -32,10 +36,11 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Work:
 def test_a_stage_that_is_not_credible_says_so_and_whatever_rests_on_it(work: Work) -> None:
     states = work._project.states
     assert [s.state for s in states.values()] == ["done", "done", "done"]
-    assert [s.standing for s in states.values()] == [NOT_CREDIBLE] * 3
+    assert [s.standing for s in states.values()] == ["not credible"] * 3
+    assert not any(s.usable for s in states.values())
     assert "would have to be wrong by" in states["part"].because
     for above in ("pair", "whole"):  # 'whole' takes a value of 'pair' alone, and rests on 'part' two levels below
-        assert states[above].because == f"rests on stage 'part', which is not credible: {states['part'].because}"
+        assert states[above].because.startswith("NOT CREDIBLE: rests on stage 'part' (T_LAB would have to be wrong by")
         assert not work._project.done[above].contradicted
 
 
@@ -43,7 +48,7 @@ def test_a_campaign_that_is_credible_says_nothing(tmp_path: Path) -> None:
     project = Project(campaign(tmp_path))
     for name in project.stages:
         project.look(name)
-        assert project.run(name).standing == ""
+        assert project.run(name).usable
 
 
 def test_what_is_run_on_such_values_decides_nothing(work: Work) -> None:
@@ -52,7 +57,20 @@ def test_what_is_run_on_such_values_decides_nothing(work: Work) -> None:
     assert work.outcome is not None
     verdict = outcome_object(work.outcome)["verdict"]
     assert verdict["word"] == "not decided"
-    assert verdict["text"].startswith("The values are NOT CREDIBLE, do not use them: rests on stage 'part'")
+    assert verdict["text"].startswith("The values are NOT CREDIBLE, do not use them: rests on stage 'part' (T_LAB would")
+
+
+def test_a_report_of_them_says_so_at_every_place_that_would_recommend_them(work: Work, tmp_path: Path) -> None:
+    """At its head, under the stage's name beside its small RMSE, over its column of the levels, and in what to do next."""
+    project = work._project
+    made = Campaign(project.title, dict(project.done), (), {n: n for n in project.stages})
+    page = html.unescape(report(made, to=tmp_path / "page.html").read_text(encoding="utf-8"))
+    for stage in project.stages:
+        assert f"✗ {stage} is not credible" in page
+        assert f"Do not use {stage}: " in page
+        assert f"{stage} (not credible)</th>" in page
+    assert page.count(">not credible</tspan>") == 3
+    assert "Do not use whole: it is not credible, rests on stage 'part' (T_LAB would have to be wrong" in page
 
 
 def test_its_mending_is_seen_by_whatever_rests_on_it(work: Work) -> None:
@@ -63,5 +81,5 @@ def test_its_mending_is_seen_by_whatever_rests_on_it(work: Work) -> None:
     assert [s.state for s in project.states.values()] == ["stale", "waiting", "waiting"]
     work.run("whole", below=True)
     idle(work)
-    assert [s.standing for s in project.states.values()] == ["", "", ""]
+    assert all(s.usable for s in project.states.values())
     project.path.write_text(text, encoding="utf-8")

@@ -151,3 +151,26 @@ def test_vacuum_and_scenarios_begin_where_the_fit_did(project: Project) -> None:
     for o in found.experiments[0].observations:
         left = o.measured - solution[o.node].kelvin[o.index] - found.bias.get(o.sensor, 0.0)
         assert np.sqrt(np.mean(left**2)) == pytest.approx(found.statistics["pair_both"][o.sensor].rmse, abs=2e-3)
+
+
+def test_a_sensor_that_touches_the_hardware_is_drawn_with_what_it_takes(tmp_path: Path) -> None:
+    """Its tip, its lag as fitted, and its leads are part of what was run; so is the heat that they carry."""
+    file = campaign(tmp_path)
+    text, part = file.read_text(encoding="utf-8"), 'T1 = { node = "case", '
+    more = 'lag = "90 [s]", lag_accuracy = "20 [s]", mass = "20 [g]", specific_heat = "500 [J/(kg K)]", gain_accuracy = "1 [%]", '
+    assert part in text
+    file.write_text(text.replace(part, part + more), encoding="utf-8")
+    project = Project(file)
+    project.look("part")
+    project.run("part")
+    desk = project.desk("part")
+    values = fitted(project, "part", {})
+    assert {"lag of T1", "scale of T1"} <= set(values)
+    assert rmse(desk, values) == pytest.approx(rmse(desk, {}), abs=2e-3)
+    assert "sensor_T1" in desk.drawn(values, 0, 3000.0, ())
+    now = desk.moment({}, 0, 3000.0)
+    assert now.temperatures["sensor_T1.tip"] < now.temperatures["case"]  # it is warming up
+    assert imbalance(desk, 0, 3000.0 + 30.0) < 0.01
+    model, scenario = desk.run_of(0, {}, sensors=False)
+    without = prepare(model, scenario).run()["case"].kelvin[-1]
+    assert without == pytest.approx(desk.moment({}, 0, scenario.seconds).temperatures["case"], abs=0.3)

@@ -2,6 +2,7 @@
 import { Chart } from "/static/chart.js";
 import { ask, at, colour, dash, hour, hours, legend, make, studio, tried } from "/static/page.js";
 import { drawPicture } from "/static/picture.js";
+import { mark, told } from "/static/stages.js";
 import { s } from "/static/state.js";
 
 let busy = false, again = false;
@@ -57,9 +58,9 @@ function drawMetrics() {
   const lines = [worst ? "Points: measured. Lines: simulated." : "Lines: simulated.", curves.some((c) => c.gone) ? `Dots: ${s.gas === "vacuum" ? "the same in vacuum" : "without convection, as printed"}.` : ""];
   const rising = !worst && curves.map((c) => ({ name: c.name, at: Math.max(...c.simulated) })).sort((a, b) => b.at - a.at)[0];
   at("strokes").textContent = lines.filter(Boolean).join(" ");
-  const state = s.project.stages.find((x) => x.name === s.stage);
-  at("worst").dataset.word = state?.standing ? "passed a limit" : "";
-  at("worst").replaceChildren(...(state?.standing ? [make("strong", { text: `✗ ${state.standing} ` })] : []), ...(worst ? [make("strong", { text: "furthest off " }), `${worst.name}: RMSE ${kelvin(worst.rmse)} K, largest ${kelvin(worst.largest)} K.`] : rising ? [make("strong", { text: "hottest " }), `${rising.name}: ${rising.at.toFixed(1)} °C.`] : []), ` ${known()}`);
+  const state = told(s.desk.standing);
+  at("worst").dataset.word = mark(state);
+  at("worst").replaceChildren(...(state.standing ? [make("strong", { text: `${state.usable ? "?" : "✗"} ${state.standing}` }), "; "] : []), ...(worst ? [make("strong", { text: "furthest off " }), `${worst.name}: RMSE ${kelvin(worst.rmse)} K, largest ${kelvin(worst.largest)} K.`] : rising ? [make("strong", { text: "hottest " }), `${rising.name}: ${rising.at.toFixed(1)} °C.`] : []), ` ${known()}`);
 }
 // what the values on the page rest on: those with an error are known from logs, and how well
 function known() {

@@ -77,10 +77,10 @@ function words() {
   const long = `${hour(found.duration)}${found.waited === null ? "" : `, of it ${hour(found.waited)} waiting for the unit`}`;
   at("scenario-title").textContent = `${found.title}: ${long}`;
   at("checks").tBodies[0].replaceChildren(...[...found.checks].sort((a, b) => (a.room ?? 1e9) - (b.room ?? 1e9)).map((c) => make("tr", { "data-check": c.point, "data-bad": c.crossings.length > 0 }, make("th", { scope: "row", text: c.point }), make("td", { text: c.state + (c.why ? ` (not decided: ${c.why})` : "") }),
-    ...[c.lowest, c.highest].map((v) => make("td", { class: "num", text: v.toFixed(1) })), make("td", { class: "num", text: c.limits.map((v) => (v === null ? "–" : v.toFixed(0))).join(" to ") }),
+    ...[c.lowest, c.highest].map((v) => make("td", { class: "num", text: v.toFixed(1) })), make("td", { class: "num", text: c.limits.map((v) => (v === null ? "–" : shown(v, 5))).join(" to ") }),
     make("td", { class: "num", text: c.room === null ? "–" : `${c.crossings.length ? "✗ " : ""}${c.room.toFixed(1)}` }), make("td", { class: "num", text: shown(c.time / 3600, 3) }))));
   at("checks").parentElement.hidden = !found.checks.length;
-  at("margins").tBodies[0].replaceChildren(...found.margins.map((m) => row(m.point, `${m.side}, ${m.state}`, m.predicted, m.uncertainty, m.added, m.limit, m.margin)));
+  at("margins").tBodies[0].replaceChildren(...found.margins.map((m) => row(m.point, `${m.side}, ${m.state}`, m.predicted, m.uncertainty, m.added, shown(m.limit, 5), m.margin)));
   at("margins").parentElement.hidden = !found.margins.length;
   at("margins").caption.textContent = found.margins.length ? `Margins [K] by ${found.margins[0].policy}: limit less predicted, less uncertainty (95 %), less what the policy adds` : "";
   const wet = found.moisture?.surfaces || [];
@@ -108,7 +108,7 @@ function draw() {
   for (const span of focus?.spans || []) span.limits.forEach((v, k) => {
     if (v === null) return;
     const side = k ? "upper" : "lower", key = `${span.state} ${side}`;
-    marks.limits.push({ value: v, side, state: span.state, from: span.from / 3600, to: span.to / 3600, label: said.has(key) ? "" : `${span.state} ${k ? "≤" : "≥"} ${v.toFixed(0)} °C` });
+    marks.limits.push({ value: v, side, state: span.state, from: span.from / 3600, to: span.to / 3600, label: said.has(key) ? "" : `${span.state} ${k ? "≤" : "≥"} ${shown(v, 5)} °C` });
     said.add(key); marks.values.push(v);
   });
   if (!focus) for (const l of found.levels) { marks.levels.push({ value: l.value, label: `${l.name} ${l.value.toFixed(1)} °C` }); marks.values.push(l.value); }

@@ -19,8 +19,8 @@ export function drawStages() {
   at("stage-count").textContent = `${s.project.stages.length} stages: ${counts}${word ? `; ${seen.length} shown` : ""}`;
   list.replaceChildren(...seen.map((x) => {
     const running = job && !job.ended && job.what === "run" && job.stage === x.name, state = running ? "running" : x.state;
-    const says = state === "done" && x.standing ? `✗ ${x.standing.toUpperCase()}` : state === "done" ? `RMSE to ${shown(Math.max(...Object.values(x.sensors), 0), 2)} K` : SAYS[state] || state;
-    return make("li", {}, make("button", { type: "button", "data-stage": x.name, "data-state": state, "data-standing": state === "done" && x.standing, "aria-current": x.name === s.stage ? "true" : "false", title: x.because || x.why || state, onclick: () => open(x.name) }, make("span", { text: x.name }), make("small", { text: says })));
+    const says = state === "done" && x.standing ? `${x.usable ? "?" : "✗"} ${x.standing.toUpperCase()}` : state === "done" ? `RMSE to ${shown(Math.max(...Object.values(x.sensors), 0), 2)} K` : SAYS[state] || state;
+    return make("li", {}, make("button", { type: "button", "data-stage": x.name, "data-state": state, "data-standing": (state === "done" && x.standing) || false, "aria-current": x.name === s.stage ? "true" : "false", title: x.because || x.why || state, onclick: () => open(x.name) }, make("span", { text: x.name }), make("small", { text: says })));
   }));
   const current = list.querySelector("[aria-current=true]");
   if (many && current && drawn !== s.stage) { drawn = s.stage; list.scrollLeft = current.parentElement.offsetLeft - list.clientWidth / 2; }
@@ -28,8 +28,10 @@ export function drawStages() {
 }
 at("find-stage").addEventListener("input", drawStages);
 
-// why the values of a stage are not to be used, as a sentence
-export const doubt = (state) => `${state.because[0].toUpperCase()}${state.because.slice(1)}.`;
+// a standing as the studio writes it, as tiles have it: empty where there is nothing to be told
+export const told = ({ state, because }) => ({ standing: ["credible", "unjudged"].includes(state) ? "" : state, because, usable: !["not credible", "failed"].includes(state) });
+// how loud the standing of a stage is said
+export const mark = (state) => (!state?.standing ? "" : state.usable ? "not decided" : "passed a limit");
 
 export function drawLevels() {
   const state = s.project.stages.find((x) => x.name === s.stage), box = at("stage-detail");
@@ -39,11 +41,10 @@ export function drawLevels() {
   const above = s.project.stages.filter((x) => x.below.includes(s.stage)).map((x) => x.name);
   const undone = state.below.filter((n) => s.project.stages.find((x) => x.name === n)?.state !== "done");
   box.append(make("button", { type: "button", id: "run-stage", text: `Run ${s.stage}${undone.length ? ` and ${undone.join(", ")} below it` : state.state === "done" ? " again" : ""}`, onclick: () => tried(() => { forget(s.stage); return begin("/api/run", { stage: s.stage, below: true }); }) }));
-  box.append(make("span", { class: "soft grow", text: nice(`${state.state === "done" ? (state.standing ? "Done, but do not use its values" : "Done") : state.state === "new" ? "Not run yet" : state.state === "waiting" ? "Not run yet" : state.state === "failed" ? "Failed" : `${state.state[0].toUpperCase()}${state.state.slice(1)}: ${state.why}`}. ` + (state.below.length ? `Takes values of ${state.below.join(", ")}; ` : "Takes values of no other stage; ") + (above.length ? `hands its own to ${above.join(", ")}.` : "hands its own to none.")) }));
-  if (state.standing) box.append(make("p", { class: "verdict", "data-word": "passed a limit" }, make("strong", { text: `✗ ${state.standing}` }), make("span", { text: ` ${nice(doubt(state))}` })));
-  const doubtful = new Set(s.project.stages.filter((x) => x.standing).map((x) => x.name));
+  box.append(make("span", { class: "soft grow", text: nice(`${state.state === "done" ? (state.usable ? "Done" : "Done, but do not use its values") : state.state === "new" ? "Not run yet" : state.state === "waiting" ? "Not run yet" : state.state === "failed" ? "Failed" : `${state.state[0].toUpperCase()}${state.state.slice(1)}: ${state.why}`}. ` + (state.below.length ? `Takes values of ${state.below.join(", ")}; ` : "Takes values of no other stage; ") + (above.length ? `hands its own to ${above.join(", ")}.` : "hands its own to none.")) }));
+  if (state.standing) box.append(make("p", { class: "verdict", "data-word": mark(state) }, make("strong", { text: `${state.usable ? "?" : "✗"} ` }), make("span", { text: nice(`${state.because}.`) })));
   const { heads, rows } = s.project.table, kind = (k) => (k > 2 ? "num" : "text");
-  at("table").tHead.replaceChildren(make("tr", {}, ...heads.map((n, k) => make("th", { scope: "col", class: kind(k), text: doubtful.has(n) ? `${n} (✗ not credible)` : n }))));
+  at("table").tHead.replaceChildren(make("tr", {}, ...heads.map((n, k) => make("th", { scope: "col", class: kind(k), text: n }))));
   at("table").tBodies[0].replaceChildren(...rows.map((cells) => make("tr", {}, ...cells.map(([text, look], k) => make(k ? "td" : "th", { scope: k ? false : "row", class: `${kind(k)} ${look}`, text })))));
   at("table").parentElement.hidden = !rows.length;
   at("levels").hidden = !rows.length && at("swap").hidden;
@@ -54,6 +55,7 @@ export async function refresh() {
   const found = await ask("/api/project");
   const changed = !s.project || JSON.stringify(found.stages) !== JSON.stringify(s.project.stages);
   s.project = found;
+  s.editions = Object.fromEntries(found.stages.map((x) => [x.name, JSON.stringify([x.state, x.edition])])); // as the studio told them; what a swap would make of them is marked on the page alone
   at("title").textContent = found.title;
   at("note").textContent = [found.file, found.note].filter(Boolean).join(" — ");
   document.title = `${found.title} · thermid studio`;
@@ -96,6 +98,6 @@ at("swap").addEventListener("submit", (e) => { e.preventDefault(); tried(async (
   const due = new Set(plan.stages.filter((x) => x.action !== "kept").map((x) => x.name));
   s.project.stages = s.project.stages.map((x) => (due.has(x.name) ? { ...x, state: "stale", why: `after ${plan.part}: ${plan.old} → ${plan.new}` } : x));
   drawStages();
-  const doubts = s.project.stages.filter((x) => x.standing).map((x) => make("p", { class: "warning", text: nice(`NOT CREDIBLE: ${x.name}. ${doubt(x)}`) }));
+  const doubts = s.project.stages.filter((x) => x.standing).map((x) => make("p", { class: "warning", text: nice(`${x.name}: ${x.because}.`) }));
   at("swap-result").replaceChildren(...doubts, make("p", { text: `${plan.part}: ${plan.old} → ${plan.new}. ${plan.freed.length} interface values retuned, ${due.size} of ${plan.stages.length} stages due again, ${plan.tests.length} tests to repeat.` }), make("ul", {}, ...plan.stages.map((x) => make("li", { "data-action": x.action, text: nice(`${x.name}: ${x.action}, ${x.why}`) }))), make("details", {}, make("summary", { text: "In full" }), make("pre", { text: nice(plan.text), tabindex: "0" })));
 }); });

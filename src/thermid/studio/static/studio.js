@@ -9,10 +9,9 @@ import { drawLevels, drawStages, opensWith, refresh, watch } from "/static/stage
 import { s } from "/static/state.js";
 import { buttons, fitted, restore, warnings } from "/static/tuning.js";
 
-const edition = (name) => { const x = s.project.stages.find((y) => y.name === name); return JSON.stringify(x ? [x.state, x.edition] : null); };
 async function open(name) {
   s.stage = name;
-  s.edition = edition(name);
+  s.edition = s.editions[name];
   drawStages();
   s.desk = await tried(() => ask(`/api/desk?stage=${encodeURIComponent(name)}`));
   Object.assign(s, { values: {}, done: [], undone: [], run: 0, time: null, window: null, chosen: null, gas: "air" });
@@ -44,10 +43,11 @@ opensWith(open);
 async function follow() {
   if (!document.hidden && s.stage && s.project.job?.ended !== false) {
     const now = await ask("/api/fresh").catch(() => null); // a studio that was ended says so when something is asked of it
-    if (now && JSON.stringify(now[s.stage] ?? null) !== s.edition) {
+    const other = (name, than) => JSON.stringify(now[name]) !== than;
+    if (now && other(s.stage, s.edition)) {
       await refresh();
       await open(s.project.stages.some((x) => x.name === s.stage) ? s.stage : s.project.stages[0].name);
-    } else if (now && s.project.stages.some((x) => JSON.stringify(now[x.name]) !== edition(x.name))) await refresh();
+    } else if (now && Object.keys({ ...now, ...s.editions }).some((name) => other(name, s.editions[name]))) await refresh();
   }
   setTimeout(follow, 1000);
 }

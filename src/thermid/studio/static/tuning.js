@@ -3,7 +3,7 @@ import { move } from "/static/curves.js";
 import { ask, at, make, nice, shown, studio, tried, unitOf } from "/static/page.js";
 import { drawPicture } from "/static/picture.js";
 import { drawSliders, slidersTell } from "/static/sliders.js";
-import { begin } from "/static/stages.js";
+import { begin, told } from "/static/stages.js";
 import { keep, kept, s } from "/static/state.js";
 
 export function buttons() { if (s.desk?.title === s.stage) keep(s.stage, s); at("undo").disabled = !s.done.length; at("redo").disabled = !s.undone.length; at("reset").disabled = !Object.keys(s.values).length; }
@@ -36,7 +36,8 @@ export async function fitted(job) {
   for (const [path, v] of Object.entries(job.result.values)) { const x = s.desk.sliders.find((y) => y.path === path); if (x) Object.assign(x, { error: v.error, found: v.value }); }
   after();
   const rows = Object.entries(job.result.values).map(([p, v]) => make("li", { text: `${p}: ${shown(v.value)} ± ${shown(v.error, 2)} ${unitOf(v)}` }));
-  at("fit-result").replaceChildren(make("h3", { text: `Fitted, ${job.result.evaluations} evaluations, ${shown(job.seconds, 2)} s` }), make("ul", {}, ...rows), ...warnings(job.result.warnings), make("details", {}, make("summary", { text: "The whole report" }), make("pre", { text: nice(job.result.text), tabindex: "0" })));
+  const { standing, because } = told(job.result.standing), loud = standing && !job.result.warnings.some((w) => w.includes(because)) ? [`${standing.toUpperCase()}: ${because}`] : [];
+  at("fit-result").replaceChildren(make("h3", { text: `Fitted, ${job.result.evaluations} evaluations, ${shown(job.seconds, 2)} s` }), make("ul", {}, ...rows), ...warnings([...loud, ...job.result.warnings]), make("details", {}, make("summary", { text: "The whole report" }), make("pre", { text: nice(job.result.text), tabindex: "0" })));
 }
 export const warnings = (list) => list.map((w) => make("p", { class: "warning", text: `warning: ${nice(w)}` }));
 at("save").addEventListener("submit", (e) => { e.preventDefault(); tried(async () => { const found = await ask("/api/save", { stage: s.stage, values: s.values, name: at("save-name").value }); at("status").textContent = `saved as results/${found.file}`; }); });

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError
 from thermid.identify.calibration import Calibration
 from thermid.identify.gather import prior_of
-from thermid.identify.joint_gas import with_gas_in_joints
-from thermid.identify.split import split, split_needed
+from thermid.identify.split import split_needed, split_values
 from thermid.identify.unknowns import Unknown, parameter_unknown
 from thermid.model.model import Model
 from thermid.network.network import compile_network
+from thermid.prediction.known import Known, rows_of
+from thermid.prediction.structural import open_contacts
 from thermid.simulation.scenario import Scenario
 
 __all__ = ["WITHOUT_GAS", "Knowledge"]
@@ -67,9 +68,11 @@ class Knowledge:
         values = fit.values
         names, covariance = [*values], np.where(np.isfinite(values.covariance), values.covariance, 0.0)
         model, wide, fresh = fit.fitted_model, values.bare(), []
-        thin = split_needed(fit, scenario) if scenario is not None else []
+        known = Known.of(fit)
+        surfaces = known.kept[-1].surfaces
+        thin = split_needed(model, scenario, known.assigned) if scenario is not None else []
         if thin:
-            apart = split(fit, thin)
+            apart = split_values(model, wide, thin, surfaces)
             model = apart.model
             wide = apart.values.only([p for p, v in apart.values.items() if p in values or v.error > 0])  # the rest is taken as exact
             own = [k for k, name in enumerate(names) if name in values.parameters]
@@ -83,9 +86,11 @@ class Knowledge:
                 form[names.index(name)] = fitted[name] = wide[name].value
         covariance = covariance * np.outer(form, form)
         if scenario is not None:
-            loose = np.diag(with_gas_in_joints(fit, wide, scenario)[0].covariance) - np.diag(wide.covariance)
-            for name in (p for p, more in zip(wide, loose, strict=True) if more > 0.0):
-                k, more = names.index(name), loose[list(wide).index(name)]
+            for name, gas in open_contacts(known, rows_of(known), scenario)[0].items():
+                k, more = (
+                    names.index(name),
+                    gas.law.variance * (1.0 if wide[name].log else wide[name].value ** 2) * form[names.index(name)] ** 2,
+                )
                 covariance = np.block([[covariance, covariance[:, [k]]], [covariance[[k]], covariance[k : k + 1, k : k + 1] + more]])
                 names.append(name + WITHOUT_GAS)
         return cls(

@@ -13,16 +13,18 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.identify.actions import Action, Aim, usual_actions
 from thermid.identify.calibration import Calibration
-from thermid.identify.doubts import doubted, doubts_without_gas
 from thermid.identify.gather import problem_for
-from thermid.identify.knowledge import WITHOUT_GAS, Knowledge
 from thermid.identify.planned import Sensor, planned_record, sensors_of
-from thermid.identify.predict import predict
 from thermid.identify.ranking import Advice, Option
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.model.model import Model
 from thermid.model.signal import literal
+from thermid.prediction.budget import budget_of
+from thermid.prediction.doubts import doubted, doubts_without_gas
+from thermid.prediction.knowledge import WITHOUT_GAS, Knowledge
+from thermid.prediction.setting import Setting
+from thermid.prediction.structural import GAS_IN_JOINTS, SPLIT
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import prepare
 
@@ -30,6 +32,8 @@ __all__ = ["next_test"]
 
 Array = NDArray[np.float64]
 NAME = "next test"
+HERE = ("fit", SPLIT, GAS_IN_JOINTS)
+"""Causes whose information a test adds to; the others are said beside."""
 DURATIONS = 24
 ENOUGH = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
@@ -140,9 +144,10 @@ def _beside(source: Calibration | Model, target: str | Aim) -> dict[str, float]:
     """Return cause -> standard error of a prediction that comes from nothing a fit has freed. [K]"""
     if isinstance(target, str) or not isinstance(source, Calibration) or not np.isfinite(source.values.covariance).all():
         return {}
-    (band,) = predict(source, target.scenario, times=[_instant(target)], nodes=[target.node]).bands.values()
-    _, *rest = band.parts
-    return {cause: float(np.sqrt(band.parts[cause][-1])) for cause in rest}
+    setting = Setting.of(budget_of(source, target.scenario), times=[_instant(target)])
+    (columns,) = setting.linear([target.node]).columns.values()
+    parts = setting.budget.parts(columns[:-1])
+    return {cause: float(np.sqrt(v[-1])) for cause, v in parts.items() if cause not in HERE}
 
 
 def _goal(text: str, slot: str, value: float) -> float:

@@ -13,8 +13,11 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, nearest
 from thermid.files import TABLE, replacing
+from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure.amounts import short
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.omitted import first_line
 
 __all__ = ["Band", "Estimate", "Prediction"]
 
@@ -67,8 +70,8 @@ class Band:
 
     @property
     def kelvin(self) -> Array:
-        """Expected temperatures (times,). [K]"""
-        return self.simulated + self.shift
+        """Expected temperatures (times,): the mean of the members where there are some. [K]"""
+        return self.simulated + self.shift if self.members is None else np.asarray(self.members.mean(axis=1))
 
     @property
     def celsius(self) -> Array:
@@ -89,6 +92,12 @@ class Band:
             return low - ICE_POINT, high - ICE_POINT
         wide = NormalDist().inv_cdf(0.5 + level / 2) * self.error
         return self.celsius - wide, self.celsius + wide
+
+    @property
+    def half_width(self) -> Array:
+        """Half the width (times,) of the band that holds the truth in 95 of 100 cases. [K]"""
+        low, high = self.interval()
+        return np.asarray(0.5 * (high - low))
 
     def at(self, time: float) -> Estimate:
         """Return the temperature at a time within the run, straight lines between stored times. [s]"""
@@ -120,6 +129,9 @@ class Prediction:
     settled : dict              Node -> Estimate with the inputs of the end held for good; empty where nothing settles.
     causes : dict               Cause -> what it stands for, in words.
     warnings : tuple of str     What a reader must know.
+    standing : Standing         Of the values that it rests on.
+    left_out : tuple of LeftOut What the bands do not count.
+    least : float               Standard error beside which that is to be seen. [K]
     """
 
     title: str
@@ -130,6 +142,14 @@ class Prediction:
     causes: Mapping[str, str]
     warnings: tuple[str, ...] = ()
     _find: Mapping[str, str] = field(default_factory=dict, repr=False)
+    standing: Standing = UNJUDGED
+    left_out: tuple[LeftOut, ...] = ()
+    least: float = 0.0
+
+    @property
+    def not_counted(self) -> str:
+        """What a reader must know first: what the bands do not count and could matter; empty where nothing is."""
+        return first_line(self.left_out, self.least)
 
     def __getitem__(self, node: str) -> Band:
         """Return the band of a node; aliases are accepted.
@@ -165,8 +185,10 @@ class Prediction:
         return {
             "title": self.title,
             "scenario": self.scenario,
+            "standing": self.standing.to_dict(),
             "nodes": nodes,
             "causes": dict(self.causes),
+            "left_out": [{"what": x.what, "kelvin": x.kelvin if np.isfinite(x.kelvin) else None} for x in self.left_out],
             "warnings": list(self.warnings),
         }
 
@@ -184,6 +206,7 @@ class Prediction:
         """Return the end of the run as a table, and what the variance comes from."""
         width = max([4, *(len(n) for n in self.bands)])
         lines = [f"{self.title}, {self.scenario}: temperature +- one standard error, and the band that holds the truth in 95 of 100 cases"]
+        lines = [*([self.not_counted] if self.not_counted else []), *lines]
         for name, band in self.bands.items():
             e = band.final
             steady = self.settled.get(name)
@@ -192,7 +215,7 @@ class Prediction:
                 f"  {name:<{width}}  end {e.celsius:8.2f} +- {short(e.error)} degC   95 %: {e.low:.2f} .. {e.high:.2f}{rest}{_why(e)}"
             )
         lines += [f"  {cause}: {text}" for cause, text in self.causes.items()]
-        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+        return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
 
 
 def _why(e: Estimate) -> str:

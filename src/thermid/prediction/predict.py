@@ -1,0 +1,264 @@
+"""`predict`: what is known and a scenario in, temperatures with their bands out, and what the bands come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.arguments import takes_objects
+from thermid.errors import IdentificationError
+from thermid.identify.calibration import Calibration
+from thermid.identify.coefficients import Conditions, constant_coefficients
+from thermid.identify.spread import Spread
+from thermid.knowledge.sources import LeftOut
+from thermid.model.model import Model
+from thermid.prediction.budget import Budget, budget_of
+from thermid.prediction.known import Known
+from thermid.prediction.omitted import assumed_left_out
+from thermid.prediction.prediction import Band, Prediction
+from thermid.prediction.setting import Linear, Setting
+from thermid.prediction.structural import CONSTANT, MISFIT
+from thermid.simulation.engine import Options
+from thermid.simulation.scenario import Scenario
+
+__all__ = ["predict", "predicted"]
+
+Array = NDArray[np.float64]
+GUESSED = 0.25
+"""Shift by radiation that nobody has stated, from which it is spoken of. [K]"""
+FAR = (1.25, 10.0)
+"""Ratio of differences, and kelvin of level, from which a coefficient is said to be used far from where it was found."""
+PROBES = 32
+"""Members that tell whether derivatives do, in pairs of opposite numbers."""
+DRAWN = 2000
+"""Members drawn where derivatives do not do."""
+MEAN_MISS, WIDTH_MISS = 0.1, 0.1
+"""What the mean may be off by, in half-widths of the 95 % band, and its half-width, relative, before derivatives do not do."""
+SMALL = 0.05
+"""Half-width of the 95 % band below which nobody minds how it was computed. [K]"""
+SHAPE = 4096
+"""Draws of a straight model that give the quantiles of its laws."""
+Given = Mapping[str, Any] | Spread
+
+
+@takes_objects
+def predict(
+    fit: Calibration | Known,
+    scenario: Scenario,
+    *,
+    model: Model | None = None,
+    spread: Given | Sequence[Given] = (),
+    every: str | float | None = None,
+    times: Any = None,
+    nodes: Sequence[str] | None = None,
+    discrepancy: bool = True,
+    without: Sequence[str] = (),
+    draws: int = 0,
+    seed: int = 0,
+    options: Options | None = None,
+) -> Prediction:
+    """Return what a fitted model says of a scenario, with standard errors and what they come from.
+
+    Errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in Metrology,
+    GUM 2008, 5.2.2). Where members that are drawn from the same sources would give another band (its mean off by a tenth of the half-width,
+    or the half-width by a tenth), members are drawn, and a remark says so.
+
+    Where the scenario thins the gas of surfaces whose coefficients are effective, these are separated first; see `split`. Joints that were
+    fitted in air are then as uncertain as the gas in them is.
+
+    Parameters
+    ----------
+    fit : Calibration, Known    What is known: a fit, or a model with fitted values.
+    scenario : Scenario         What is done to the model; it is taken as exact but for what `spread` says.
+    model : Model               Another model that holds the fitted paths; the fitted one by default.
+    spread : dict, Spread       What else is not known exactly: name -> spread as text, or `Spread`, or several of these.
+    every, times                When to store, as in `simulate`.
+    nodes : sequence of str     Nodes to predict; all by default.
+    discrepancy : bool          False for ``without=("structural", "misfit")``.
+    without : sequence of str   Sources that are not counted: kinds (``structural``, ``misfit``) or causes; the result says so.
+    draws : int                 Members drawn from the sources; bands are then quantiles. 0 for derivatives, as long as they do.
+    seed : int                  Of the draws.
+    options : Options           The integrator's.
+
+    Raises
+    ------
+    IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
+    """
+    known = fit if isinstance(fit, Known) else Known.of(fit)
+    if draws < 0:
+        raise IdentificationError(f"{draws} members cannot be drawn; give 0 for derivatives alone, or some hundred.", known.model.title)
+    off = (*without, *(() if discrepancy else ("structural", "misfit")))
+    budget = budget_of(known.on(model) if model is not None else known, scenario, spread, without=off)
+    return predicted(budget, nodes, every=every, times=times, draws=draws, seed=seed, options=options)
+
+
+def predicted(
+    budget: Budget,
+    nodes: Sequence[str] | None = None,
+    *,
+    every: str | float | None = None,
+    times: Any = None,
+    draws: int = 0,
+    seed: int = 0,
+    options: Options | None = None,
+) -> Prediction:
+    """Return what a budget says of its scenario; arguments as in `predict`."""
+    setting = Setting.of(budget, every=every, times=times, options=options)
+    linear = setting.linear(nodes)
+    find = {n: linear.run[n].path for n in (nodes if nodes is not None else linear.run.nodes)}
+    shifts = {n: c @ budget.means for n, c in linear.columns.items()}
+    parts = {n: budget.parts(c) for n, c in linear.columns.items()}
+    why = Missed() if draws else missed(setting, linear)
+    count = draws or (DRAWN if why.words else 0)
+    members: dict[str, Array] = {}
+    if count:
+        sources = budget.drawn(budget.numbers(seed, 0, count))
+        if draws or why.bent:
+            members, _ = setting.temperatures(sources, list(linear.columns))
+            members = {n: m[:, ~np.isnan(m).any(axis=0)] for n, m in members.items() if not np.isnan(m).any(axis=0).all()}
+        else:
+            members = {n: linear.run[n].kelvin[:, None] + c[:-1] @ sources for n, c in linear.columns.items()}
+    bands, rest = {}, {}
+    for n in linear.columns:
+        now = {c: v[:-1] for c, v in parts[n].items()}
+        bands[n] = Band(n, setting.ready.times, linear.run[n].kelvin, shifts[n][:-1], now, members.get(n))
+        if linear.settled and n in linear.settled:
+            end = np.array([linear.settled[n]])
+            rest[n] = Band(n, setting.ready.times[-1:], end, shifts[n][-1:], {c: v[-1:] for c, v in parts[n].items()}).final
+    guessed = _guessed(setting, linear)
+    warnings = (*linear.run.warnings, *budget.remarks, *([f"{why.words}: {count} members were drawn"] if why.words else []), *guessed)
+    left, least = _left_out(budget, bands)
+    words, standing = _words(setting), budget.standing
+    title, course = budget.model.title, budget.scenario.title
+    return Prediction(title, course, setting.ready.times, bands, rest, words, warnings, find, standing, left, least)
+
+
+def _left_out(budget: Budget, bands: Mapping[str, Band]) -> tuple[tuple[LeftOut, ...], float]:
+    """Return what is left out, and the standard error beside which that is to be seen: of the node where it weighs most. [K]"""
+    errors = {n: float(b.error[-1]) for n, b in bands.items()}
+    inner = {n: e for n, e in errors.items() if e > 0.0} or errors
+    found = assumed_left_out(budget, list(inner))
+    weighs = {n: effect / max(inner[n], 1e-12) for _, effects in found for n, effect in effects.items()}
+    worst = max(weighs, key=weighs.__getitem__, default="")
+    own = tuple(replace(x, kelvin=effects.get(worst, x.kelvin)) if effects else x for x, effects in found)
+    return (*budget.omitted, *own), inner[worst] if worst else max(errors.values(), default=0.0)
+
+
+@dataclass(frozen=True)
+class Missed:
+    """Where a band by derivatives would miss that of members.
+
+    Parameters
+    ----------
+    words : str     Where and by how much; empty where it does not.
+    bent : bool     Whether the model bends; otherwise only the laws of its sources are not normal.
+    size : float    By how much, one at the border.
+    """
+
+    words: str = ""
+    bent: bool = False
+    size: float = 1.0
+
+
+def missed(setting: Setting, linear: Linear) -> Missed:
+    """Return where a band by derivatives would miss that of members.
+
+    Members in pairs of opposite numbers are compared with the straight model at the same numbers. Their differences vary far less than the
+    members themselves, so some tens of them say as much as thousands would (control variates; Glasserman, Monte Carlo Methods in Financial
+    Engineering, 2003, 4.1).
+    """
+    budget = setting.budget
+    size = {n: 1.96 * np.sqrt(np.sum([*budget.parts(c).values(), np.zeros(len(c))], axis=0)[:-1]) for n, c in linear.columns.items()}
+    size = {n: s for n, s in size.items() if s.max(initial=0.0) > SMALL}
+    if not size:
+        return Missed()
+    shape = budget.drawn(budget.numbers(0, 0, SHAPE))
+    half = budget.numbers(1, 0, PROBES // 2)
+    probe = budget.drawn(np.hstack([half, 1.0 - half]))
+    actual, many = setting.temperatures(probe, list(size))
+    if many is not None and many.failed:
+        return Missed("some members did not reach the end", True)
+    worst = Missed()
+    for n, wide in size.items():
+        for k in dict.fromkeys((int(wide.argmax()), wide.size - 1)):
+            if wide[k] > SMALL:
+                column = linear.columns[n][k]
+                straight = np.quantile(column @ shape, [0.025, 0.975])
+                off = actual[n][k] - linear.run[n].kelvin[k] - column @ probe
+                worst = max(worst, _missed_at(n, float(wide[k]), straight, column @ probe, off), key=lambda m: m.size)
+    return worst
+
+
+def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array) -> Missed:
+    """Return how far the band of a node at one time is missed.
+
+    Parameters
+    ----------
+    node : str
+    wide : float                Half-width by derivatives. [K]
+    ends : array (2,)           Quantiles of the straight model. [K]
+    straight : array (members,) Deviations of the straight model. [K]
+    off : array (members,)      What the members differ from it by. [K]
+    """
+    own = straight - straight.mean()
+    slope = float(own @ off / max(own @ own, 1e-30))
+    bend = float(np.sqrt((1.0 + slope) ** 2 + np.var(off - slope * own) * (1.96 / wide) ** 2)) - 1.0
+    shape = 0.5 * float(ends[1] - ends[0]) / wide - 1.0
+    head = f"derivatives miss the band of '{node}'"
+    return max(
+        Missed(f"{head}, its mean by {off.mean():+.2g} K", True, abs(float(off.mean())) / wide / MEAN_MISS),
+        Missed(f"{head}, its width by {100 * bend:+.0f} %", True, abs(bend) / WIDTH_MISS),
+        Missed(f"{head}, whose sources are not normal, its width by {100 * shape:+.0f} %", False, abs(shape) / WIDTH_MISS),
+        Missed(),
+        key=lambda m: m.size,
+    )
+
+
+def _far(at: Conditions, here: Conditions) -> bool:
+    ratio = here.difference / max(at.difference, 1e-9)
+    return not 1.0 / FAR[0] <= ratio <= FAR[0] or abs(here.level - at.level) > FAR[1]
+
+
+def _words(setting: Setting) -> dict[str, str]:
+    """Return cause -> what it stands for."""
+    budget = setting.budget
+    out = {}
+    for cause in dict.fromkeys(budget.causes):
+        own = [k for k, c in enumerate(budget.causes) if c == cause]
+        names = [t.name for t, row in zip(budget.targets, budget.gain, strict=True) if t.form not in ("mode", "node") and row[own].any()]
+        listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+        out[cause] = f"what is left open of {listed}"
+    if CONSTANT in out:
+        at = budget.conditions
+        far = [f"{p} (found at {at[p]}, here {c})" for p, c in setting.here.items() if p in at and _far(at[p], c)]
+        listed = "; ".join(far[:3]) + (f"; and {len(far) - 3} more" if len(far) > 3 else "")
+        used = f"used further off: {listed}" if far else "used near where they were found"
+        out[CONSTANT] = f"convection may grow with the difference (exponent 0 to 1/3), radiation with the level; {used}"
+    if MISFIT in out:
+        out[MISFIT] = "what the model could not follow in the records that it was fitted to"
+    return out
+
+
+def _guessed(setting: Setting, linear: Linear) -> list[str]:
+    """Return a remark where radiation that nobody has stated shifts a temperature: any emissivity was taken as equally likely."""
+    budget = setting.budget
+    bare = {p for p, c in constant_coefficients(setting.ready.wiring.network).items() if not c.emissivity}
+    names = {m.name: m.path for m in budget.modes if m.kind == "level" and m.path in bare}
+    own = np.array([s.law.mean if s.name in names else 0.0 for s in budget.sources])
+    if not own.any():
+        return []
+    shifts = {n: float((c @ own)[-2]) for n, c in linear.columns.items()}
+    worst = max(shifts, key=lambda n: abs(shifts[n]))
+    if abs(shifts[worst]) < GUESSED:
+        return []
+    surfaces = sorted(names[s.name] for s, size in zip(budget.sources, own, strict=True) if size)
+    listed = ", ".join(surfaces[:3]) + (f" and {len(surfaces) - 3} more" if len(surfaces) > 3 else "")
+    return [
+        f"'{worst}' is shifted by {shifts[worst]:+.2g} K, and others less, for radiation that nobody has stated: any emissivity from 0 "
+        f"to 0.95 is taken as equally likely. Bare metal radiates less, and the shift then goes too far. Say the finish, or the "
+        f"emissivity, of {listed}."
+    ]

@@ -1,0 +1,184 @@
+"""`Setting`: a budget made ready for runs of one scenario - by derivatives, or member by member - with its coefficient modes beside it.
+
+A coefficient that differs by a part c of a mode from a constant is to first order the same as a pair of loads (see `coefficients`).
+What the fit would have found for that part differs too: the gain of the budget holds both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import SolverError
+from thermid.identify.coefficients import (
+    Conditions,
+    Pattern,
+    conditions_of,
+    constant_coefficients,
+    courses,
+    ending_settled,
+    patterns_of,
+    with_patterns,
+)
+from thermid.prediction.budget import Budget, Target, combined
+from thermid.simulation.engine import Engine, Options
+from thermid.simulation.ensemble import Ensemble
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.simulator import Simulator, prepare
+from thermid.simulation.solution import Solution
+from thermid.simulation.wiring import Wiring
+
+__all__ = ["Linear", "Setting"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Temperatures of one run with best values, and what a unit of every source does.
+
+    Parameters
+    ----------
+    run : Solution
+    settled : dict          Node -> temperature with the inputs of the end kept for good [K]; empty where nothing settles.
+    columns : dict          Node -> (times and the settled state, sources). [K]
+    """
+
+    run: Solution
+    settled: Mapping[str, float]
+    columns: Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """A budget made ready.
+
+    Parameters
+    ----------
+    budget : Budget
+    ready : Simulator       With everything free that a target acts on; coefficient modes are pairs of loads of zero size.
+    carriers : dict         Target -> free names that carry it; none for nodes, and for modes that do not act here.
+    here : dict             Conductor -> its conditions in this scenario.
+    """
+
+    budget: Budget
+    ready: Simulator
+    carriers: Mapping[Target, tuple[str, ...]]
+    here: Mapping[str, Conditions] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, budget: Budget, *, scenario: Scenario | None = None, every: str | float | None = None, times: Any = None, options: Any = None
+    ) -> Setting:
+        """Return a budget made ready for its scenario, or for a variant of it."""
+        asked = budget.scenario if scenario is None else scenario
+        chosen: Options | None = options
+        ready = prepare(budget.model, asked, budget.names, every=every, times=times, options=chosen)
+        carriers = {
+            t: tuple(dict.fromkeys(map(ready.canonical, (t.name, *t.also)))) for t in budget.targets if t.form in ("add", "log", "factor")
+        }
+        if not budget.modes:
+            return cls(budget, ready, carriers)
+        patterns, here = _patterns(budget, ready)
+        wiring = ready.wiring
+        network, wide = with_patterns(wiring.network, wiring.scenario, patterns)
+        acting = {(p.path, p.kind): tuple(f"scale.{n}" for n in p.names(network.boundaries)) for p in patterns}
+        named = {m.name: acting.get((m.path, m.kind), ()) for m in budget.modes}
+        carriers |= {t: named[t.name] for t in budget.targets if t.form == "mode"}
+        made = Wiring(network, wide, (*ready.free, *(n for names in acting.values() for n in names)))
+        return cls(budget, replace(ready, _wiring=made, _engine=Engine(made)), carriers, here)
+
+    @property
+    def still(self) -> dict[str, float]:
+        """Free name -> zero, of the loads that stand for modes."""
+        return {n: 0.0 for t, names in self.carriers.items() if t.form == "mode" for n in names}
+
+    def linear(self, nodes: Sequence[str] | None = None) -> Linear:
+        """Return one run with its derivatives carried to the sources; of all nodes where none are named."""
+        run = self.ready.run(self.still, sensitivities=True)
+        kept = list(dict.fromkeys(run[n].path for n in (nodes if nodes is not None else run.nodes)))
+        try:
+            settled, moves = self.ready.settled(self.still)
+        except SolverError:
+            settled, moves = {}, {}
+        chain = self._chain()
+        columns = {}
+        for n in kept:
+            size = (self.ready.times.size, len(self.ready.free))
+            slopes = run.slopes(n) if self.ready.free else np.zeros(size)
+            rest = moves.get(n, np.full(size[1], np.nan)) if size[1] else np.zeros(0)
+            columns[n] = np.vstack([slopes, rest[None, :]]) @ chain + self._after(n)[None, :]
+        return Linear(run, settled, columns)
+
+    def _chain(self) -> Array:
+        """Return what a unit of each source does to the free names (free, sources)."""
+        place = {name: k for k, name in enumerate(self.ready.free)}
+        out = np.zeros((len(place), len(self.budget.sources)))
+        for t, row in zip(self.budget.targets, self.budget.gain, strict=True):
+            for name in self.carriers.get(t, ()):
+                factor = self.ready.nominal[name] if t.form in ("log", "factor") else 1.0
+                out[place[name]] += factor * row
+        return out
+
+    def _after(self, node: str) -> Array:
+        """Return what a unit of each source adds to a node after the run (sources,). [K]"""
+        rows = [row for t, row in zip(self.budget.targets, self.budget.gain, strict=True) if t.form == "node" and t.name == node]
+        return np.sum(rows, axis=0) if rows else np.zeros(len(self.budget.sources))
+
+    def values(self, sources: Array) -> dict[str, Array]:
+        """Return free name -> value of every member (members,), at values (sources, members) of the sources. [SI]"""
+        moved = combined(self.budget.gain, sources)
+        out: dict[str, Array] = {}
+        # the logarithm first, then factors, then what is added: a conductance without its gas stays above zero
+        for form in ("log", "factor", "add", "mode"):
+            for t, row in zip(self.budget.targets, moved, strict=True):
+                for name in self.carriers.get(t, ()) if t.form == form else ():
+                    base = out.get(name, np.full(row.shape, 0.0 if form == "mode" else self.ready.nominal[name]))
+                    out[name] = base * np.exp(row) if form == "log" else base * (1.0 + row) if form == "factor" else base + row
+        return out
+
+    def told(self, sources: Array) -> dict[str, Array]:
+        """Return name -> what every member has of it (members,): values, shifts of temperatures, and sources that are no values. [SI]"""
+        out = {}
+        boundaries = self.ready.wiring.network.boundaries
+        still = self.still
+        for name, values in self.values(sources).items():
+            if name not in still:
+                shift = name.startswith("initial.") or name in boundaries
+                out[name] = values - self.ready.nominal[name] if shift else values
+        own = {s.name: row for s, row in zip(self.budget.sources, sources, strict=True) if s.kind in ("misfit", "variant")}
+        acting = {t.name for t, names in self.carriers.items() if t.form == "mode" and names}
+        return out | own | {s.name: row for s, row in zip(self.budget.sources, sources, strict=True) if s.name in acting}
+
+    def temperatures(self, sources: Array, nodes: Sequence[str], threads: int = 1) -> tuple[dict[str, Array], Ensemble | None]:
+        """Return node -> temperatures (times, members) [K] at values (sources, members) of the sources, and the runs behind them."""
+        values, members = self.values(sources), sources.shape[1]
+        many: Ensemble | None = None
+        if values:
+            many = self.ready.ensemble(values, nodes=list(nodes), threads=threads)
+            lost = len(many.failed) == members
+            found = {n: np.full((self.ready.times.size, members), np.nan) if lost else many.temperatures(n) for n in nodes}
+        else:
+            run = self.ready.run()
+            found = {n: np.repeat(run[n].kelvin[:, None], members, axis=1) for n in nodes}
+        return {n: traces + combined(self._after(n)[None, :], sources) for n, traces in found.items()}, many
+
+
+def _patterns(budget: Budget, ready: Simulator) -> tuple[tuple[Pattern, ...], dict[str, Conditions]]:
+    """Return the patterns of a budget's modes in a scenario, and the conditions of its coefficients there."""
+    wiring = ready.wiring
+    network = wiring.network
+    times, found = courses(wiring, ready.engine, ready.vector({}) if ready.free else None, ready.options)
+    try:
+        rest, _ = ready.settled()
+        acting = {p: c.ends for p, c in constant_coefficients(network).items() if p in found}
+        found = {p: ending_settled(found[p], rest[a], rest[b]) for p, (a, b) in acting.items()}
+    except SolverError:
+        pass  # nothing settles, so nobody asks for it
+    every = patterns_of(network, times, found, budget.conditions, network.numbers().values)
+    wanted = {(m.path, m.kind) for m in budget.modes}
+    return tuple(p for p in every if (p.path, p.kind) in wanted), conditions_of([found])

@@ -1,0 +1,160 @@
+"""No output of any command destroys a file that it reads, or one that thermid did not write there before."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from unit.cli.conftest import Call
+from unit.identify.project import make_project
+from unit.qualify.project import PLAN, project
+
+SCENARIO = 'title = "warm"\nstart = "24 [degC]"\nduration = "10 [min]"\n\n[boundaries]\n{} = "24 [degC]"\n'
+SCRIPT = "m = 1.25; % mass [kg]\n"
+QUESTION = 'model = "box.toml"\nscenario = "warm.toml"\nmembers = 40\n[limits]\ncase = "60 [degC]"\n[spread]\n"scale.power" = "5 [%]"\n'
+FREE = {
+    "limits.toml": '[limits.processor]\nnode = "case"\noperating = ["-20 [degC]", "70 [degC]"]\n',
+    "heaters.toml": '[[steps]]\nat = "0 [s]"\nduty = { a = 50 }\n',
+    "sensors.toml": '[sensors.T1]\nrom = "28FF641E0F000001"\n',
+    "weather.csv": "time,dry_bulb\n2026-03-21T06:00,20\n2026-03-21T07:00,21\n2026-03-21T08:00,22\n",
+    "tune.m": SCRIPT,
+    "by_hand.values.toml": 'schema = 1\nstage = "box"\n',
+    "notes.txt": "what I saw in the laboratory\n",
+}
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with a file of every kind that a command reads, the working directory of every command here."""
+    folder = tmp_path_factory.mktemp("bench")
+    make_project(folder)
+    project(folder, PLAN)
+    for name, text in FREE.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    (folder / "warm.toml").write_text(SCENARIO.format("air"), encoding="utf-8")
+    (folder / "pair_warm.toml").write_text(SCENARIO.format("room"), encoding="utf-8")
+    (folder / "hold.toml").write_text(QUESTION, encoding="utf-8")
+    before = Path.cwd()
+    os.chdir(folder)
+    yield folder
+    os.chdir(before)
+
+
+OUTPUTS = {
+    "simulate --csv": ["simulate", "box.toml", "--scenario", "warm.toml", "--csv"],
+    "simulate --netcdf": ["simulate", "pair.toml", "--scenario", "pair_warm.toml", "--netcdf"],
+    "export --as octave": ["export", "box.toml", "--scenario", "warm.toml", "--to"],
+    "export --as spice": ["export", "box.toml", "--scenario", "warm.toml", "--as", "spice", "--to"],
+    "equations": ["equations", "box.toml", "--to"],
+    "import": ["import", "tune.m", "--to"],
+    "diagram": ["diagram", "pair.toml", "--to"],
+    "profile --save": ["profile", "SMC", "unit thermal cycle", "--lowest", "-5", "--highest", "40", "--save"],
+    "profile --csv": ["profile", "SMC", "unit thermal cycle", "--lowest", "-5", "--highest", "40", "--on", "box.toml", "--csv"],
+    "profile --picture": ["profile", "SMC", "unit thermal cycle", "--lowest", "-5", "--highest", "40", "--on", "box.toml", "--picture"],
+    "correlate": ["correlate", "logs/pair_one.csv", "logs/pair_two.csv", "--to"],
+    "correlate --pdf": ["correlate", "logs/pair_one.csv", "logs/pair_two.csv", "--pdf"],
+    "credibility": ["credibility", "campaign.toml", "--results", "r", "--to"],
+    "predict": ["predict", "campaign.toml", "--scenario", "pair_warm.toml", "--results", "r", "--csv"],
+    "report": ["report", "campaign.toml", "--results", "r", "--to"],
+    "report --pdf": ["report", "campaign.toml", "--results", "r", "--pdf"],
+    "qualify": ["qualify", "plan.toml", "--to"],
+    "hold --figure": ["hold", "hold.toml", "--to", "r", "--figure"],
+    "deliver": ["deliver", "box.toml", "--scenario", "warm.toml", "--to"],
+    "log": ["log", "--simulate", "--for", "2 [s]"],
+}
+ENDINGS = {"diagram": ".svg", "hold --figure": ".png", "profile --picture": ".pdf", "report --pdf": ".pdf", "correlate --pdf": ".pdf"}
+TWICE = (
+    "simulate --csv",
+    "simulate --netcdf",
+    "export --as octave",
+    "export --as spice",
+    "import",
+    "diagram",
+    "profile --save",
+    "correlate",
+)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file() and not p.is_symlink()}
+
+
+def aimed(call: Call, bench: Path, output: str, every: int) -> int:
+    """Aim an output at the files of the bench by name, full path, hard link and symbolic link; return how many runs were refused."""
+    before, refused, at = contents(bench), 0, list(OUTPUTS).index(output)
+    assert len(before) >= 19
+    twin, link = (bench / f"{word}{ENDINGS.get(output, '.csv')}" for word in ("twin", "link"))
+    for k, name in enumerate(before):
+        os.link(bench / name, twin)
+        link.symlink_to(name)
+        for j, target in enumerate((name, bench / name, twin.name, link.name)):
+            if (4 * k + j + at) % every:
+                continue
+            said = call(*OUTPUTS[output], target)
+            assert said.code == 2, f"{output} {target} ({name}): {said.out}{said.err}"
+            assert said.err.startswith("error: ")
+            refused += 1
+        link.unlink()
+        twin.unlink()
+    assert contents(bench) == before
+    return refused
+
+
+@pytest.mark.parametrize("output", OUTPUTS)
+def test_no_output_destroys_an_input(call: Call, bench: Path, output: str) -> None:
+    assert aimed(call, bench, output, 29) >= 2
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("output", OUTPUTS)
+def test_no_output_destroys_any_input_by_any_name(call: Call, bench: Path, output: str) -> None:
+    assert aimed(call, bench, output, 1) >= 76
+
+
+def test_folders_of_results_hold_what_others_wrote(call: Call, bench: Path) -> None:
+    before = contents(bench)
+    for k, name in enumerate(before):
+        put = os.link if k % 2 else os.symlink
+        file = ("box.values.toml", "pair.values.toml")[k // 2 % 2]
+        Path("r").mkdir()
+        put(bench / name, f"r/{file}")
+        said = call("calibrate", "campaign.toml", "--to", "r")
+        assert (said.code, file in said.err) == (2, True), f"{file} is {name}: {said.out}{said.err}"
+        shutil.rmtree("r")
+    shutil.copy("logs/pair_one.csv", "plan.lock.json")
+    assert call("plan", "plan.toml", "--lock").code == 2
+    assert Path("plan.lock.json").read_bytes() == before["logs/pair_one.csv"]
+    Path("plan.lock.json").unlink()
+    assert contents(bench) == before
+
+
+@pytest.mark.parametrize("output", TWICE)
+def test_the_same_command_again_needs_no_force(call: Call, bench: Path, output: str, tmp_path: Path) -> None:
+    target = tmp_path / f"made{ENDINGS.get(output, '')}"
+    for _ in range(2):
+        said = call(*OUTPUTS[output], target)
+        assert said.code in (0, 1), said.err
+    whole = target.read_bytes()
+    assert [p.name for p in tmp_path.iterdir()] == [target.name]
+    target.write_bytes(b"% by hand\n" + whole)
+    refused = call(*OUTPUTS[output], target)
+    assert (refused.code, "--force" in refused.err) == (2, True)
+    assert target.read_bytes() == b"% by hand\n" + whole
+    assert call(*OUTPUTS[output], target, "--force").code == said.code
+    assert target.stat().st_size == pytest.approx(len(whole), abs=4000 if output == "simulate --netcdf" else 20)
+
+
+def test_what_a_command_reads_is_refused_even_if_thermid_wrote_it(call: Call, bench: Path, tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    assert call("profile", "SMC", "unit thermal cycle", "--save", own).code == 0
+    before = own.read_bytes()
+    said = call("profile", own, "--set", "cycles=2", "--save", own)
+    assert said.code == 2
+    assert "this command reads it" in said.err
+    assert own.read_bytes() == before
+    assert call("profile", own, "--set", "cycles=2", "--save", own, "--force").code == 0
+    assert own.read_bytes() != before

@@ -1,0 +1,92 @@
+"""One question has one answer: prediction, foresight, runs, hold time and margin agree, from a fit and from its values file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.qualify.foresight import foresee
+from thermid.qualify.limits import Limits
+from unit.prediction.things import CASES, Case
+
+PLACES = ("inside", "outside")
+
+
+def ends(band: Any) -> tuple[float, float]:
+    """Mean and half-width of the 95 % band at the end of a run. [degC]"""
+    low, high = (float(x[-1]) for x in band.interval())
+    return float(band.celsius[-1]), (high - low) / 2
+
+
+def answers(case: Case, scenario: td.Scenario, file: Path, members: int) -> dict[str, tuple[float, float]]:
+    """Mean and half-width at the end by every route."""
+    fit, node = case.fit, case.node
+    fit.save(file)
+    values = td.load_values(file)
+    out = {"predict": ends(td.predict(fit, scenario, nodes=[node])[node])}
+    for route, known in (("foresee", td.Known.of(fit)), ("foresee, file", td.Known(fit.model, (values,)))):
+        seen = foresee(known, scenario, nodes=[node])
+        out[route] = ends(seen.prediction[node])
+        limits = Limits("point", node, operating=(-np.inf, 700.0))
+        (margin,) = td.margins({"run": seen}, [limits])
+        if margin.time == scenario.seconds:
+            out[f"margin, {route}"] = (margin.predicted - 273.15, margin.uncertainty)
+    for route, given in (("runs", fit), ("runs, file", values)):
+        runs = td.uncertain_runs(fit.model, scenario, given, n=members, nodes=[node], seed=7)
+        end = runs.of(node)[:, -1] - 273.15
+        low, high = np.quantile(end, [0.025, 0.975])
+        out[route] = (float(end.mean()), float(high - low) / 2)
+        out[f"hold, {route}"] = _by_hold(runs, node, end)
+    return out
+
+
+def _by_hold(runs: td.UncertainRuns, node: str, end: np.ndarray[Any, Any]) -> tuple[float, float]:
+    """Mean and half-width as probabilities of never passing limits say them; the mean is the area above their curve."""
+    limits = np.quantile(end, [0.0, 0.01, 0.02, *np.linspace(0.025, 0.975, 25), 0.98, 0.99, 1.0])
+    kept = [td.hold(runs, {node: f"{x!r} [degC]"})[node].never for x in limits.tolist()]
+    low, high = np.interp([0.025, 0.975], kept, limits)
+    return float(limits[0] + np.trapezoid(1.0 - np.array(kept), limits)), float(high - low) / 2
+
+
+def check(found: dict[str, tuple[float, float]], mean_miss: float, width_miss: float) -> None:
+    mean, half = found["predict"]
+    for route, (own, wide) in found.items():
+        assert own == pytest.approx(mean, abs=mean_miss * half), route
+        assert wide == pytest.approx(half, rel=width_miss), route
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("name", CASES)
+def test_every_route_gives_one_answer(name: str, place: str, tmp_path: Path) -> None:
+    """A thousand members know their mean to 3 % of a half-width, and the half-width to 4 %."""
+    case = CASES[name]()
+    found = answers(case, getattr(case, place), tmp_path / "fit.values.toml", 1000)
+    assert len(found) >= 7
+    check(found, 0.1, 0.1)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("name", CASES)
+def test_every_route_gives_one_answer_of_ten_thousand_members(name: str, place: str, tmp_path: Path) -> None:
+    case = CASES[name]()
+    found = answers(case, getattr(case, place), tmp_path / "fit.values.toml", 10_000)
+    check(found, 0.1, 0.1)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_file_gives_the_numbers_of_the_fit(name: str, tmp_path: Path) -> None:
+    case = CASES[name]()
+    case.fit.save(tmp_path / "fit.values.toml")
+    live, filed = (
+        foresee(k, case.outside, nodes=[case.node]).prediction[case.node]
+        for k in (td.Known.of(case.fit), td.Known(case.fit.model, (td.load_values(tmp_path / "fit.values.toml"),)))
+    )
+    assert filed.simulated == pytest.approx(live.simulated, abs=1e-6)
+    assert filed.shift == pytest.approx(live.shift, abs=1e-6)
+    assert set(filed.parts) - {"fit of plate", "fit of stack"} == set(live.parts) - {"fit"}
+    assert sum(filed.parts.values()) == pytest.approx(sum(live.parts.values()), rel=1e-5, abs=1e-12)

@@ -1,0 +1,198 @@
+"""One of every public result, made cheaply, and what is in it as one number; the tests of pickling use both, in two processes."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import sys
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import thermid as td
+from thermid.model.signal import Table
+from unit.identify.bench import HTC, MASS, box, log, metered, pair
+from unit.identify.test_sensor_matrix import FINISH, Cell
+from unit.qualify.project import project
+from unit.qualify.things import soak, unit
+
+HOT = td.Scenario("hot", boundaries={"air": "40 [degC]"}, start="air", duration="2 [h]")
+FALL = {"times": ["0 [s]", "50 [s]", "60 [s]"], "values": ["101 [kPa]", "1 [kPa]", "0 [kPa]"]}
+
+
+def of_a_fit(folder: Path) -> dict[str, Any]:
+    """Return fits, predictions and what is said of them."""
+    cell = Cell("lag", folder)
+    campaign, model = cell.campaign, box(FINISH)
+    record = metered(log(model, {HTC: "6 [W/(m^2 K)]"}, {"T": "case"}, samples=31, accuracy=0.2), "heat", 4.0, 0.05)
+    fit = td.calibrate(model, record, [HTC, MASS])
+    known = td.Known.of(fit)
+    foreseen, limits = td.foresee(known, HOT), td.Limits("case", "case", (250.0, 350.0))
+    history = td.power_history(
+        model, log(model, {}, {"T": "case"}, samples=31), "heat", known=[("0 [h]", "1 [h]", "4 [W]")], every="30 [min]"
+    )
+    runs = td.uncertain_runs(model, HOT, fit, n=400, nodes=["case"], every="1 [h]")
+    return {
+        "record": record,
+        "channel": record["T"],
+        "calibration": fit,
+        "campaign": campaign,
+        "joint": campaign.joint,
+        "verdict": campaign.verdicts[0],
+        "credibility": td.credibility(campaign),
+        "plan of a retune": td.plan_retune(campaign, "box", cell.folder / "cool.toml"),
+        "prediction": td.predict(fit, HOT),
+        "spread": td.Spread.of(fit.values),
+        "discrepancy": td.discrepancy(fit),
+        "identifiability": td.identifiability(fit),
+        "profile": td.profile(fit, HTC),
+        "valley": td.valley(fit, HTC, MASS, points=5),
+        "criticism": td.criticise(fit, elements=False),
+        "plausibility": td.plausibility(fit),
+        "balance": td.energy_balance(fit, record, "3 [h]", limit="100 [K/h]"),
+        "split": td.split(fit),
+        "known": known,
+        "foresight": foreseen,
+        "limits": limits,
+        "margin": td.margins({"hot": foreseen}, [limits])[0],
+        "aim": td.Aim(HOT, "case"),
+        "action": td.Action("hot", HOT),
+        "advice": td.next_test(fit, HTC, [td.Action("hot", HOT)]),
+        "history": history,
+        "law of a power": history.laws()[0],
+        "difference": td.difference(model, box(), HOT),
+        "uncertain runs": runs,
+        "hold": td.hold(runs, {"case": "60 [degC]"}),
+        "criteria": td.Criteria(rmse="1 [K]"),
+        "forecast": td.forecast(log(model, {}, {"T": "case"}, samples=121), within="5 [K]"),
+        "stability": td.stability(record, "3 C/h"),
+        "diagnosis": td.diagnose(_compared()),
+        "correlation": td.correlate(_compared(), ["ECSS"], steady={"bench": [(14400.0, 18000.0)]}),
+    }
+
+
+def that_take_longer() -> dict[str, Any]:
+    """Return results that take a second each."""
+    model, times = box(FINISH), np.linspace(0.0, 18000.0, 31)
+    power = np.where((times > 3600.0) & (times < 9000.0), 8.0, 2.0)
+    meter = td.Record.from_arrays("meter", times[:-9], {"P": td.Channel.of("P", power[:-9], quantity="power", role="load", target="heat")})
+    warm = log(model, {}, {"T": "case"}, samples=121, loads={"heat": Table(times, power, True)})
+    return {
+        "alignment": td.align(model, warm, meter, offset=(-600.0, 600.0), scenario=td.Scenario("air", start="measured")),
+        "posterior": td.posterior(td.calibrate(model, log(model, {}, {"T": "case"}, samples=31), [HTC]), steps=20, walkers=16),
+        "equations": td.equations(unit()),
+    }
+
+
+def _compared() -> td.Calibration:
+    """Return two sensors on a pair beside what its deck says."""
+    return td.compare(pair(), log(pair(), {}, {"T": "a.case", "T2": "b.case"}, samples=31, boundary="room", accuracy=0.2))
+
+
+def of_a_run(folder: Path) -> dict[str, Any]:
+    """Return models, scenarios, runs, and what is made for a qualification."""
+    model = box(FINISH)
+    chamber = td.model_from_dict(
+        {
+            "title": "room",
+            "needs": ["air"],
+            "nodes": {"a": {"capacitance": "300 [J/K]"}, "b": {"capacitance": "500 [J/K]"}},
+            "surfaces": {
+                f"face_{name}": {"of": name, "to": "air", "area": "0.1 [m^2]", "htc": "4 [W/(m^2 K)]", "emissivity": 0.8}
+                for name in ("a", "b")
+            },
+            "enclosures": {"inside": {"faces": {"a": "face_a", "b": "face_b"}, "view_factors": [[0.0, 0.5], [0.5, 0.0]], "rest": "air"}},
+        }
+    )
+    block = td.Block(("10 [mm]",) * 3, (2, 2, 2), "15 [W/(m K)]", "4000 [kg/m^3]", "500 [J/(kg K)]").exchanging(
+        "all", "air", htc="20 [W/(m^2 K)]"
+    )
+    warm = td.Scenario("warm", boundaries={"air": "40 [degC]"}, start="20 [degC]", duration="10 [min]")
+    profile = td.profile_of("SMC-S-016", "unit thermal cycle", predicted=("-10 [degC]", "40 [degC]"), cycles=1)
+    plan = td.load_plan(project(folder))
+    simulator = td.prepare(model, HOT, [HTC])
+    return {
+        "model": model,
+        "network": td.compile_network(chamber),
+        "enclosure": td.simulate(chamber, warm),
+        "scenario": HOT,
+        "block": block,
+        "block's run": td.simulate(block, warm),
+        "simulator": simulator,
+        "solution": simulator.run(sensitivities=True),
+        "ensemble": td.ensemble(model, HOT, {HTC: np.array([4.0, 6.0])}),
+        "environment": td.Environment(),
+        "radiation": td.Irradiation(total="300 [W/m^2]"),
+        "sky": td.OpenSky(*[np.array([0.0, 60.0])] * 7, air="air"),
+        "ascent": td.ascent_checks(td.ascent_scenario(pressure=FALL, air_temperature="20 [degC]", duration="1 [min]"))[0],
+        "trajectory": td.Trajectory(np.array([0.0, 60.0]), np.array([0.0, 5e3])),
+        "volume": td.Volume("2 [l]", humidity=0.5),
+        "moisture": td.moisture(box({"surfaces/skin/effective_htc": "6 [W/(m^2 K)]"}), HOT, {"air": 0.3}),
+        "profile": profile,
+        "run of a profile": td.run_profile(unit(), profile),
+        "reduction": td.reduce(unit(), soak(), nodes=2, keep=["proc"]),
+        "plan": plan,
+        "qualification": td.run_plan(plan),
+        "structure": td.Structure("plain", "two", 4, 900.0, 40.0, 30.0, {"T": 0.5}, {"T": {"a": 0.9}}),
+        "htc": td.compare_htc(2.0, 0.1, "36 [degC]", "24 [degC]", 0.025),
+        "script": td.read_initfcn("L = 25; % [mm]\n"),
+        "options": td.Options(),
+        "site": td.Site(10.0, 20.0),
+        "certificate": td.SensorCertificate(0.1, 0.02),
+        "part": td.SensorPart(lag=20.0),
+        "weather": td.Weather("w", None, {}, {}),
+        "criteria": td.CriteriaSet("ours", each=1.0, kinds=("steady",)),
+    }
+
+
+def numbers(result: object) -> str:
+    """Return a hash of all numbers and names in a result, and of what it works out when asked."""
+    total, seen = hashlib.sha256(), set[int]()
+
+    def take(value: object) -> None:
+        if isinstance(value, np.ndarray):
+            total.update(np.ascontiguousarray(value).tobytes() if value.dtype != object else str(value).encode())
+        elif isinstance(value, str | int | float | bool | bytes | None):
+            total.update(repr(value).encode())
+        elif id(value) in seen:
+            return
+        elif isinstance(value, Mapping):
+            seen.add(id(value))
+            for key, inner in value.items():
+                take(key if isinstance(key, str) else str(key))
+                take(inner)
+        elif isinstance(value, list | tuple):
+            seen.add(id(value))
+            for inner in value:
+                take(inner)
+        elif is_dataclass(value) and not isinstance(value, type):
+            seen.add(id(value))
+            for f in fields(value):
+                if f.init:
+                    take(getattr(value, f.name))
+
+    take(result)
+    for name in ("temperatures", "heat_flows", "load_powers", "time_constants", "warnings", "final_field"):
+        if isinstance(result, td.Ensemble | td.UncertainRuns | td.BlockSolution) and name != "temperatures":
+            continue
+        if not callable(getattr(type(result), name, None)):
+            take(getattr(result, name, None))
+    if isinstance(result, td.Calibration):
+        take(result.problem.residuals(np.array(list(result.fitted.values()))) if result.problem else None)
+        take([b.predicted for b in result.blocks])
+        take(td.predict(result, HOT).final["case"].error if result.model.needs == ("air",) else None)
+    if isinstance(result, td.Simulator):
+        take(result.run({HTC: 4.5})["case"].kelvin)
+    if isinstance(result, td.Solution):
+        take([result.slopes(n) for n in result.nodes] if result.free else None)
+        take(result.heat_balance().residual)
+    return total.hexdigest()
+
+
+if __name__ == "__main__":
+    with Path(sys.argv[1]).open("rb") as file:
+        for name, one in pickle.load(file).items():
+            print(name, numbers(one), sep="\t")
