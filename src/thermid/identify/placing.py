@@ -13,7 +13,7 @@ from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import Origin, State, Store, graft
 from thermid.model.identity import inside
 from thermid.model.model import Model
-from thermid.model.replacement import Replacement, Split
+from thermid.model.replacement import Replacement, Start
 from thermid.model.resolve import ParameterSet
 
 __all__ = ["known_below", "placed", "starts_of"]
@@ -34,9 +34,9 @@ def placed(before: Store, old: Model, new: Model, what: Replacement, below: Stor
     stage : str             The stage whose model it is; it hands on the starts as what it knows.
     """
     told = known_below(below, what)
-    starts = starts_of(before, old, new, [s for s in what.split if s.path not in told.states], stage)
+    starts = starts_of(before, old, new, [s for s in what.starts if s.path not in told.states], stage)
     rest = before.drop(what.path)
-    for one in what.split:
+    for one in what.starts:
         rest = rest.drop(one.path)
     whole = graft(new, [(".", rest), (".", starts), (".", told)])[0]
     return replace(whole, dropped=(*whole.dropped, *what.dropped))
@@ -47,17 +47,17 @@ def known_below(below: Store, what: Replacement) -> Store:
 
     What a test of the part alone says of a coefficient is that of its bench; where it is installed it starts from what the place had.
     """
-    split = {s.path for s in what.split}
-    bench = {s.path for s in what.split if s.of_part}
+    place = {s.path for s in what.starts}
+    bench = {s.path for s in what.starts if s.of_part}
 
     def of_place(s: State) -> bool:
-        own = all(inside(p, what.path) or p in split for p in s.paths)
+        own = all(inside(p, what.path) or p in place for p in s.paths)
         return s.kind == "parameter" and own and not (s.path in bench and s.at == what.path)
 
     return below.only(of_place)
 
 
-def starts_of(before: Store, old: Model, new: Model, split: Sequence[Split], stage: str) -> Store:
+def starts_of(before: Store, old: Model, new: Model, starts: Sequence[Start], stage: str) -> Store:
     """Return the starts of values of a place as states.
 
     A joint has the error of the joint that it is taken from and, besides, what joints of one kind differ by. A coefficient inside the
@@ -66,8 +66,8 @@ def starts_of(before: Store, old: Model, new: Model, split: Sequence[Split], sta
     values, table = ParameterSet(old), ParameterSet(new).table
     columns = len(before.sources)
     own, states = [], {}
-    root = np.zeros((len(split), columns + len(split)))
-    for k, one in enumerate(split):
+    root = np.zeros((len(starts), columns + len(starts)))
+    for k, one in enumerate(starts):
         given = table[one.path].parameter
         literal = given.expression.literal
         assert literal is not None

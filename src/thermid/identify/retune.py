@@ -129,7 +129,7 @@ def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, 
     if before is None:
         return model
     what = before.fitted_model.replaced(stage.part, plan.model)[1]
-    return model.with_values({s.path: s.text for s in what.split if s.of_part or s in stage.starts}, START)
+    return model.with_values({s.path: s.text for s in what.starts if s.of_part or s in stage.starts}, START)
 
 
 def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], everything: bool, plan: RetunePlan) -> StageTable:
@@ -177,12 +177,12 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
     old = before.fitted_model
     what = old.replaced(stage.part, plan.model)[1]
     told = known_below(request.store, what).states
-    starts = {s.path: s.text for s in what.split if s.path not in told}
-    gone = [*(s.path for s in what.split), stage.part]
+    starts = {s.path: s.text for s in what.starts if s.path not in told}
+    gone = [*(s.path for s in what.starts), stage.part]
     stood = {p: v for p, v in before.values.assignments.items() if not any(inside(p, place) for place in gone)}
     model = request.model.with_values(stood, f"stage '{stage.name}' before the swap").with_values(starts, START)
     store = placed(before.store, old, model, what, request.store, stage.name)
-    anew = [s.path for s in what.split if s.path in stage.free and s.path not in request.priors]
+    anew = [s.path for s in what.starts if s.path in stage.free and s.path not in request.priors]
     prior = [p for p in request.prior if inside(p, stage.part) and p in told and p not in anew]
     return replace(
         request,
