@@ -42,11 +42,12 @@ def table(cases: int) -> str:
             cells += [range_of([100 * getattr(k, name) for k in some]) for name in ("false", "found", "quiet", "missed")]
             lines.append(f"| {', '.join(map(str, layout))} | {slow} | " + " | ".join(cells) + " |")
     every = list(found.values())
-    means = [sum(getattr(k, name) for k in every) / len(every) for name in ("false", "found")]
+    false, hit = ([100 * getattr(k, name) for k in every] for name in ("false", "found"))
+    missed, largest = (100 * max(getattr(k, name) for k in every) for name in ("missed", "largest"))
     lines.append(
-        f"\nOver all: false {100 * means[0]:.1f} % (largest {100 * max(k.false for k in every):.1f} %), found {100 * means[1]:.1f} % (smallest "
-        f"{100 * min(k.found for k in every):.1f} %), the shift of 11 % called not rejected in at most "
-        f"{100 * max(k.missed for k in every):.1f} %; no value was called so with a detectable shift above {100 * max(k.largest for k in every):.1f} %."
+        f"\nOver all: false {sum(false) / len(false):.1f} % (largest {max(false):.1f} %), found {sum(hit) / len(hit):.1f} % (smallest "
+        f"{min(hit):.1f} %), the shift of 11 % called not rejected in at most {missed:.1f} %; no value was called so with a detectable "
+        f"shift above {largest:.1f} %."
     )
     return "\n".join(lines)
 

@@ -86,6 +86,10 @@ class Kind:
     name: str
     own: Callable[[Path], bool] | None = None
 
+    def of(self, title: str) -> Kind:
+        """Return the kind of one thing: a file of it is not replaced by one of another."""
+        return Kind(f"{self.name} {re.sub(r'[^0-9A-Za-z]+', '_', title)[:60]}")
+
     def wrote(self, path: Path) -> bool:
         """Whether thermid wrote a file as this kind, and nobody changed it since."""
         return _sealed(path, self.name) if self.own is None else self.own(path)
@@ -221,7 +225,7 @@ def may_write(path: str | os.PathLike[str], kind: Kind) -> Path:
         raise OutputError(f"this command reads it, and writing the {kind.name} there would destroy it. Give another name.", str(path))
     if not kind.wrote(target):
         raise OutputError(
-            f"it is there already and is no {kind.name} as thermid wrote it. "
+            f"a file is there already that thermid did not write as {kind.name}, or that was changed since. "
             "Give another name or move it away; on the command line --force replaces it.",
             str(path),
         )

@@ -100,7 +100,8 @@ def _values_file() -> Names:
         FittedValues("s", {"a": value}, np.eye(1)).save(path)
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     units = {"value": "SI", "error": "SI", "error_random": "SI", "start": "SI", "bounds": "SI"}
-    return _of([*data, *data["values"]["a"]], units)
+    rows = [k for table in ("sources", "root") for k in data[table][0] if k not in ("name", "kind", "a")]
+    return _of(dict.fromkeys([*data, *data["values"]["a"], *rows]), units)
 
 
 def _exceptions() -> Names:

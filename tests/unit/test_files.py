@@ -126,7 +126,7 @@ def test_a_sealed_text_is_replaced_until_somebody_changes_it(tmp_path: Path, kin
             write_text(path, text, kind, comment)
         assert path.read_bytes() == changed
     path.write_bytes(whole)
-    with pytest.raises(OutputError, match="is no profile as thermid wrote it"):
+    with pytest.raises(OutputError, match="that thermid did not write as profile"):
         write_text(path, text, Kind("profile"))
     assert names(tmp_path) == ["file"]
 

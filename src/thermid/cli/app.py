@@ -12,7 +12,7 @@ import typer
 
 from thermid.cli.commands import MODULES
 from thermid.cli.pages import Force, Page, Pdf, ready, written
-from thermid.cli.standing import Accept, leave, with_fitted
+from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -187,6 +187,7 @@ def simulate(
     ] = False,
     as_flown: Annotated[bool, typer.Option("--as-flown", help="Without what is for the test only: sensors, leads, stands.")] = False,
     values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
+    keep_values: KeepValues = False,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write the temperatures to a CSV file.")] = None,
     netcdf: Annotated[Path | None, typer.Option("--netcdf", help="Write everything to a netCDF file.")] = None,
     accept: Accept = None,
@@ -206,7 +207,7 @@ def simulate(
     from thermid.simulation import steady as settle
     from thermid.simulation.simulator import output_times
 
-    model = with_fitted(load_model(deck), values)
+    model = with_fitted(load_model(deck), values, keep_values)
     if param:
         model = model.with_values(_pairs(param, "--param"), "command line")
     model = model.without_test_only() if as_flown else model
@@ -300,7 +301,7 @@ def _campaign(path: Path, data: Path | None, to: Path | None, fresh: bool, accep
 
     folder = to if to is not None else path.parent / "results"
     for stage in read_campaign(path).content.stages if folder.is_dir() else ():
-        may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES)
+        may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES.of(stage.name))
     progress = _Progress()
     try:
         campaign = run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or ())
@@ -331,6 +332,9 @@ def calibrate(
         typer.echo(json.dumps(campaign_object(result, [f.name for f in files])))
     else:
         typer.echo(str(result))
+        for stage, changed in result.changed.items():
+            if changed:
+                typer.echo(f"\nfitted again: {stage}; changed since the results were kept: {', '.join(changed)}")
         typer.echo(f"\nvalues: {', '.join(f.name for f in files)}")
     leave(result.standing, result.exit_code)
 

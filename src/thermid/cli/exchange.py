@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from thermid.cli.pages import Force
-from thermid.cli.standing import Accept, leave, with_fitted
+from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
 from thermid.files import DECK, EQUATIONS, EXPORT, Kind, may_write, write_text
 
 __all__ = ["register"]
@@ -56,9 +56,9 @@ def import_script(
     from thermid.model.modelfile import model_from_dict, save_model
 
     found = read_initfcn(script)
-    if to is not None:
-        may_write(to, DECK)
     title = (to or script).stem
+    if to is not None:
+        may_write(to, DECK.of(title))
     deck = found.block(title) if block else found.deck(title)
     if to is not None:
         save_model(model_from_dict(deck), to)
@@ -87,6 +87,7 @@ def export(
         bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")
     ] = False,
     values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
+    keep_values: KeepValues = False,
     accept: Accept = None,
     force: Force = False,
     as_json: Json = False,
@@ -102,7 +103,7 @@ def export(
     forms = ("octave", "spice")
     if form not in forms:
         raise DeckError(f"a model is not written as '{form}'.{nearest(form, forms)} There are {' and '.join(forms)}.", "--as")
-    model = with_fitted(load_model(deck), values)
+    model = with_fitted(load_model(deck), values, keep_values)
     if param:
         model = model.with_values(_pairs(param, "--param"), "command line")
     given = _scenario(model, scenario, boundary, load, start, duration)

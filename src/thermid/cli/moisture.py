@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from thermid.cli.standing import Accept, leave, with_fitted
+from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
 
 if TYPE_CHECKING:
     from thermid.simulation.moisture import Moisture
@@ -30,6 +30,7 @@ def moisture(
     duration: Annotated[str | None, typer.Option("--for", help="Duration, such as '5 [h]'.")] = None,
     every: Annotated[str, typer.Option("--every", help="Time between outputs.")] = "1 [min]",
     values: Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")] = None,
+    keep_values: KeepValues = False,
     accept: Accept = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
@@ -41,7 +42,7 @@ def moisture(
     from thermid.model.signal import literal
     from thermid.simulation.moisture import moisture as run
 
-    model = with_fitted(load_model(deck), values)
+    model = with_fitted(load_model(deck), values, keep_values)
     standing = of_model(model).accept(accept or ())
     given = _scenario(model, scenario, boundary, [], start, duration)
     written = read_toml(scenario)[0].get("environment", {}) if scenario is not None else {}

@@ -130,7 +130,7 @@ def correlate(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Compare two logs column by column: metrics, verdicts, an overlay with the sensors' errors; leave with 1 when not met, 4 when open."""
+    """Compare two logs column by column: metrics, verdicts, an overlay with the sensors' errors. Exit code 1 if not met, 4 if open."""
     from thermid.cli.output import clean
     from thermid.errors import ScenarioError
     from thermid.qualify.correlation import correlate as compare

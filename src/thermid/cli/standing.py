@@ -11,11 +11,14 @@ if TYPE_CHECKING:
     from thermid.knowledge.standing import Standing
     from thermid.model.model import Model
 
-__all__ = ["Accept", "leave", "with_fitted"]
+__all__ = ["Accept", "KeepValues", "leave", "with_fitted"]
 
 Accept = Annotated[
     list[str] | None,
     typer.Option("--accept", help="A stage that is accepted as it is: its state stays, the exit code does not count it; may be repeated."),
+]
+KeepValues = Annotated[
+    bool, typer.Option("--keep-values", help="Keep values whose decks say otherwise by now; without it they are left out and listed.")
 ]
 WINS = (2, 3, 4, 1, 5, 0)
 """Exit codes, the one that wins first."""
@@ -26,10 +29,18 @@ def leave(standing: Standing, code: int = 0) -> NoReturn:
     raise SystemExit(min(code, standing.exit_code, key=WINS.index))
 
 
-def with_fitted(model: Model, file: Path | None) -> Model:
-    """Return a model with a file of fitted values laid over it; as it is without a file."""
+def with_fitted(model: Model, file: Path | None, keep: bool = False) -> Model:
+    """Return a model with a values file laid over it, as it is without a file; what the file lacks and what is left out is told first.
+
+    Parameters
+    ----------
+    keep : bool     Whether to keep values that the decks give otherwise by now.
+    """
     if file is None:
         return model
-    from thermid.identify.values import load_values
+    from thermid.identify.hand import values_on
 
-    return model.with_values(load_values(file).assignments, file.name)
+    laid, lines = values_on(model, file, keep)
+    for line in lines:
+        typer.echo(f"{file.name}: {line}", err=True)
+    return laid

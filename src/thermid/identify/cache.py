@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from thermid.files import OWN, write_text
 
-__all__ = ["code_digest", "file_name", "in_full", "recall", "remember"]
+__all__ = ["changed_since", "code_digest", "file_name", "in_full", "recall", "remember"]
 
 Array = NDArray[np.float64]
 
@@ -69,10 +69,27 @@ def recall(folder: Path | None, stage: str, key: str) -> dict[str, float] | None
         return None  # a damaged file is as good as none: the stage runs again
 
 
-def remember(folder: Path | None, stage: str, key: str, names: Sequence[str], fitted: Array) -> None:
-    """Keep the end of a stage."""
+def changed_since(folder: Path | None, stage: str, ingredients: Mapping[str, str]) -> tuple[str, ...]:
+    """Return which ingredients of a stage's result are not those of the end that is kept; none where nothing is kept."""
+    path = folder / f"{file_name(stage)}.fit.json" if folder is not None else None
+    if path is None or not path.is_file():
+        return ()
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        before = {str(k): str(v) for k, v in kept.get("ingredients", {}).items()}
+        names = [n for n in {**before, **ingredients} if before.get(n) != ingredients.get(n)]
+        return (*names, *(["code"] if kept["code"] != code_digest() else []))
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return ("the kept file is damaged",)
+
+
+def remember(
+    folder: Path | None, stage: str, key: str, names: Sequence[str], fitted: Array, ingredients: Mapping[str, str] | None = None
+) -> None:
+    """Keep the end of a stage, with the hashes of what it depends on."""
     if folder is None:
         return
     folder.mkdir(parents=True, exist_ok=True)
-    content = {"key": key, "code": code_digest(), "fitted": dict(zip(names, map(float, fitted), strict=True))}
+    end = dict(zip(names, map(float, fitted), strict=True))
+    content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), "fitted": end}
     write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), OWN)

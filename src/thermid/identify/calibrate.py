@@ -15,6 +15,7 @@ from thermid.identify.calibration import Calibration
 from thermid.identify.clock_search import at_clocks, in_turns, with_clocks
 from thermid.identify.discrepancy import with_discrepancy
 from thermid.identify.gather import problem_for
+from thermid.identify.hand_stage import tuned_by_hand
 from thermid.identify.mistakes import mistakes, strange_powers
 from thermid.identify.refusals import refuse_after, refuse_before
 from thermid.identify.request import LocalSpec, Request
@@ -81,6 +82,8 @@ def fit(request: Request, progress: Progress | None = None, known: Mapping[str, 
 
     `known` is the end of the same fit from before, unknown -> fitted form; it is then evaluated and not searched again.
     """
+    if request.hand is not None:
+        return tuned_by_hand(request, request.hand)
     return fit_problem(request, problem_for(request), progress, known)
 
 

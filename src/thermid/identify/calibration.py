@@ -18,6 +18,7 @@ from thermid.identify.statistics import SensorStatistics, Sums, pooled
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import State, Store
+from thermid.knowledge.values_file import save_store
 from thermid.measure.amounts import digits, short
 from thermid.model.identity import cuts_of
 from thermid.model.model import Model
@@ -177,8 +178,8 @@ class Calibration:
         return self.values[path]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the fitted values, with covariance and origin, to a file of their own."""
-        self.values.save(path)
+        """Write all that is known of the model's values, at every depth, with errors and origins, to a file of its own."""
+        save_store(self.store, path, self.stage)
 
     def report(self) -> str:
         """Return the fit as text."""
@@ -186,6 +187,8 @@ class Calibration:
 
     def __str__(self) -> str:
         """Return values with random and total errors, statistics per sensor, correlations and warnings."""
+        if not self.records:
+            return _by_hand(self)
         fitted = {p: v for p, v in self.values.items() if v.kind in ("parameter", "level")}
         samples = sum(s.samples for s in self.sensors.values())
         kind = " (synthetic data)" if self.synthetic else ""
@@ -229,6 +232,13 @@ def _value_line(v: FittedValue, width: int) -> str:
     return f"{text}   start {v.converted(v.start):.5g}{bounds}"
 
 
+def _by_hand(fit: Calibration) -> str:
+    """Return a stage without records as text."""
+    width = max((len(p) for p in fit.store.parameters), default=0)
+    lines = [f"{fit.stage}: {counted(len(fit.values), 'value')} tuned by hand", *_known_lines(fit.store, set(), width)]
+    return "\n".join([*lines, *(f"  warning: {w}" for w in fit.warnings)])
+
+
 def _known_lines(store: Store, own: set[str], width: int) -> list[str]:
     """Return a line for each value of another stage."""
     return [f"  {_known_line(s, store, width)}" for s in store.parameters.values() if not own & {*s.paths}]
@@ -238,9 +248,10 @@ def _known_line(s: State, store: Store, width: int) -> str:
     """Return a value of another stage, who gave it, and where it does not act."""
     of = unit(s.unit)
     value, error = (s.value - float(of.offset)) / float(of.factor), store.error(s.path) / float(of.factor)
-    sure = f"   total +- {short(error)}" if error > 0 else ""
+    sure = f"   total +- {short(error)}" if np.isfinite(error) and error > 0 else ""
     where = f", hidden at {', '.join(s.hidden)}" if s.hidden else ""
-    return f"{s.path:<{width}}  {digits(value, error):>12} {s.unit:<10}{sure} ({s.origin}, fixed{where})"
+    how = "tuned by hand" if s.origin.kind == "hand" else "fixed"
+    return f"{s.path:<{width}}  {digits(value, error):>12} {s.unit:<10}{sure} ({s.origin}, {how}{where})"
 
 
 def _bias_text(sensor: str, fit: Calibration) -> str:

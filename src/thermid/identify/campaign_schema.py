@@ -104,7 +104,8 @@ class StageTable(_Strict):
 
     name: str
     model: str
-    records: list[str]
+    records: list[str] = []
+    values: str = ""
     steady: dict[str, SteadyTable] = {}
     free: list[str] = []
     freeze: list[str] = []

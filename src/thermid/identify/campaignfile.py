@@ -303,6 +303,13 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
         twin = next((n for n in done if file_name(n).lower() == file_name(stage.name).lower()), None)
         if twin is not None:
             raise DeckError(f"stages '{twin}' and '{stage.name}' would be saved under one file name.", source.where(f"stages.{k}.name"))
+        if stage.values and (stage.records or stage.free or stage.steady or stage.priors):
+            raise DeckError(
+                "a stage takes `values` tuned by hand or fits records, not both. Make two of it.",
+                source.where(f"stages.{k}.values"),
+            )
+        if not (stage.values or stage.records):
+            raise DeckError("a stage needs `records` to fit, or a file of `values` tuned by hand.", source.where(f"stages.{k}"))
         for part, inherit in stage.inherit.items():
             for below in (name for name in inherit.stages if name not in done):
                 raise DeckError(

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 
+from thermid.errors import RecordError
 from thermid.measure import Channel, Record
 from thermid.model.signal import Constant, Signal, Sine, Table
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenario import SLOTS, Scenario
 
-__all__ = ["Inputs", "corrected", "power_while_on", "signal_of"]
+__all__ = ["Inputs", "corrected", "on_the_clock_of", "power_while_on", "signal_of"]
 
 
 @dataclass
@@ -40,6 +41,35 @@ class Inputs:
             power = power_while_on(signal)
             if errors is None and channel.accuracy and power > 0:
                 self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
+
+
+def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
+    """Return a scenario whose columns of the record's own log count from the record's first sample, though its start was cut off.
+
+    Raises
+    ------
+    RecordError   When the record's times are no longer those of its log.
+    """
+
+    def moved(given: Any) -> Any:
+        if not isinstance(given, Table) or given.log is None or given.log[0] != record.origin.sha256:
+            return given
+        again = next((step for step in record.steps if step.startswith(("shift_start", "steady point"))), "")
+        if again:
+            raise RecordError(
+                f"the scenario has a column of the log '{record.origin.file}', whose times the record no longer has ({again}). Leave that "
+                "step out, or give the column in a log of its own.",
+                record.name,
+            )
+        zero = float(record.times[0])
+        return replace(given, times=given.times - (zero - given.log[1]), log=(given.log[0], zero))
+
+    tables: dict[str, Any] = {name: {k: moved(v) for k, v in getattr(scenario, name).items()} for name in SLOTS}
+    tables["environment"] = {gas: replace(e, pressure=moved(e.pressure), wind=moved(e.wind)) for gas, e in scenario.environment.items()}
+    tables["irradiation"] = {
+        surface: replace(i, **{f.name: moved(getattr(i, f.name)) for f in fields(i)}) for surface, i in scenario.irradiation.items()
+    }
+    return replace(scenario, **tables)
 
 
 def power_while_on(signal: Signal) -> float:

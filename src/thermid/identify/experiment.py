@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import RecordError, nearest
-from thermid.identify.driven import Inputs, signal_of
+from thermid.identify.driven import Inputs, on_the_clock_of, signal_of
 from thermid.identify.sensor_parts import Seat, attached
 from thermid.identify.starts import first_reading, starts_of
 from thermid.identify.ticks import Ticks
@@ -167,7 +167,7 @@ def meet(
     ------
     RecordError   When a channel is bound to nothing, or no channel observes a node.
     """
-    base = scenario or Scenario(record.name)
+    base = on_the_clock_of(record, scenario or Scenario(record.name))
     prescribed = [c.target or c.name for c in record.channels.values() if c.role == "prescribed"]
     whole, seats = attached(model, record)
     network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))

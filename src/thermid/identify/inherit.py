@@ -15,6 +15,7 @@ from thermid.knowledge.sources import Source
 from thermid.knowledge.store import State, Store
 
 if TYPE_CHECKING:
+    from thermid.identify.calibration import Calibration
     from thermid.identify.campaign_schema import InheritTable
     from thermid.identify.request import Request
     from thermid.measure import Record
@@ -26,16 +27,16 @@ STIFF = 1e-10
 """Variance of a direction, beside the largest, below which values count as known exactly against one another."""
 
 
-def handed_on(store: Store, stage: str, inherit: InheritTable, where: str) -> Store:
+def handed_on(below: Calibration, inherit: InheritTable, where: str) -> Store:
     """Return what a stage hands on of its store, at every depth: all of it, less what `only` and `without` keep back.
 
     Raises
     ------
     DeckError   When either names a value that the stage does not have.
     """
-    own = {p for p, s in store.parameters.items() if s.origin.stage == stage}
-    _known(inherit.only, own, f"{where}.only", f"was not fitted by stage '{stage}'")
-    _known(inherit.without, store.parameters, f"{where}.without", f"is not known to stage '{stage}'")
+    store, own = below.store, set(below.values.parameters)
+    _known(inherit.only, own, f"{where}.only", f"was not fitted by stage '{below.stage}'")
+    _known(inherit.without, store.parameters, f"{where}.without", f"is not known to stage '{below.stage}'")
     back = {p for p in own if inherit.only and p not in inherit.only} | set(inherit.without)
     return store.only(lambda s: s.path not in back) if back else store
 

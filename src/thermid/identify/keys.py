@@ -1,17 +1,23 @@
-"""The key of a stage: the hash of everything that its result depends on."""
+"""The key of a stage: the hash of everything that its result depends on, by named ingredients."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
+from dataclasses import replace
 from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from thermid.identify.cache import in_full
 from thermid.identify.request import Request
-from thermid.measure import Channel
+from thermid.measure import Channel, Record
+from thermid.model.identity import definition_of
 
-__all__ = ["key_for", "key_of"]
+if TYPE_CHECKING:
+    from thermid.identify.campaign_schema import StageTable
+
+__all__ = ["ingredients_of", "key_for", "key_of", "keyed"]
 
 
 def _channel_key(c: Channel) -> list[Any]:
@@ -20,39 +26,67 @@ def _channel_key(c: Channel) -> list[Any]:
     return [*known, *([repr(c.part)] if c.part else [])]
 
 
-def key_of(request: Request, below: list[str]) -> str:
-    """Return the hash of everything that a stage's result depends on.
+def _record_key(r: Record) -> list[Any]:
+    second = [repr(r.second)] if r.second else []
+    return [r.origin.sha256, list(r.steps), *second, {n: _channel_key(c) for n, c in r.channels.items()}]
 
-    What it inherits is a result of the stages below, whose keys say what that depends on. Inherited errors are left out: a fit that was
+
+def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
+    """Return name -> hash of everything that a stage's result depends on.
+
+    What it inherits is a result of the stages below, whose keys say what that depends on: no value is an ingredient, for a fit that was
     recalled computes them anew, with other last digits than the search that came upon it.
+
+    Parameters
+    ----------
+    request : Request   What the stage asks.
+    below : list        Keys of the stages that it inherits from.
     """
+    records = {r.name: _record_key(r) for r in request.records}
+    scenario = [
+        request.scenarios,
+        repr(sorted(request.local.items())),
+        repr(sorted((n, sorted(t.items())) for n, t in request.record_local.items())),
+        repr(sorted(request.readings.items())),
+        request.window,
+    ]
+    how = [request.loss, request.knee, request.search, repr(request.options), sorted(request.weights.items())]
+    priors = [repr(sorted(request.priors.items())), repr(sorted(request.bias_priors.items())), repr(sorted(request.held_bias.items()))]
     content = {
-        "version": version("thermid"),
-        "model": request.model.identity(),
-        "records": {
-            r.name: [
-                r.origin.sha256,
-                list(r.steps),
-                *([repr(r.second)] if r.second else []),
-                {n: _channel_key(c) for n, c in r.channels.items()},
-            ]
-            for r in request.records
-        },
-        "free": request.free,
-        "scenario": request.scenarios,
-        "local": repr(sorted(request.local.items())),
-        "priors": repr(sorted(request.priors.items())),
-        "bias": repr(sorted(request.held_bias.items())),
-        "record_local": repr(sorted((n, sorted(t.items())) for n, t in request.record_local.items())),
-        "how": [request.untie, request.loss, request.knee, request.search, request.window, repr(request.options)],
-        "readings": repr(sorted(request.readings.items())),
-        "weights": sorted(request.weights.items()),
-        "prior": request.prior,
+        "deck": definition_of(request.model),
+        "records": records,
+        "scenario": scenario,
+        "free and fixed": [request.free, request.prior, [(p, s.hidden) for p, s in request.store.states.items()], how],
+        "priors": priors,
+        "cuts": [request.untie, request.model.cuts],
+        "values by hand": _by_hand(request),
         "below": below,
+        "version": version("thermid"),
     }
-    return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()
+    return {name: _digest(x) for name, x in content.items()}
+
+
+def key_of(request: Request, below: list[str]) -> str:
+    """Return the hash of all ingredients of a stage's result."""
+    return _digest(ingredients_of(request, below))
 
 
 def key_for(request: Request) -> str:
-    """Return the key of a request; of one that was made in Python, that of what it says itself."""
-    return request.key or key_of(request, [])
+    """Return the key of a request; of one that was made in Python, that of what it says itself and of the values laid over its model."""
+    return request.key or _digest([key_of(request, []), request.model.identity()])
+
+
+def keyed(request: Request, stage: StageTable, keys: Mapping[str, str]) -> tuple[Request, dict[str, str]]:
+    """Return a stage's request with its key, and the ingredients of that; `keys` are those of the stages below."""
+    below = [keys[name] for i in stage.inherit.values() for name in i.stages]
+    return replace(request, key=key_of(request, below)), ingredients_of(request, below)
+
+
+def _by_hand(request: Request) -> list[str]:
+    if request.hand is None:
+        return []
+    return [repr(list(request.hand.states.values())), repr(request.hand.root.tolist())]
+
+
+def _digest(content: object) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Whether what a level below found had to move at the level above: by how much, and how surely."""
+"""Whether the logs of a level contradict what the levels below found: by how much, and what these logs would find."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.errors import ScenarioError, SolverError
 from thermid.identify.inherit import form, known_before
 from thermid.identify.moves import MOVED, NOT_REJECTED, Group, Move, Moves
 from thermid.identify.opened import Opened, opened_at
 from thermid.identify.responses import covering
-from thermid.identify.shifts import Shift, Test, Together, holm, normal_shifts, normal_together, shifts, together
+from thermid.identify.shifts import Shift, Test, Together, estimate, holm, normal_shifts, normal_together, shifts, together
 from thermid.identify.trace_noise import weighed
 from thermid.identify.unknowns import Unknown
 from thermid.identify.values import FittedValue
@@ -33,6 +34,8 @@ __all__ = ["moves_above", "moves_from"]
 Array = NDArray[np.float64]
 
 
+FARTHEST = 1.5
+"""Logarithm of the factor by which a value changes at most before derivatives are taken again."""
 STRETCHES = 160
 """Stretches of a trace, whose errors count what happens within minutes."""
 
@@ -96,31 +99,49 @@ def moves_above(request: Request, problem: Problem, found: Fit, level: float = 1
 
     Each value is opened without its prior in one step of Gauss and Newton from the end of the fit, by generalised least squares: traces
     are white noise plus an autocorrelated deviation, averaged over what their residuals allow (`weighed`). Unknowns of the fit that were
-    not inherited stay free; the other inherited values count with their errors. `level` is the variance of the noise of traces that are
-    too short to show it, in squares of what was stated.
+    not inherited stay free; the other inherited values count with their errors. Where a value moved, the step is taken again from where
+    it led, since the model is not a straight line over so long a way. `level` is the variance of the noise of traces that are too short
+    to show it, in squares of what was stated.
     """
     fixed = _fixed(request, problem)
     if not (fixed or request.prior):
         return Moves()
     opened = opened_at(request, problem, found.fitted, list(fixed))
-    known, unknowns = _inherited(request, opened, fixed), opened.problem.unknowns
+    known = _inherited(request, opened, fixed)
+    first, ahead = _tested(request, opened, known, opened.fitted, level)
+    if MOVED not in [m.verdict for m in first.values]:
+        return first
+    try:
+        return _tested(request, opened, known, ahead, level)[0]
+    except (ScenarioError, SolverError):
+        return first
+
+
+def _tested(request: Request, opened: Opened, known: _Inherited, at: Array, level: float) -> tuple[Moves, Array]:
+    """Return what the logs say with the derivatives at some values of all unknowns, and where these lead with the moved values free."""
+    unknowns = opened.problem.unknowns
     start = opened.fitted.copy()
     for k, state in zip(known.at, known.states, strict=True):
         start[k] = unknowns[k].to_fitted(state.value if state is not None else request.store[unknowns[k].name].value)
-    pieces = binned(opened.problem, opened.fitted, request.loss, request.knee, STRETCHES)
-    here = [replace(b, mean=b.mean + b.slopes @ (start - opened.fitted)) for b in pieces.values()]
+    pieces = binned(opened.problem, at, request.loss, request.knee, STRETCHES)
+    here = [replace(b, mean=b.mean + b.slopes @ (start - at)) for b in pieces.values()]
     priors, pulls = _beside(opened.problem, start, known.at)
-    test = Test.of(weighed(here, priors, pulls, level), priors, pulls, known.at, known.root)
+    data = weighed(here, priors, pulls, level)
+    test = Test.of(data, priors, pulls, known.at, known.root)
     asked = {k: s for k, s in enumerate(known.states) if s is not None}
     values = []
     for (k, state), s in zip(asked.items(), shifts(test, list(asked)), strict=True):
-        u, at = unknowns[known.at[k]], known.at[k]
-        alone, used = u.to_value(start[at] + s.size), u.to_value(opened.fitted[at])
+        u, there = unknowns[known.at[k]], known.at[k]
+        alone, used = u.to_value(start[there] + s.size), u.to_value(opened.fitted[there])
         below = (state.value, request.store.error(state.path), state.random)
         values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
     rows = {m.path: k for m, k in zip(values, asked, strict=True)}
     far = [rows[m.path] for m in values if m.verdict == MOVED]
-    return Moves(tuple(values), _groups(values, lambda groups: together(test, [[rows[p] for p in g] for g in groups], far)))
+    groups = _groups(values, lambda several: together(test, [[rows[p] for p in g] for g in several], far))
+    step = estimate(data, priors, pulls, known.at, known.root, far)
+    low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
+    inside = np.array([FARTHEST if u.log else math.inf for u in unknowns])
+    return Moves(tuple(values), groups), np.clip(start + np.clip(step, -inside, inside), low, high)
 
 
 def _beside(problem: Problem, start: Array, known: Sequence[int]) -> tuple[Array, Array]:

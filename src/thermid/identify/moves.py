@@ -92,7 +92,8 @@ class Move:
         if not self.told:
             return f"{self.path}  {self.printed} {self.unit}: {self.verdict}; {self.power}"
         low, high = self._in_unit(self.below), self._in_unit(self.alone)
-        share = f" ({100 * (high / low - 1):+.2g} %)" if low else ""
+        change = 100 * (high / low - 1) if low else 0.0
+        share = (f" ({change:+.0f} %)" if abs(change) >= 10 else f" ({change:+.2g} %)") if low else ""
         far = f"{abs(self.deviations):.1f} standard errors"
         return f"{self.path}  {self.printed} -> {high:.4g} {self.unit}{share}: {self.verdict}, {far}; {self.power}"
 

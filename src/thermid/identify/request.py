@@ -107,6 +107,7 @@ class Request:
     remarks : tuple of str          What a reader of the result must know before the fit has begun.
     fit_start : bool                Whether observed nodes' initial temperatures are looked for; else their first readings stand.
     options : Options               The integrator's.
+    hand : Store or None            Values tuned by hand; nothing is fitted then.
     key : str                       Hash of everything that the result depends on; empty where nobody asked for it.
     adequate : float                Standard deviation that the autocorrelated part of residuals may have; 0 for the usual limits. [K]
     accepted : bool                 Whether the campaign accepts the stage as it is, whatever its standing.
@@ -136,6 +137,7 @@ class Request:
     remarks: tuple[str, ...] = ()
     fit_start: bool = True
     options: Options = FITTING
+    hand: Store | None = None
     key: str = ""
     adequate: float = 0.0
     accepted: bool = False

@@ -17,6 +17,7 @@ from thermid.identify.solve import Fit
 from thermid.identify.unknowns import Unknown
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
+from thermid.knowledge.values_file import rooted
 
 __all__ = ["Responses", "covering", "responses"]
 
@@ -51,11 +52,7 @@ class Responses:
 
     def of(self, kept: list[int], key: str, words: str) -> tuple[Array, tuple[Source, ...]]:
         """Return the rows of some unknowns with columns for their noise, named by the key of the stage and a number."""
-        inner = self.noise[np.ix_(kept, kept)]
-        scale = np.sqrt(np.where(np.diag(inner) > 0, np.diag(inner), 1.0))
-        sizes, vectors = np.linalg.eigh(inner / np.outer(scale, scale))
-        own = scale[:, None] * vectors * np.sqrt(np.maximum(sizes, 0.0))
-        sources = tuple(Source(f"{key}:{k}", "data", STANDARD, words) for k in range(len(kept)))
+        own, sources = rooted(self.noise[np.ix_(kept, kept)], key, words)
         return np.concatenate([self.rows[kept], own], axis=1), (*self.sources, *sources)
 
 

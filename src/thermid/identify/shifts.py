@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.identify.trace_noise import Weighed
 
-__all__ = ["ALPHA", "POWER", "Shift", "Test", "Together", "holm", "normal_shifts", "normal_together", "shifts", "together"]
+__all__ = ["ALPHA", "POWER", "Shift", "Test", "Together", "estimate", "holm", "normal_shifts", "normal_together", "shifts", "together"]
 
 Array = NDArray[np.float64]
 
@@ -188,6 +188,21 @@ def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: in
     size = float(weights @ sizes)
     wide = np.sqrt(errors**2 + (sizes - size) ** 2)
     return Shift(size, float(np.sqrt(weights @ wide**2)), chance, _found_with(weights, wide, tests))
+
+
+def estimate(data: Weighed, priors: Array, pulls: Array, known: Sequence[int], root: Array, moved: Sequence[int]) -> Array:
+    """Return how far all unknowns are from where the data were taken, on average over the noise; values that `moved` are free."""
+    held = np.zeros((priors.shape[0], root.shape[1]))
+    kept = [k for k in range(len(known)) if k not in moved]
+    held[[known[k] for k in kept]] = root[kept]
+    free = [k for k in range(priors.shape[0]) if k not in set(known)] + [known[k] for k in moved]
+    columns = np.concatenate([held, np.eye(priors.shape[0])[:, free]], axis=1)
+    whole = np.einsum("m,mij->ij", data.weights, data.information) + priors
+    inner = columns.T @ whole @ columns + np.diag([1.0] * root.shape[1] + [0.0] * len(free))
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    vector = columns.T @ (data.weights @ data.scores + pulls)
+    solved = np.linalg.lstsq(inner * np.outer(scale, scale), scale * vector, rcond=1e-12)[0]
+    return np.asarray(columns @ (scale * solved))
 
 
 def normal_shifts(sizes: Array, errors: Array) -> list[Shift]:

@@ -12,12 +12,12 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
-from thermid.identify.cache import file_name, recall, remember
+from thermid.identify.cache import changed_since, file_name, recall, remember
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, accepting, local_of, placed, read_campaign, scenario_of
 from thermid.identify.joint import Joint, fit_jointly, joint_key
-from thermid.identify.keys import key_of
+from thermid.identify.keys import keyed
 from thermid.identify.looks import look
 from thermid.identify.request import Request
 from thermid.identify.staging import plain_readings, request_of
@@ -50,6 +50,7 @@ class Campaign:
     joint : Joint or None       The last fit over all levels, where the campaign asks for one.
     source : CampaignSource     The file; None for one made in Python.
     requests : dict             Stage -> what it asked.
+    changed : dict              Stage that was fitted anew -> what changed since the results folder kept its end; none where it kept none.
     """
 
     title: str
@@ -60,6 +61,7 @@ class Campaign:
     joint: Joint | None = None
     source: CampaignSource | None = field(default=None, repr=False)
     requests: Mapping[str, Request] = field(default_factory=dict, repr=False)
+    changed: Mapping[str, tuple[str, ...]] = field(default_factory=dict, repr=False)
 
     def __getitem__(self, stage: str) -> Calibration:
         """Return the calibration of a stage.
@@ -165,18 +167,21 @@ def run_stages(
     done: dict[str, Calibration] = {}
     keys: dict[str, str] = {}
     requests: dict[str, Request] = {}
+    changed: dict[str, tuple[str, ...]] = {}
     for k, stage in enumerate(source.content.stages):
         try:
-            request = requests[stage.name] = request_of(source, stage, k, done)
-            keys[stage.name] = key_of(request, [keys[name] for i in stage.inherit.values() for name in i.stages])
-            kept = recall(folder, stage.name, keys[stage.name])
+            request, ingredients = keyed(request_of(source, stage, k, done), stage, keys)
+            requests[stage.name], keys[stage.name] = request, request.key
+            kept = recall(folder, stage.name, request.key)
             found = fit(request, _told(notice, stage.name), kept)
-            if kept is None and found.converged:
-                remember(folder, stage.name, keys[stage.name], list(found.fitted), np.array(list(found.fitted.values())))
+            if kept is None:
+                changed[stage.name] = changed_since(folder, stage.name, ingredients)
+                if found.converged:
+                    remember(folder, stage.name, request.key, list(found.fitted), np.array(list(found.fitted.values())), ingredients)
             done[stage.name] = found
         except ThermidError as error:
             raise placed(error, source.where(f"stages.{k}")) from None
-    made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests)
+    made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
     made = replace(made, joint=_joint(made, notice, folder)) if source.content.joint is not None else made
     used = {sha: user for c in done.values() for sha, user in c.seen.items()}
     verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, made, used, notice))

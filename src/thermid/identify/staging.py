@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, local_of, scenario_of
+from thermid.identify.hand import hand_values
 from thermid.identify.inherit import counted_twice, handed_on, may_move
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.selection import freed, priors_of
 from thermid.identify.steady_points import steady_points
 from thermid.knowledge.store import Store, graft
 from thermid.model.model import Model
+from thermid.model.modelfile import resolve_inside
 from thermid.model.signal import literal
 
 if TYPE_CHECKING:
@@ -29,6 +31,10 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     store, moving, remarks = _from_below(model, stage, done, where)
     model = store.on(model)
     store, hidden = store.acting_in(model)
+    if stage.values:
+        hand = hand_values(resolve_inside(source.path.parent, stage.values, f"{where}.values"), model, stage.name, f"{where}.values")
+        gone = [f"'{d.path}' {d.text} by {d.origin} does not apply: {d.why}." for d in hand.dropped]
+        return Request(model, (), store=store, name=stage.name, seen=store.seen, hand=hand, remarks=(*remarks, *hidden, *gone))
     records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
     scenario = scenario_of(stage.scenario, stage.name)
     points, settled = steady_points(source, stage, records, scenario, where)
@@ -70,7 +76,7 @@ def _from_below(
     for part, inherit in stage.inherit.items():
         for name in inherit.stages:
             here = f"{where}.inherit.{part}"
-            store = handed_on(done[name].store, name, inherit, here)
+            store = handed_on(done[name], inherit, here)
             below.append((part, store))
             ahead = "" if part == "." else f"{model.canonical(part)}."
             moving |= dict.fromkeys(ahead + p for p in may_move(store, inherit, here))

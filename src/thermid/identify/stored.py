@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from thermid.identify.keys import key_for
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
-from thermid.identify.responses import Responses, covering
+from thermid.identify.responses import Responses
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.store import Origin, State, Store
 from thermid.model.model import Model
 from thermid.model.resolve import deck_text, parameter_table
 
-__all__ = ["state_of", "stored"]
+__all__ = ["in_place", "state_of", "stored"]
 
 Array = NDArray[np.float64]
 
@@ -32,39 +32,46 @@ def stored(request: Request, problem: Problem, values: FittedValues, found: Resp
     """
     kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
     key = key_for(request)
-    rows, own = found.of(kept, key[:16], f"noise of stage '{values.stage}'")
-    sources = tuple({s.name: s for s in (*request.store.sources, *own)}.values())
-    place = {s.name: k for k, s in enumerate(sources)}
-    rows = _placed(rows, [place[s.name] for s in own], len(sources))
+    rows, sources = found.of(kept, key[:16], f"noise of stage '{values.stage}'")
     known = [not found.unlimited[k] for k in kept]
     origin = Origin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
-    before = request.store
+    states = {v.path: replace(state_of(v, origin, request.model), known=sure) for v, sure in zip(values.values(), known, strict=True)}
+    seen = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in values.provenance["records"].items()}
+    return in_place(request.store, Store(states, sources, rows, seen, {values.stage: values.provenance}))
+
+
+def in_place(before: Store, new: Store) -> Store:
+    """Return what was known before with new states in the place of those that they stand for."""
+    here = {n for s in new.states.values() for n in (s.path, *s.paths)}
+    sources = tuple({s.name: s for s in (*before.sources, *new.sources)}.values())
+    place = {s.name: k for k, s in enumerate(sources)}
     states: dict[str, State] = {}
-    root: list[np.ndarray] = []
-    for state, row in zip(before.states.values(), before.root, strict=True):
-        rest = _left(state, covering(problem.unknowns))
-        if rest is not None:
-            states[rest.path] = rest
-            root.append(np.concatenate([row, np.zeros(len(sources) - row.size)]))  # the sources of what was known before come first
-    for v, row, sure in zip(values.values(), rows, known, strict=True):
-        states[v.path] = replace(state_of(v, origin, request.model, before), known=sure)
-        root.append(row)
+    root = []
+    for store in (before, new):
+        columns = [place[s.name] for s in store.sources]
+        for state, own in zip(store.states.values(), store.root, strict=True):
+            kept = _left(state, here) if store is before else _after(state, before)
+            if kept is not None:
+                row = np.zeros(len(sources))
+                row[columns] = own
+                states[kept.path] = kept
+                root.append(row)
     whole = replace(
         before,
         states=states,
         sources=sources,
         root=np.array(root).reshape(len(root), len(sources)),
-        seen={**before.seen, **{sha: f"stage '{values.stage}' as '{name}'" for name, sha in values.provenance["records"].items()}},
-        provenance={**before.provenance, values.stage: values.provenance},
+        seen={**before.seen, **new.seen},
+        provenance={**before.provenance, **new.provenance},
+        left_out=tuple(dict.fromkeys((*before.left_out, *new.left_out))),
     )
     return whole.trimmed()
 
 
-def _placed(rows: Array, columns: list[int], count: int) -> Array:
-    """Return responses (values, sources) with each column at its place among `count` sources."""
-    out = np.zeros((rows.shape[0], count))
-    out[:, columns] = rows
-    return out
+def _after(state: State, before: Store) -> State:
+    """Return a state that knows whom it replaces."""
+    old = [s for s in before.states.values() if s.path == state.path or set(s.paths) & set(state.paths)]
+    return replace(state, history=tuple(dict.fromkeys(o for s in old for o in (*s.history, s.origin))))
 
 
 def _left(state: State, here: set[str]) -> State | None:
@@ -75,16 +82,24 @@ def _left(state: State, here: set[str]) -> State | None:
     return replace(state, path=paths[0], paths=paths, hidden=tuple(p for p in state.hidden if p in paths)) if paths else None
 
 
-def state_of(v: FittedValue, origin: Origin, model: Model, before: Store) -> State:
-    """Return the state that a value of a stage is; it takes the place of those known before."""
-    paths = (v.path, *v.also) if v.kind == "parameter" else ()
-    old = [s for s in before.states.values() if s.path == v.path or set(s.paths) & set(paths)]
-    history = tuple(dict.fromkeys(o for s in old for o in (*s.history, s.origin)))
-    deck = _deck(model, v.path) if v.kind == "parameter" else ""
+def state_of(v: FittedValue, origin: Origin, model: Model) -> State:
+    """Return the state that a value of a stage is."""
+    parameter = v.kind == "parameter"
     return State(
-        v.path, v.value, v.log, v.unit, v.bounds, origin, v.kind, paths, (), "", deck, history,
-        standing=v.standing, start=v.start, random=v.error_random, prior=v.prior,
-    )  # fmt: skip
+        v.path,
+        v.value,
+        v.log,
+        v.unit,
+        v.bounds,
+        origin,
+        v.kind,
+        (v.path, *v.also) if parameter else (),
+        deck=_deck(model, v.path) if parameter else "",
+        standing=v.standing,
+        start=v.start,
+        random=v.error_random,
+        prior=v.prior,
+    )
 
 
 def _deck(model: Model, path: str) -> str:

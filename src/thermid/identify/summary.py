@@ -18,7 +18,7 @@ from thermid.identify.solve import Fit
 from thermid.identify.standings import at_bounds, own_standing, rests_on
 from thermid.identify.stored import stored
 from thermid.identify.unknowns import Unknown
-from thermid.identify.values import FittedValue, FittedValues
+from thermid.identify.values import FittedValue, FittedValues, view
 from thermid.knowledge.standing import worst
 from thermid.measure.amounts import short
 
@@ -49,7 +49,8 @@ def summarise(request: Request, problem: Problem, found: Fit, known: Responses, 
     own = np.ix_(kept, kept)
     values = FittedValues(name, items, total[own], provenance)
     alone, rests = own_standing(request, problem, found, values, total, spread), rests_on(request, values)
-    values = values.judged(worst([alone, *rests.values()]))
+    store = stored(request, problem, values.judged(worst([alone, *rests.values()])), known)
+    values = view(store, list(values), name)
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
     blocks = Predictions(found.sums, problem, found.fitted)
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
@@ -88,7 +89,7 @@ def summarise(request: Request, problem: Problem, found: Fit, known: Responses, 
         search=found.search,
         own=alone,
         rests=rests,
-        store=stored(request, problem, values, known),
+        store=store,
     )
 
 

@@ -13,7 +13,7 @@ from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import placed, read_campaign
 from thermid.identify.identifiability import Identifiability, identifiability, identifiability_of
-from thermid.identify.keys import key_of
+from thermid.identify.keys import keyed
 from thermid.identify.staging import request_of
 
 __all__ = ["survey"]
@@ -62,11 +62,11 @@ def survey(
         if name not in needed:
             continue
         try:
-            request = request_of(source, table, k, done)
+            request, _ = keyed(request_of(source, table, k, done), table, keys)
             if name in wanted and not after and request.free:
                 out[name] = identifiability_of(request)
             if name in fits:
-                keys[name] = key_of(request, [keys[n] for n in below[name]])
+                keys[name] = request.key
                 told = None if notice is None else lambda count, rms, name=name: notice(name, count, rms)
                 done[name] = fit(request, told, recall(folder, name, keys[name]))
             if name in wanted and after and done[name].values.parameters:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,14 +12,14 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.files import VALUES, write_text
 from thermid.knowledge.sources import KNOWN
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
-from thermid.knowledge.store import State, Store
+from thermid.knowledge.store import Origin, State, Store
+from thermid.knowledge.values_file import load_store, rooted, save_store
 from thermid.model.parameter import Parameter, exact
 from thermid.units import unit
 
-__all__ = ["FittedValue", "FittedValues", "load_values", "view"]
+__all__ = ["FittedValue", "FittedValues", "as_store", "load_values", "view"]
 
 Array = NDArray[np.float64]
 
@@ -92,12 +90,14 @@ class FittedValues(Mapping[str, FittedValue]):
     items_ : dict                   Path -> FittedValue.
     covariance : array              Of the fitted forms, in the order of `items_`.
     provenance : dict               Records with checksums, version, date.
+    store : Store or None           What they are a view of, where it is at hand.
     """
 
     stage: str
     items_: Mapping[str, FittedValue]
     covariance: Array
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    store: Store | None = field(default=None, repr=False)
 
     def __getitem__(self, path: str) -> FittedValue:
         """Return one value.
@@ -198,36 +198,24 @@ class FittedValues(Mapping[str, FittedValue]):
         return self[path].origin
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the values as TOML."""
-        import tomlkit
+        """Write the values as TOML, with all that is known of the model where they are a view of it."""
+        save_store(self.store if self.store is not None else as_store(self), path, self.stage)
 
-        document = tomlkit.document()
-        document.add(tomlkit.comment("Fitted values. Written by thermid; the decks stay as their authors wrote them."))
-        document.add("schema", 1)
-        document.add("stage", self.stage)
-        document.add("standing", self.standing.kept())
-        document.add("provenance", dict(self.provenance))
-        table = tomlkit.table(is_super_table=True)
-        for name, v in self.items_.items():
-            entry = tomlkit.table()
-            entry.add("value", v.value)
-            entry.add("text", f"{v.in_unit:.9g} [{v.unit}]")
-            entry.add("error", _finite(v.error))
-            entry.add("error_random", _finite(v.error_random))
-            entry.add("transform", "log" if v.log else "linear")
-            entry.add("unit", v.unit)
-            entry.add("start", v.start)
-            entry.add("bounds", [_finite(b) for b in v.bounds])
-            entry.add("origin", v.origin)
-            entry.add("kind", v.kind)
-            if v.also:
-                entry.add("also", list(v.also))
-            if v.prior is not None:
-                entry.add("prior", list(v.prior))
-            table.add(name, entry)
-        document.add("values", table)
-        document.add("covariance", [[float(x) for x in row] for row in self.covariance])
-        write_text(path, tomlkit.dumps(document), VALUES)
+
+def as_store(values: FittedValues) -> Store:
+    """Return fitted values as a store of their own."""
+    records = values.provenance.get("records", {})
+    origin = Origin("fit", values.stage, tuple(records), "", str(values.provenance.get("date", "")))
+    states = {}
+    for v in values.values():
+        paths = (v.path, *v.also) if v.kind == "parameter" else ()
+        states[v.path] = State(
+            v.path, v.value, v.log, v.unit, v.bounds, origin, v.kind, paths,
+            standing=v.standing, start=v.start, random=v.error_random, prior=v.prior, known=bool(np.isfinite(v.error)),
+        )  # fmt: skip
+    root, sources = rooted(values.covariance, values.stage, f"errors of stage '{values.stage}'")
+    seen = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in records.items()}
+    return Store(states, sources, root, seen, {values.stage: values.provenance})
 
 
 def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
@@ -252,43 +240,18 @@ def _words(state: State) -> str:
     return f"{state.origin.stage}: {shown}" if shown else str(state.origin)
 
 
-def _finite(number: float) -> float | str:
-    return number if np.isfinite(number) else str(number)
-
-
 @takes_objects
 def load_values(path: str | os.PathLike[str]) -> FittedValues:
-    """Return the values of a file that `FittedValues.save` wrote.
+    """Return the values of a file that a stage or `FittedValues.save` wrote: all that the stage knew, at every depth.
 
     Raises
     ------
     DeckError   When it is missing or is no values file.
     """
-    target = Path(path)
-    if not target.is_file():
-        raise DeckError(f"there is no values file '{target.name}'. Run the calibration first.")
-    try:
-        data = tomllib.loads(target.read_text(encoding="utf-8"))
-        standing = Standing.read(data["standing"]) if "standing" in data else UNJUDGED
-        items = {
-            name: FittedValue(
-                name,
-                float(v["value"]),
-                float(v["error"]),
-                float(v["error_random"]),
-                v["transform"] == "log",
-                v["unit"],
-                float(v["start"]),
-                (float(v["bounds"][0]), float(v["bounds"][1])),
-                v["origin"],
-                v["kind"],
-                (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None,
-                tuple(v.get("also", ())),
-                standing,
-            )
-            for name, v in data["values"].items()
-        }
-        covariance = np.array(data["covariance"], dtype=float).reshape(len(items), len(items))
-        return FittedValues(data["stage"], items, covariance, data["provenance"])
-    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError, UnicodeDecodeError) as error:
-        raise DeckError(f"this is no values file of thermid: {error}.", target.name) from None
+    store, stage = load_store(path)
+    paths = [p for p, x in store.states.items() if x.kind != "parameter" or x.acts]
+    found = view(store, paths, stage)
+    every = [known for known in store.provenance.values() if "conditions" in known]
+    conditions = {p: at for known in every for p, at in known["conditions"].items()}
+    provenance = {**found.provenance, **({"conditions": conditions} if conditions else {})}
+    return replace(found, provenance=provenance, store=store)

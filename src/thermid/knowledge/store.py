@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
@@ -10,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.expression import parse
 from thermid.knowledge.sources import KNOWN, Kind, LeftOut, Source
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.model.identity import inside
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter, exact
 from thermid.model.replacement import Dropped
-from thermid.model.resolve import parameter_table
+from thermid.model.resolve import Entry, deck_text, parameter_table
 
 __all__ = ["Dropped", "Origin", "State", "Store", "graft", "structural_under"]
 
@@ -85,7 +87,7 @@ class State:
     deck: str = ""
     history: tuple[Origin, ...] = ()
     standing: Standing = UNJUDGED
-    start: float = float("nan")
+    start: float = 0.0
     random: float = 0.0
     prior: tuple[float, float] | None = None
     known: bool = True
@@ -153,8 +155,9 @@ class Store:
         """Whether another store knows the same, to the last bit."""
         if not isinstance(other, Store):
             return NotImplemented
-        plain = (f.name for f in fields(self) if f.name != "root")
-        return np.array_equal(self.root, other.root) and all(getattr(self, n) == getattr(other, n) for n in plain)
+        plain = (f.name for f in fields(self) if f.name not in ("root", "left_out"))
+        same = repr(self.left_out) == repr(other.left_out)  # it may hold numbers that are none
+        return same and np.array_equal(self.root, other.root) and all(getattr(self, n) == getattr(other, n) for n in plain)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -242,6 +245,20 @@ class Store:
                 raise NameNotFoundError(f"{origin} gives '{missing}', which '{part.title}' does not have.{nearest(missing, known)}")
             model = model.with_values(inner, origin, at=at)
         return model
+
+    def matching(self, model: Model) -> Store:
+        """Return it without states of values that the decks of a model give otherwise by now; these are listed as dropped."""
+        tables: dict[str, Mapping[str, Entry]] = {}
+        gone: dict[str, Dropped] = {}
+        for name, s in self.parameters.items():
+            table = tables.setdefault(s.at, parameter_table(model.submodel(s.at) if s.at else model))
+            ahead = len(s.at) + 1 if s.at else 0
+            now = deck_text(table[path]) if s.deck and (path := s.path[ahead:]) in table else s.deck
+            if not _alike(s.deck, now):
+                gone[name] = Dropped(
+                    name, s.as_parameter().text, str(s.origin), f"the deck says {now}, it was {s.deck} when this was found"
+                )
+        return replace(self.only(lambda s: s.path not in gone), dropped=(*self.dropped, *gone.values())) if gone else self
 
     def acting_in(self, laid: Model) -> tuple[Store, tuple[str, ...]]:
         """Return it with what a [set] hides marked, and a remark for each; `laid` is the model with the states over it."""
@@ -339,6 +356,14 @@ def _combined(states: Sequence[State], rows: Array) -> tuple[State, Array]:
     history = tuple(dict.fromkeys(o for s in states for o in (*s.history, s.origin)))
     value = float(np.exp(fitted)) if states[0].log else fitted
     return replace(states[0], value=value, history=history), shares @ rows
+
+
+def _alike(one: str, other: str) -> bool:
+    """Return whether two written values are the same number, or the same text."""
+    if one == other:
+        return True
+    a, b = parse(one).literal, parse(other).literal
+    return a is not None and b is not None and a.unit.dimension == b.unit.dimension and math.isclose(a.value, b.value, rel_tol=1e-12)
 
 
 def _depth(part: str) -> int:

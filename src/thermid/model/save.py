@@ -30,7 +30,8 @@ def write(model: Model, path: Path, like: Path | None) -> None:
     files = {target: part for target, part in files.items() if target == path or not _says(target, part)}
     texts = {target: _text(part, like if target == path else None) for target, part in files.items()}
     # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
-    kinds = {target: OWN if target == path and like is not None and _one_file(like, path) else DECK for target in files}
+    changed = path if like is not None and _one_file(like, path) else None
+    kinds = {target: OWN if target == changed else DECK.of(part.title) for target, part in files.items()}
     for target, kind in kinds.items():
         may_write(target, kind)
     for target, text in texts.items():
@@ -39,7 +40,7 @@ def write(model: Model, path: Path, like: Path | None) -> None:
 
 def _says(path: Path, model: Model) -> bool:
     """Whether a deck that thermid did not write says the same already: it stays as its author wrote it."""
-    if not path.is_file() or DECK.wrote(path):
+    if not path.is_file() or DECK.of(model.title).wrote(path):
         return False
     try:
         return load_model(path) == model

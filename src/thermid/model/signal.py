@@ -38,12 +38,14 @@ class Table:
     values : array (samples,)   [SI]
     hold : bool                 Whether each value holds until the next sample.
     unit : str                  Unit in which a log had the values; what it stands for must be of the same dimension. Empty where none said.
+    log : (str, float) or None  Of a column of a log: the hash of its samples, and the time in it that is zero here. [s]
     """
 
     times: NDArray[np.float64]
     values: NDArray[np.float64]
     hold: bool = False
     unit: str = ""
+    log: tuple[str, float] | None = None
 
     def __post_init__(self) -> None:
         """Refuse tables that are no function of time."""

@@ -114,27 +114,34 @@ def predicted(
     parts = {n: budget.parts(c) for n, c in linear.columns.items()}
     why = Missed() if draws else missed(setting, linear)
     count = draws or (DRAWN if why.words else 0)
-    members: dict[str, Array] = {}
-    if count:
-        sources = budget.drawn(budget.numbers(seed, 0, count))
-        if draws or why.bent:
-            members, _ = setting.temperatures(sources, list(linear.columns))
-            members = {n: m[:, ~np.isnan(m).any(axis=0)] for n, m in members.items() if not np.isnan(m).any(axis=0).all()}
-        else:
-            members = {n: linear.run[n].kelvin[:, None] + c[:-1] @ sources for n, c in linear.columns.items()}
+    sources = budget.drawn(budget.numbers(seed, 0, count))
+    members = _members(setting, linear, sources, straight=not draws and not why.bent) if count else {}
     bands, rest = {}, {}
-    for n in linear.columns:
+    for n, column in linear.columns.items():
         now = {c: v[:-1] for c, v in parts[n].items()}
-        bands[n] = Band(n, setting.ready.times, linear.run[n].kelvin, shifts[n][:-1], now, members.get(n))
-        if linear.settled and n in linear.settled:
+        own, kept = members.get(n, (None, None))
+        bands[n] = Band(n, setting.ready.times, linear.run[n].kelvin, shifts[n][:-1], now, own)
+        if n in linear.settled:
             end = np.array([linear.settled[n]])
-            rest[n] = Band(n, setting.ready.times[-1:], end, shifts[n][-1:], {c: v[-1:] for c, v in parts[n].items()}).final
+            # from the end of each member to where it settles: as in the straight model
+            on = None if own is None else own[-1:] + (end - linear.run[n].kelvin[-1]) + (column[-1:] - column[-2:-1]) @ sources[:, kept]
+            rest[n] = Band(n, setting.ready.times[-1:], end, shifts[n][-1:], {c: v[-1:] for c, v in parts[n].items()}, on).final
     guessed = _guessed(setting, linear)
     warnings = (*linear.run.warnings, *budget.remarks, *([f"{why.words}: {count} members were drawn"] if why.words else []), *guessed)
     left, least = _left_out(budget, bands)
     words, standing = _words(setting), budget.standing
     title, course = budget.model.title, budget.scenario.title
     return Prediction(title, course, setting.ready.times, bands, rest, words, warnings, find, standing, left, least)
+
+
+def _members(setting: Setting, linear: Linear, sources: Array, straight: bool) -> dict[str, tuple[Array, NDArray[np.int64]]]:
+    """Return node -> temperatures (times, members) [K] and which members they are: those that reached the end."""
+    if straight:
+        every = np.arange(sources.shape[1])
+        return {n: (linear.run[n].kelvin[:, None] + c[:-1] @ sources, every) for n, c in linear.columns.items()}
+    found, _ = setting.temperatures(sources, list(linear.columns))
+    kept = {n: np.flatnonzero(~np.isnan(m).any(axis=0)) for n, m in found.items()}
+    return {n: (m[:, kept[n]], kept[n]) for n, m in found.items() if kept[n].size}
 
 
 def _left_out(budget: Budget, bands: Mapping[str, Band]) -> tuple[tuple[LeftOut, ...], float]:

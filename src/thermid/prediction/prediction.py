@@ -22,6 +22,8 @@ from thermid.prediction.omitted import first_line
 __all__ = ["Band", "Estimate", "Prediction"]
 
 Array = NDArray[np.float64]
+EXACT = 1e-9
+"""Scatter of members below which they are one temperature, and rounding. [K]"""
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,8 @@ class Band:
     def error(self) -> Array:
         """Standard error (times,). [K]"""
         if self.members is not None:
-            return np.asarray(np.sqrt(np.mean((self.members - self.kelvin[:, None]) ** 2, axis=1)))
+            size = np.sqrt(np.mean((self.members - self.kelvin[:, None]) ** 2, axis=1))
+            return np.where(size < EXACT, 0.0, size)
         return np.asarray(np.sqrt(np.sum([np.zeros(self.times.size), *self.parts.values()], axis=0)))
 
     def interval(self, level: float = 0.95) -> tuple[Array, Array]:

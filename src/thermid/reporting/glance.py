@@ -161,6 +161,11 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
 
 def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
     """Yield what follows from it, each with its stage."""
+    for c in _fits(campaign):
+        if c.contradicted:
+            yield f"Do not use {c.stage}: {_some(list(c.contradicted.values()))}. {BLAME}", c.stage
+        elif not c.standing.usable and (c.standing.state, c.standing.stage) != ("failed", c.stage):  # what its own verdicts say follows
+            yield f"Do not use {c.stage}: {c.standing.reason(c.stage)}.", c.stage
     if not campaign.verdicts:
         yield "Hold a record out and judge it: [[verdicts]] in the campaign.", ""
     elif campaign.passed:
@@ -173,10 +178,6 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
             missing = f"{what} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
             yield f"Do not use {v.model} yet: {worst.sensor} in {v.record} misses, {missing}. See where its residuals begin.", "verdicts"
     for c in _fits(campaign):
-        if c.contradicted:
-            yield f"Do not use {c.stage}: {_some(list(c.contradicted.values()))}. {BLAME}", c.stage
-        elif not c.standing.usable:
-            yield f"Do not use {c.stage}: it is {c.standing.state}, {c.standing.reason(c.stage)}.", c.stage
         for m in c.moved.values:
             if m.verdict == MOVED:
                 yield f"{m.path} moved from what {m.stage} found: look for what the part meets here and not alone.", c.stage

@@ -18,7 +18,7 @@ from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.medium import Media
 from thermid.units import TEMPERATURE
 
-__all__ = ["STEADY", "Scenario", "load_scenario"]
+__all__ = ["SLOTS", "STEADY", "Scenario", "load_scenario"]
 
 SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent")
 """Tables of a scenario file that stand for boundaries, gases and radiation."""
@@ -199,7 +199,7 @@ class LogColumns:
             raise error.within(where) from None
         times, values, _ = record.table(name)
         zero = self.zeros.get(file, float(record.times[0]))
-        return Table(times - zero, values, bool(value.get("hold", held)), record.channel(name).unit)
+        return Table(times - zero, values, bool(value.get("hold", held)), record.channel(name).unit, (record.origin.sha256, zero))
 
 
 def _irradiation(table: Mapping[str, Any], columns: LogColumns, where: str) -> Irradiation:

@@ -10,21 +10,23 @@ from pathlib import Path
 import numpy as np
 
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
-from thermid.identify.cache import file_name, recall, remember
+from thermid.identify.cache import changed_since, file_name, recall, remember
 from thermid.identify.calibrate import fit, fit_problem
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.gather import problem_for
-from thermid.identify.keys import key_of
+from thermid.identify.keys import keyed
 from thermid.identify.request import Request
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
 from thermid.identify.staging import request_of
 from thermid.identify.swap import plan_retune
-from thermid.identify.values import FittedValue, FittedValues
+from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.store import Origin, State, Store
+from thermid.knowledge.values_file import save_store
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
-from thermid.model.resolve import ParameterSet
+from thermid.model.resolve import ParameterSet, deck_text, parameter_table
 from thermid.network.network import compile_network
 from thermid.reporting.cells import Table
 from thermid.reporting.tables import levels
@@ -65,6 +67,7 @@ class Project:
         self.states: dict[str, StageState] = {name: StageState(name, "waiting", "not looked at yet") for name in self.stages}
         self._requests: dict[str, Request] = {}
         self._keys: dict[str, str] = {}
+        self._made_of: dict[str, dict[str, str]] = {}
         self._desks: dict[str, Desk] = {}
         self._levels: tuple[dict[str, Calibration], Table] | None = None
 
@@ -143,7 +146,8 @@ class Project:
             return self._set(StageState(name, "failed", str(error), direct))
         if kept is None:
             ran = found is not None or (self.results / f"{file_name(name)}.fit.json").is_file()
-            why = "its model, logs, request or the stages below changed since it was run" if ran else "never run"
+            changed = ", ".join(changed_since(self.results, name, self._made_of[name]))
+            why = f"changed since it was run: {changed}" if changed else "to be run again" if ran else "never run"
             return self._set(StageState(name, "stale" if ran else "new", why, direct))
         return self._finish(name, fit(request, None, kept))
 
@@ -158,7 +162,8 @@ class Project:
             raise DeckError("a deck has no stage to run: nothing was measured. Open a campaign.", self.path.name)
         found = fit(self._request(name), told)
         if found.converged:
-            remember(self.results, name, self._keys[name], list(found.fitted), np.array(list(found.fitted.values())))
+            ended = np.array(list(found.fitted.values()))
+            remember(self.results, name, self._keys[name], list(found.fitted), ended, self._made_of[name])
             found.save(self.results / f"{file_name(name)}.values.toml")
         for above in self.stages:
             if name in self.below(above):
@@ -239,21 +244,22 @@ class Project:
         if not stem.strip("_"):
             raise DeckError("give the values a name of letters and digits.", "save")
         desk = self.desk(name)
-        items = {}
+        states: dict[str, State] = {}
+        origin, table = Origin("hand", f"{name}, by hand"), parameter_table(desk.model)
         for s in desk.sliders:
             if s.path in values:
                 of = unit(s.unit)
-                si = [v * float(of.factor) + float(of.offset) for v in (values[s.path], s.value, s.low, s.high)]
-                items[s.path] = FittedValue(
-                    s.path, si[0], np.inf, np.inf, s.log, s.unit, si[1], (si[2], si[3]), f"tuned by hand, '{name}'", also=s.also
-                )
-        if not items:
+                value, start, *ends = (v * float(of.factor) + float(of.offset) for v in (values[s.path], s.value, s.low, s.high))
+                more = {"paths": (s.path, *s.also), "deck": deck_text(table[s.path]), "start": start, "known": False}
+                states[s.path] = State(s.path, value, s.log, s.unit, (ends[0], ends[1]), origin, **more)  # type: ignore[arg-type]
+        if not states:
             raise DeckError("no value was moved, so there is nothing to save.", "save")
         self.results.mkdir(parents=True, exist_ok=True)
         target, k = self.results / f"{stem}.values.toml", 2
         while target.exists():
             target, k = self.results / f"{stem}_{k}.values.toml", k + 1
-        FittedValues(f"{name}, by hand", items, np.diag(np.full(len(items), np.inf))).save(target)
+        left = tuple(LeftOut(f"'{p}' was tuned by hand without an error") for p in states)
+        save_store(Store(states, root=np.zeros((len(states), 0)), left_out=left), target, origin.stage)
         return target
 
     def swap(self, part: str, deck: str) -> RetunePlan:
@@ -298,9 +304,8 @@ class Project:
             missing = [n for i in stage.inherit.values() for n in i.stages if n not in self.done]
             if missing:
                 raise DeckError(f"takes values of '{missing[0]}', which is not done; run that first.", name)
-            request = request_of(self.source, stage, k, self.done)
-            self._keys[name] = key_of(request, [self._keys[n] for i in stage.inherit.values() for n in i.stages])
-            self._requests[name] = request
+            request, self._made_of[name] = keyed(request_of(self.source, stage, k, self.done), stage, self._keys)
+            self._keys[name], self._requests[name] = request.key, request
         return self._requests[name]
 
     def _finish(self, name: str, found: Calibration, unchanged: bool = False) -> StageState:

@@ -59,7 +59,9 @@ def test_an_import_does_not_write_over_a_deck(call: Call, script: Path) -> None:
     deck.write_text("title = 'mine'\n", encoding="utf-8")
     said = call("import", script, "--to", deck)
     assert said.code == 2
-    assert said.err.startswith(f"error: {deck}: it is there already and is no deck as thermid wrote it. Give another name")
+    assert said.err.startswith(
+        f"error: {deck}: a file is there already that thermid did not write as deck Acc, or that was changed since. Give another name"
+    )
     assert deck.read_text(encoding="utf-8") == "title = 'mine'\n"
 
 

@@ -15,7 +15,7 @@ from unit.qualify.project import PLAN, project
 
 SCENARIO = 'title = "warm"\nstart = "24 [degC]"\nduration = "10 [min]"\n\n[boundaries]\n{} = "24 [degC]"\n'
 SCRIPT = "m = 1.25; % mass [kg]\n"
-QUESTION = 'model = "box.toml"\nscenario = "warm.toml"\nmembers = 40\n[limits]\ncase = "60 [degC]"\n[spread]\n"scale.power" = "5 [%]"\n'
+QUESTION = 'model = "box.toml"\nscenario = "warm.toml"\nmembers = 40\n[limits]\ncase = "60 [degC]"\n[spread]\n"scale.heat" = "5 [%]"\n'
 FREE = {
     "limits.toml": '[limits.processor]\nnode = "case"\noperating = ["-20 [degC]", "70 [degC]"]\n',
     "heaters.toml": '[[steps]]\nat = "0 [s]"\nduty = { a = 50 }\n',
@@ -113,6 +113,18 @@ def test_no_output_destroys_an_input(call: Call, bench: Path, output: str) -> No
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_no_output_destroys_any_input_by_any_name(call: Call, bench: Path, output: str) -> None:
     assert aimed(call, bench, output, 1) >= 76
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("output", OUTPUTS)
+def test_every_one_of_these_commands_can_write(call: Call, bench: Path, output: str, tmp_path: Path) -> None:
+    target = tmp_path / f"made{ENDINGS.get(output, '')}"
+    if output.endswith("--pdf"):
+        pytest.importorskip("thermid.reporting.pdf").browser()
+    said = call(*OUTPUTS[output], target)
+    assert said.code in (0, 1, 4), said.err
+    assert target.exists()
+    shutil.rmtree("r", ignore_errors=True)
 
 
 def test_folders_of_results_hold_what_others_wrote(call: Call, bench: Path) -> None:

@@ -76,8 +76,8 @@ def test_what_moved(campaign: Campaign) -> None:
     assert campaign.joint is not None
     moves = campaign.joint.moved
     assert {m.path: m.stage for m in moves.values} == {f"a.{HTC}": "pair", f"a.{MASS}": "pair", JOINT: "pair"}
-    assert moves.had_to_move == ()
-    assert "against the stages below" in str(campaign.joint)
+    assert moves.moved == ()
+    assert "  values of the stages below -> by the joint fit:" in str(campaign.joint)
 
 
 def test_joint_of_a_file_and_of_a_campaign(made: Path, campaign: Campaign) -> None:

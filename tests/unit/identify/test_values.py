@@ -45,16 +45,66 @@ def test_a_mapping_returns_its_default(found: Calibration) -> None:
             mapping["no_such"]
 
 
-def test_awkward_numbers_come_back_too(tmp_path: Path) -> None:
+def test_values_that_no_fit_of_this_session_made_are_saved_too(tmp_path: Path) -> None:
+    """Numbers near the ends of what a float holds, a unit with an offset, no finite error."""
     items = {
-        "x": FittedValue("x", 0.1 + 0.2, math.inf, 5e-324, True, "W", 1 / 3, (-math.inf, math.inf), 'a "quoted" one', prior=(1e-300, 2.0)),
-        "y.z": FittedValue("y.z", 300.15, 1e17, 0.0, False, "degC", 0.0, (273.15, 400.0), "ü", also=("q.z",)),
+        "x": FittedValue("x", 0.1 + 0.2, math.inf, 5e-324, True, "W", 1 / 3, (-math.inf, math.inf), "ä stage: r", prior=(1e-300, 2.0)),
+        "y.z": FittedValue("y.z", 300.15, 0.5, 0.0, False, "degC", 0.0, (273.15, 400.0), "ä stage: r", also=("q.z",)),
     }
-    values = FittedValues("ä stage", items, np.array([[math.inf, 0.0], [0.0, 1 / 7]]), {"version": "0"})
+    values = FittedValues("ä stage", items, np.array([[math.inf, 0.0], [0.0, 0.25]]), {"version": "0", "records": {"r": "ab"}})
     values.save(tmp_path / "v.toml")
     back = load_values(tmp_path / "v.toml")
     assert dict(back) == items
     np.testing.assert_array_equal(back.covariance, values.covariance)
+
+
+OLD_FILE = """
+schema = 1
+stage = "box"
+provenance = { version = "0.1", date = "2026-01-01", records = { bench = "abc" }, synthetic = true, misfit = { case = 0.02 } }
+covariance = [[0.0001, 0.00005], [0.00005, 0.0004]]
+weights = [[0.0001, 0.0], [0.0, 0.0004]]
+
+[values."skin.effective_htc"]
+value = 5.0
+text = "5 [W/(m^2 K)]"
+error = 0.05
+error_random = 0.04
+transform = "log"
+unit = "W/(m^2 K)"
+start = 6.0
+bounds = [1.0, 20.0]
+origin = "box: bench"
+kind = "parameter"
+
+[values."case.mass"]
+value = 1.7
+text = "1.7 [kg]"
+error = 0.034
+error_random = 0.034
+transform = "log"
+unit = "kg"
+start = 1.5
+bounds = [0.5, "inf"]
+origin = "box: bench"
+kind = "parameter"
+also = ["other.mass"]
+"""
+
+
+def test_a_file_of_the_old_format_is_read_and_says_what_it_lacks(tmp_path: Path) -> None:
+    (tmp_path / "v.toml").write_text(OLD_FILE)
+    back = load_values(tmp_path / "v.toml")
+    assert (back[HTC].value, back[HTC].error) == (5.0, pytest.approx(0.05))
+    assert back[MASS].also == ("other.mass",)
+    assert back.covariance == pytest.approx(np.array([[1e-4, 5e-5], [5e-5, 4e-4]]))
+    assert back.provenance["misfit"] == {"case": 0.02}
+    assert back.store is not None
+    (left,) = back.store.left_out
+    assert left.what.startswith("the values file is of the old format (schema 1): values that stage 'box' inherited are not in it")
+    back.save(tmp_path / "new.toml")
+    again = load_values(tmp_path / "new.toml")
+    assert again.store == back.store
 
 
 def test_a_values_file_laid_over_a_deck_gives_the_fitted_model(found: Calibration, tmp_path: Path) -> None:
@@ -98,12 +148,13 @@ def test_names(found: Calibration) -> None:
 @pytest.mark.parametrize(
     "damage",
     [
-        lambda t: t.replace("covariance", "covarianz"),
+        lambda t: t.replace("transform", "transformation"),
         lambda t: t.replace("value = ", "wert = ", 1),
         lambda t: t[: len(t) // 2],
         lambda t: "not = a values file",
         lambda t: "",
-        lambda t: t.replace("covariance = [[", "covariance = [["[:-1] + "[1.0, "),
+        lambda t: t.replace("sources = [0", "sources = [99"),
+        lambda t: t.replace("sources = [0, ", "sources = ["),
         lambda t: t.replace("bounds = [", 'bounds = "wide" # [', 1),
         lambda t: "\x00\x01",
     ],

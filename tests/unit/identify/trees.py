@@ -89,39 +89,32 @@ def write_decks(folder: Path, *roots: Part) -> None:
 
 
 def record_of(
-    model: Model, truth: Mapping[str, float], nodes: Sequence[str], name: str, seed: int, noise: float, bias: float = 0.0
+    model: Model, truth: Mapping[str, float], nodes: Sequence[str], name: str, seed: int, noise: float, bias: Mapping[str, float]
 ) -> Record:
-    """A warm-up in still air, 41 samples of every node."""
+    """A warm-up in still air, 41 samples of every node; sensors err by `bias`. [K]"""
     times = np.linspace(0.0, 6000.0, 41)
     hidden = model.with_values({p: f"{g!r} [W/K]" for p, g in truth.items()})
     air = np.full(times.size, 295.0)
     run = simulate(hidden, Scenario(name, boundaries={"air": (times, air)}, start="295 [K]", duration=6000.0), times=times)
     rng = np.random.default_rng(seed)
-    channels = {f"T_{n.replace('.', '_')}": run[n].kelvin + bias + noise * rng.standard_normal(times.size) for n in nodes}
-    every = [Channel.of(c, values) for c, values in channels.items()]
-    return Record.from_arrays(name, times, {c.name: c for c in (*every, Channel.of("AIR", air))})
+    seen = {f"T_{n.replace('.', '_')}": run[n].kelvin + noise * rng.standard_normal(times.size) for n in nodes} | {"AIR": air}
+    return Record.from_arrays(name, times, {c: Channel.of(c, values + bias.get(c, 0.0)) for c, values in seen.items()})
 
 
-def write_logs(folder: Path, tested: Sequence[Part], noise: float = 0.02, seed: int = 1) -> None:
+def write_logs(folder: Path, tested: Sequence[Part], noise: float = 0.02, seed: int = 1, bias: Mapping[str, float] | None = None) -> None:
     """Write a log of each part, at its truth."""
     for k, part in enumerate(tested):
-        model = load_model(folder / f"{part.definition}.toml")
-        write_log(
-            record_of(model, part.values(), part.nodes(), part.definition, seed + k, noise), folder / "logs" / f"{part.definition}.csv"
-        )
+        name = part.definition
+        record = record_of(load_model(folder / f"{name}.toml"), part.values(), part.nodes(), name, seed + k, noise, bias or {})
+        write_log(record, folder / "logs" / f"{name}.csv")
 
 
 def record_table(part: Part, noise: float = 0.02, accuracy: str = "") -> str:
-    """The table of a log in a campaign."""
-    more = f', accuracy = "{accuracy}"' if accuracy else ""
+    """The table of a log in a campaign; `accuracy` is that of every channel."""
+    more, name = f', accuracy = "{accuracy}"' if accuracy else "", part.definition
     channels = [f'T_{n.replace(".", "_")} = {{ node = "{n}", noise = "{noise} [K]"{more} }}' for n in part.nodes()]
-    lines = [
-        f"[records.{part.definition}]",
-        f'file = "logs/{part.definition}.csv"',
-        'time = "time_s"',
-        f"[records.{part.definition}.channels]",
-    ]
-    return "\n".join([*lines, *channels, 'AIR = { boundary = "air" }', ""])
+    lines = [f"[records.{name}]", f'file = "logs/{name}.csv"', 'time = "time_s"', f"[records.{name}.channels]"]
+    return "\n".join([*lines, *channels, f'AIR = {{ boundary = "air"{more} }}', ""])
 
 
 def stage_table(name: str, part: Part, free: Sequence[str], inherit: str = "", more: str = "") -> str:

@@ -256,7 +256,7 @@ def test_like_drops_what_is_gone_and_adds_what_is_new(sink: Model, tmp_path: Pat
 def test_a_part_that_its_author_changed_is_not_written_over(sink: Model, tmp_path: Path) -> None:
     changed = BOX.replace("900", "901")
     (tmp_path / "Box.toml").write_text(changed, encoding="utf-8")
-    with pytest.raises(OutputError, match=r"Box\.toml: it is there already"):
+    with pytest.raises(OutputError, match=r"Box\.toml: a file is there already"):
         save_model(sink, tmp_path / "again.toml")
     assert not (tmp_path / "again.toml").exists()
     assert (tmp_path / "Box.toml").read_text(encoding="utf-8") == changed

@@ -1,4 +1,4 @@
-"""What a page says of values that were handed on."""
+"""What a page says of inherited values."""
 
 from __future__ import annotations
 
@@ -8,31 +8,32 @@ from types import SimpleNamespace
 import pytest
 
 from thermid.identify.moves import Group, Move, Moves
+from thermid.reporting.cells import DASH
 from thermid.reporting.levels import moved
 
 
 @pytest.fixture
 def moves() -> Moves:
-    far = Move("a.power", "a", "box", 4.0, 4.4, "W", 3.4, 0.0007)
-    still = Move("t", "", "box", 293.15, 294.15, "degC", math.nan, math.nan)
-    return Moves((far, still), (Group("all together", ("a.power", "t"), 11.6, 1, 0.0007), Group("part 'x'", (), 0.0, 0, math.nan)))
+    far = Move("a.power", "a", "box", 4.0, 4.4, 4.3, "W", 3.4, 0.0007, 0.48, 0.05, 0.05)
+    still = Move("t", "", "box", 293.15, 294.15, 293.15, "degC", math.nan, math.nan, math.inf)
+    groups = (Group("all together", ("a.power", "t"), 11.6, 1, 0.0007), Group("part 'x'", (), 0.0, 0, math.nan))
+    return Moves((far, still), groups)
 
 
 def test_every_value_and_group_has_a_line(moves: Moves) -> None:
-    table = moved(SimpleNamespace(moved=moves, values={}))  # type: ignore[arg-type]
+    table = moved(SimpleNamespace(moved=moves))  # type: ignore[arg-type]
     text = [[cell.text if hasattr(cell, "text") else cell for cell in row] for row in table.rows]
-    assert text[0] == ["a.power", "box", "4", "4.4", "W", "10", "+3.4", "0.00070", "had to move"]
-    assert text[1][2:4] == ["20", "21"]
-    assert text[1][-1] == "not tested"
-    assert text[2][6:] == ["χ² 11.6 of 1", "0.00070", "had to move"]
-    assert text[3][-1] == "not tested"
+    assert text[0] == ["a.power", "box", "4.000 ± 0.050", "4.4", "W", "10", "+3.4", "0.00070", "12", "moved"]
+    assert text[1] == ["t", "box", "20", DASH, "°C", *[DASH] * 4, "this log cannot decide"]
+    assert text[2][6:] == ["χ² 11.6 of 1", "0.00070", "", "moved"]
+    assert text[3][-1] == "this log cannot decide"
 
 
 def test_lines_of_text(moves: Moves) -> None:
     assert list(moves.lines()) == [
-        "  against the stages below:",
-        "    a.power  4 -> 4.4 W (+10 %): had to move, 3.4 standard deviations",
-        "    t  20 -> 21 degC (+5 %): not tested, this level says nothing of it",
-        "    all together: had to move, chi-square 11.6 in 1 direction (chance 0.0007)",
-        "    part 'x': not tested",
+        "  values of the stages below -> by the logs of this stage alone:",
+        "    a.power  4.000 -> 4.4 W (+10 %): moved, 3.4 standard errors; a shift of 12 % would be found with 90 % power",
+        "    t  20 degC: this log cannot decide; it says nothing of this value",
+        "    all together: moved, chi-square 11.6 in 1 direction (chance 0.0007)",
+        "    part 'x': this log cannot decide",
     ]

@@ -10,6 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import ThermidError
+from thermid.identify.experiment import meet
 from thermid.model.signal import Table
 
 LOG = """time_s,room,wall [degC],h,k [W/(m^2 K)],heat,drive,p,w,sun
@@ -122,3 +123,30 @@ begin = "2026-03-21 06:00"
 """
     with pytest.raises(ThermidError, match=r"begins at another time than its first line.*Leave begin out"):
         made(tmp_path, text)
+
+
+def test_a_column_of_the_records_own_log_stays_beside_its_readings(tmp_path: Path) -> None:
+    """A record whose first minute was cut off begins there, and so do the columns of its log that a scenario holds."""
+    deck = {
+        "title": "plate",
+        "needs": ["air"],
+        "nodes": {"plate": {"capacitance": "100 [J/K]"}},
+        "surfaces": {"skin": {"of": "plate", "to": "air", "area": "0.1 [m^2]", "htc": {"value": "5 [W/(m^2 K)]", "min": 1, "max": 20}}},
+    }
+    text = f"""
+[environment]
+air = {{ pressure = {column("p")} }}
+[boundaries]
+air = {column("room")}
+"""
+    scenario = made(tmp_path, text)
+    record = td.read_record(tmp_path / "log.csv", {"wall": {"node": "plate"}})
+    model = td.model_from_dict(deck)
+    for cut, first in ((record, 101325.0), (record.trim("1120 [s]"), 50000.0)):
+        met = meet(model, cut, scenario).scenario
+        assert met.environment["air"].pressure.at(np.zeros(1))[0] == first
+        assert met.boundaries["air"].at(np.zeros(1))[0] == pytest.approx(293.15 if cut is record else 303.15)
+    with pytest.raises(ThermidError, match=r"whose times the record no longer has \(shift_start"):
+        meet(model, record.shift_start(), scenario)
+    other = made(tmp_path, text, LOG.replace("101325", "101000"))  # another log counts from its own first sample
+    assert meet(model, record.trim("1120 [s]"), other).scenario.environment["air"].pressure.at(np.zeros(1))[0] == 101000.0

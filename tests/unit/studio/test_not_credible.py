@@ -70,7 +70,7 @@ def test_a_report_of_them_says_so_at_every_place_that_would_recommend_them(work:
         assert f"Do not use {stage}: " in page
         assert f"{stage} (not credible)</th>" in page
     assert page.count(">not credible</tspan>") == 3
-    assert "Do not use whole: it is not credible, rests on stage 'part' (T_LAB would have to be wrong" in page
+    assert "Do not use whole: rests on stage 'part' (T_LAB would have to be wrong" in page
 
 
 def test_its_mending_is_seen_by_whatever_rests_on_it(work: Work) -> None:

@@ -1,0 +1,125 @@
+"""Values tuned by hand: a stage without records, from a file of the studio or one that somebody wrote."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.errors import DeckError, ThermidError
+from thermid.identify.unknowns import Unknown, parameter_unknown
+from thermid.knowledge.sources import LeftOut, LogNormal, Normal, Source, Uniform, read_spread
+from thermid.knowledge.store import Origin, State, Store
+from thermid.knowledge.values_file import load_store, read_values
+from thermid.model.model import Model
+from thermid.model.resolve import ParameterSet, deck_text
+from thermid.model.signal import literal
+from thermid.units import TEMPERATURE
+
+__all__ = ["hand_values", "values_on"]
+
+UNIT = Uniform(-math.sqrt(3.0), math.sqrt(3.0))
+"""As likely anywhere between its ends, of variance one."""
+
+
+def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
+    """Return what a values file says of a model, as found by hand at a stage.
+
+    Parameters
+    ----------
+    path : Path     A file that thermid wrote, or one with rows ``"path" = "0.21 [W/K]"``, ``{ value, sd }`` or ``{ low, high }``.
+    model : Model   What the values are of.
+    stage : str     The stage.
+    where : str     For messages.
+
+    Raises
+    ------
+    DeckError   When a row names no value of the model, or gives none.
+    """
+    data = read_values(path)
+    if "schema" in data:
+        store = load_store(path)[0].matching(model)
+        key = hashlib.sha256(repr([*store.states.values(), store.root.tolist()]).encode()).hexdigest()
+        mine = Origin("hand", stage, (), key)
+        return replace(store, states={p: replace(s, origin=mine) if s.origin.kind == "hand" else s for p, s in store.states.items()})
+    rows = data.get("values", {k: v for k, v in data.items() if k not in ("title", "note")})
+    if not rows:
+        raise DeckError(f'\'{path.name}\' gives no value. Write rows like "lid.conductance" = "0.21 [W/K]".', where)
+    key = hashlib.sha256(json.dumps([stage, data], sort_keys=True, default=str).encode()).hexdigest()
+    try:
+        return _store({k: _given(k, v, where) for k, v in rows.items()}, model, Origin("hand", stage, (), key))
+    except ThermidError as error:
+        raise error.located(f"{where}, {path.name}") from None
+
+
+def _given(name: str, row: Any, where: str) -> Mapping[str, Any]:
+    """Return a row as a table of what it gives: value and spread."""
+    table = {"value": row} if isinstance(row, str) else row
+    if not isinstance(table, Mapping) or not ({"value"} <= set(table) or {"low", "high"} <= set(table)):
+        raise DeckError(f"'{name}' needs a text with a unit, {{ value, sd }} or {{ low, high }}.", where)
+    return table
+
+
+def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: Origin) -> Store:
+    """Return the store of rows: each with an error has a source of its own."""
+    values = ParameterSet(model)
+    states, sources, sizes = {}, [], []
+    for raw, table in rows.items():
+        path = values.freeable(raw, model.canonical)
+        state, source, size = _state(path, table, values, origin)
+        states[path] = state
+        sizes.append(size)
+        sources.append(source)
+    left = tuple(LeftOut(f"'{p}' was tuned by hand at stage '{origin.stage}' without an error") for p, s in states.items() if not s.known)
+    whole = Store(states, tuple(sources), np.diag(np.array(sizes)), left_out=left)
+    return whole.trimmed()
+
+
+def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: Origin) -> tuple[State, Source, float]:
+    """Return a state, its source and its standard deviation in the fitted form; zero where no error is given."""
+    entry = values.table[path]
+    old = entry.parameter
+    slot = TEMPERATURE if old.unit in ("degC", "degF") else old.unit or "1"
+    spread = {("mean" if k == "value" else k): v for k, v in table.items()}
+    law = read_spread(spread, slot, 0.0, path) if set(spread) - {"mean"} else None
+    value = law.mean if isinstance(law, Uniform) else literal(table["value"], slot, path)
+    u = parameter_unknown(path, old, values.dimension(path), value, (), None)
+    size = math.sqrt(law.variance) / (value if u.log else 1.0) if law is not None else 0.0
+    size = law.log_sd if isinstance(law, LogNormal) and u.log else size
+    shape = UNIT if isinstance(law, Uniform) else Normal()
+    words = f"{path}, tuned by hand at stage '{origin.stage}'"
+    deck = deck_text(entry)
+    state = State(
+        path, value, u.log, u.unit, (u.low, u.high), origin, "parameter", (path,), deck=deck, start=_start(u, values), known=law is not None
+    )  # fmt: skip
+    return state, Source(f"{origin.key[:16]}:{path}", "stated", shape, words), size
+
+
+def _start(u: Unknown, values: ParameterSet) -> float:
+    return float(values.evaluate({}, [u.name])[u.name])
+
+
+def values_on(model: Model, path: Path, keep: bool = False) -> tuple[Model, tuple[str, ...]]:
+    """Return the model with a values file laid over it, whoever wrote the file, and what a reader must know first.
+
+    Parameters
+    ----------
+    model : Model   As its decks are now.
+    path : Path     A file of a stage, of the studio, or one written by hand.
+    keep : bool     Whether to keep states of values that the decks give otherwise by now.
+
+    Raises
+    ------
+    ThermidError   When it is no values file, or is of another model.
+    """
+    store = load_store(path)[0] if "schema" in read_values(path) else hand_values(path, model, path.name, path.name)
+    old = [x.what for x in store.left_out if "(schema 1)" in x.what]
+    known = store if keep else store.matching(model)
+    gone = [f"{d.path} = {d.text} of {d.origin} is left out: {d.why}. --keep-values keeps it." for d in known.dropped[len(store.dropped) :]]
+    return known.on(model), (*old, *gone)
