@@ -1,4 +1,4 @@
-"""``thermid swap``: what replacing a part costs, and the local retune once its tests are there."""
+"""``thermid swap``: plan the replacement of a part, and retune locally once its tests are there."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def swap(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
-    """Say what replacing a part costs: values, stages, tests, predictions; with the new tests, retune only that."""
+    """Plan the replacement of a part: what is assumed, which tests and fits are due; with the new logs, fit only these."""
     from thermid.cli.output import calibration_object, clean
     from thermid.identify.stages import run_stages
     from thermid.identify.swap import plan_retune

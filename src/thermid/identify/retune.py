@@ -194,7 +194,7 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
         held_errors=before.instrument_errors,
         remarks=(
             *request.remarks,
-            f"retuned locally for {plan.new} at {plan.part}: all else is held as it was, constant errors of instruments among it. "
-            "The totals count what these leave open.",
+            f"only the values that {plan.new} at {plan.part} affects were fitted again. All others, constant errors of instruments among "
+            "them, were fixed; the totals count their errors.",
         ),
     )

@@ -35,7 +35,7 @@ FELT = 0.05
 
 @takes_objects
 def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[str]) -> RetunePlan:
-    """Return what replacing a part costs: values that it touches, stages and tests that are due, predictions before and after.
+    """Return the plan of a replacement: what it assumes, drops and touches, which stages and tests are due, predictions before and after.
 
     Parameters
     ----------

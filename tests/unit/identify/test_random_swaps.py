@@ -77,7 +77,7 @@ def swapped(folder: Path, seed: int) -> list[str]:
     deck = load_model(folder / "newer.toml")
     logs = folder / "again" / "logs"
     logs.mkdir(parents=True)
-    write_log(record_of(deck, new.values(), new.nodes(), old.definition, 70 + seed, 0.02), logs / f"{old.definition}.csv")
+    write_log(record_of(deck, new.values(), new.nodes(), old.definition, 70 + seed, 0.02, {}), logs / f"{old.definition}.csv")
     known = before[top.definition].fitted_model
     stale = {float(v) for p, v in ParameterSet(known).evaluate({}).items() if p.startswith(f"{place}.")}
     stale -= {float(v) for v in ParameterSet(deck).evaluate({}).values()}
