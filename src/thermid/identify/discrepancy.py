@@ -27,7 +27,6 @@ from thermid.identify.solve import covariances, ended
 from thermid.identify.unknowns import Target, Unknown
 from thermid.identify.values import FittedValues
 from thermid.identify.wander import binned
-from thermid.model.flat import flatten
 
 if TYPE_CHECKING:
     from thermid.identify.calibration import Calibration
@@ -165,9 +164,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     assert problem is not None
     at = np.array(list(fit.fitted.values()))
     runs = _runs(problem, at)
-    # records of a joint fit may be of a part; those of the model itself have all its conductors, and perhaps sensors as nodes
-    conductors = {c.path for c in flatten(fit.model).conductors}
-    own = [conductors <= {c.path for c in e.network.flat.conductors} for e in problem.experiments]
+    own = [e.model.identity() == fit.model.identity() for e in problem.experiments]
     seen = [found for (_, found), here in zip(runs, own, strict=True) if here]
     conditions = conditions_of(seen)
     decided = _decided(problem, list(fit.values.assignments))
