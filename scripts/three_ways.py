@@ -58,8 +58,7 @@ def opened(campaign: Path, data: Path, stages: Mapping[str, Mapping[str, Any]] |
     source = read_campaign(campaign, data)
     of = {s.name: s for s in source.content.stages}
     kept = [of[n].model_copy(update=dict(changes)) for n, changes in (stages or {key: {} for key in of}).items()]
-    source.content = source.content.model_copy(update={"stages": kept, "verdicts": [], "checksums": {}})
-    return source
+    return replace(source, content=source.content.model_copy(update={"stages": kept, "verdicts": [], "checksums": {}}))
 
 
 def as_priors(source: CampaignSource) -> CampaignSource:
