@@ -112,7 +112,7 @@ def ways(make: Callable[[], CampaignSource], plan: Mapping[str, tuple[str, Any]]
 
 def _way(name: str, joint: Any, seconds: float, source: CampaignSource, plan: Mapping[str, tuple[str, Any]]) -> Way:
     free = sum(v.kind in ("parameter", "level") for v in joint.values.values())
-    verdict = joint.moved.groups[-1].verdict if joint.moved else ""
+    verdict = ", ".join(g.verdict for g in joint.moved.groups[-1:])
     return Way(name, free, seconds, judged(source, joint.at, plan), verdict)
 
 

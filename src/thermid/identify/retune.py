@@ -60,7 +60,7 @@ def retuned(
             continue
         carried = not again and (stage.action == "carried" or (part_only and not stage.alone))
         try:
-            told = _told_by(table, stage, renamed, again, plan)
+            told = _told_by(table, stage, renamed, again, plan, done)
             told = told.model_copy(update={"records": [], "steady": {}, "free": [], "priors": {}}) if carried else told
             request = request_of(source, told, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
             request = request if stage.alone or again else _local(request, stage, before[stage.of], plan)
@@ -132,14 +132,15 @@ def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, 
     return model.with_values({s.path: s.text for s in what.starts if s.of_part or s in stage.starts}, START)
 
 
-def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], everything: bool, plan: RetunePlan) -> StageTable:
+def _told_by(
+    table: StageTable, stage: StagePlan, renamed: Mapping[str, str], everything: bool, plan: RetunePlan, done: Mapping[str, Calibration]
+) -> StageTable:
     """Return the stage's table: its name, its records by name, and the stage of the new part where it inherits at the part's place."""
     inherit = {}
     for part, i in _of_new(table.inherit, stage, plan).items():
         at_part = stage.part and part == stage.part
-        told = {"stage": [renamed.get(n, n) for n in i.stages]} if at_part else {}
-        anew = [p for s in plan.stages if s.name in i.stages for p in (x.path for x in s.starts) if p in s.free]
-        inherit[part] = i.model_copy(update=told | ({"only": list(dict.fromkeys([*i.only, *anew]))} if i.only else {}))
+        names = [renamed.get(n, n) if at_part else n for n in i.stages]
+        inherit[part] = _handed(i.model_copy(update={"stage": names}), plan, done)
     if everything:
         from thermid.identify.campaign_schema import PriorTable
 
@@ -152,6 +153,16 @@ def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], ev
     changes = {"name": stage.name, "inherit": inherit, "records": list(stage.records), "free": list(stage.free), "freeze": []}
     kept = {p: t for p, t in table.priors.items() if p in stage.free}
     return table.model_copy(update=changes | {"priors": kept})
+
+
+def _handed(inherit: InheritTable, plan: RetunePlan, done: Mapping[str, Calibration]) -> InheritTable:
+    """Return what is inherited of stages that a swap lets fit other values: what `only` kept back before still is, nothing else."""
+    if not inherit.only:
+        return inherit
+    before = [plan.campaign.stages[s.of] for s in plan.stages if s.name in inherit.stages]
+    back = dict.fromkeys(p for c in before for p in c.values.parameters if p not in inherit.only)
+    known = [p for p in back if all(p in done[n].store.parameters for n in inherit.stages if n in done)]
+    return inherit.model_copy(update={"only": [], "without": [*inherit.without, *known]})
 
 
 def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetunePlan) -> dict[str, InheritTable]:

@@ -169,5 +169,5 @@ def test_it_can_be_written_down(found: Calibration, tmp_path: Path) -> None:
     assert content["nodes"]["case"]["at"][0]["error_K"] == told["case"].at(3600.0).error
     told.to_csv(tmp_path / "p.csv")
     header, *rows = (tmp_path / "p.csv").read_text().splitlines()
-    assert header.startswith("time_s,case [degC],case low [degC],case high [degC]")
+    assert header.startswith('"time_s",case [degC],case low [degC],case high [degC]')
     assert len(rows) == 3

@@ -188,8 +188,9 @@ def check_nothing_is_lost(seed: int, folder: Path) -> int:
             elif path not in twins:
                 assert state.origin.stage == given.stage, (seed, name, path)
                 assert state.value == found[given.stage].store[given.path].value, (seed, name, path)
-        fit.save(folder / "v.toml")
-        assert load_store(folder / "v.toml") == (fit.store, name)
+        file = folder / f"{stage.part.definition}.values.toml"
+        fit.save(file)
+        assert load_store(file) == (fit.store, name)
     return seen
 
 

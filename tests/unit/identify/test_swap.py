@@ -247,4 +247,4 @@ def test_a_retune_keeps_the_priors_of_what_it_frees(plan: RetunePlan, campaign: 
     (table,) = (t for t in campaign.source.content.stages if t.name == "pair")
     (stage,) = (s for s in plan.stages if s.name == "pair")
     given = table.model_copy(update={"priors": {JOINT: "range", "b.skin.effective_htc": "range"}})
-    assert _told_by(given, stage, {}, False, plan).priors == {JOINT: "range"}
+    assert _told_by(given, stage, {}, False, plan, {}).priors == {JOINT: "range"}
