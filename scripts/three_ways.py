@@ -58,8 +58,7 @@ def opened(campaign: Path, data: Path, stages: Mapping[str, Mapping[str, Any]] |
     source = read_campaign(campaign, data)
     of = {s.name: s for s in source.content.stages}
     kept = [of[n].model_copy(update=dict(changes)) for n, changes in (stages or {key: {} for key in of}).items()]
-    source.content = source.content.model_copy(update={"stages": kept, "verdicts": [], "checksums": {}})
-    return source
+    return replace(source, content=source.content.model_copy(update={"stages": kept, "verdicts": [], "checksums": {}}))
 
 
 def as_priors(source: CampaignSource) -> CampaignSource:
@@ -113,7 +112,7 @@ def ways(make: Callable[[], CampaignSource], plan: Mapping[str, tuple[str, Any]]
 
 def _way(name: str, joint: Any, seconds: float, source: CampaignSource, plan: Mapping[str, tuple[str, Any]]) -> Way:
     free = sum(v.kind in ("parameter", "level") for v in joint.values.values())
-    verdict = joint.moved.groups[-1].verdict if joint.moved else ""
+    verdict = ", ".join(g.verdict for g in joint.moved.groups[-1:])
     return Way(name, free, seconds, judged(source, joint.at, plan), verdict)
 
 

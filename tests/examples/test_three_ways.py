@@ -51,7 +51,9 @@ def test_on_the_navigation_unit(script: ModuleType, tmp_path: Path) -> None:
     assert joint[1] < 0.85 * constants[1], "below the top constants cost most, where no test has a pause"
     assert reached["all at once, no stages"] == pytest.approx(reached["... and a joint fit"], abs=0.005)
     assert "imu.support_mass" in rows[-1].refused
-    assert {w.name: w.moved for w in rows if w.moved} == {"... and a joint fit": "had to move", "priors upward": "held"}
+    assert {w.name: w.moved for w in rows if w.moved} == dict.fromkeys(
+        ("constants upward", "... and a joint fit", "priors upward"), "moved"
+    )
 
 
 @pytest.mark.campaign

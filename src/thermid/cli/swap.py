@@ -1,4 +1,4 @@
-"""``thermid swap``: what replacing a part costs, and the local retune once its tests are there."""
+"""``thermid swap``: plan the replacement of a part, and retune locally once its tests are there."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def swap(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
-    """Say what replacing a part costs: values, stages, tests, predictions; with the new tests, retune only that."""
+    """Plan the replacement of a part: what is assumed, which tests and fits are due; with the new logs, fit only these."""
     from thermid.cli.output import calibration_object, clean
     from thermid.identify.stages import run_stages
     from thermid.identify.swap import plan_retune
@@ -68,8 +68,10 @@ def _object(plan: RetunePlan) -> dict[str, Any]:
         "assumes": list(plan.assumes),
         "dropped": [{"path": d.path, "text": d.text, "origin": d.origin, "why": d.why} for d in plan.replacement.dropped],
         "kept": list(plan.replacement.kept),
-        "split": [
-            {"path": x.path, "text": x.text, "log_sd": x.log_sd, "origin": x.origin, "twins": list(x.twins)} for x in plan.replacement.split
+        "untied": list(plan.replacement.untied),
+        "starts": [
+            {"path": x.path, "text": x.text, "log_sd": x.log_sd, "origin": x.origin, "twins": list(x.twins)}
+            for x in plan.replacement.starts
         ],
         "freed": list(plan.freed),
         "touched": [
@@ -92,6 +94,7 @@ def _object(plan: RetunePlan) -> dict[str, Any]:
         "kept_tests": list(plan.kept_tests),
         "neighbours": {n: {"exposed_before": a, "exposed_after": b, "change": dt} for n, (a, b, dt) in plan.neighbours.items()},
         "watts": list(plan.watts),
+        "logged": plan.logged,
         "before": dict(plan.before),
         "as_logged": dict(plan.as_logged),
         "after": dict(plan.after),

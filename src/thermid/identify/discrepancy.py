@@ -164,7 +164,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     assert problem is not None
     at = np.array(list(fit.fitted.values()))
     runs = _runs(problem, at)
-    own = [e.network.flat.names.model.identity() == fit.model.identity() for e in problem.experiments]
+    own = [e.model.identity() == fit.model.identity() for e in problem.experiments]
     seen = [found for (_, found), here in zip(runs, own, strict=True) if here]
     conditions = conditions_of(seen)
     decided = _decided(problem, list(fit.values.assignments))

@@ -79,7 +79,8 @@ class Experiment:
     Parameters
     ----------
     record : Record             The prepared log.
-    network : Network           The model compiled for it.
+    model : Model               Without the sensors of the log.
+    network : Network           The model compiled for it, sensors that lag, store or lead heat on it.
     scenario : Scenario         What the log says was done; times count from its first sample.
     times : array (times,)      Times at which any sensor has a valid sample, from the first sample of the record. [s]
     observations : tuple        The measured temperatures.
@@ -94,6 +95,7 @@ class Experiment:
     """
 
     record: Record
+    model: Model
     network: Network
     scenario: Scenario
     times: Array
@@ -213,7 +215,7 @@ def meet(
         duration=duration,
     )
     ticks = None if second is None else _ticks(second, zero, driven, inputs)
-    return Experiment(record, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy)
+    return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy)
 
 
 def _ticks(second: SecondClock, zero: float, driven: Mapping[str, str], inputs: Inputs) -> Ticks:

@@ -79,7 +79,8 @@ def key_for(request: Request) -> str:
 def keyed(request: Request, stage: StageTable, keys: Mapping[str, str]) -> tuple[Request, dict[str, str]]:
     """Return a stage's request with its key, and the ingredients of that; `keys` are those of the stages below."""
     below = [keys[name] for i in stage.inherit.values() for name in i.stages]
-    return replace(request, key=key_of(request, below)), ingredients_of(request, below)
+    made = ingredients_of(request, below)
+    return replace(request, key=_digest(made)), made
 
 
 def _by_hand(request: Request) -> list[str]:

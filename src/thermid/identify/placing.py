@@ -13,7 +13,7 @@ from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import Origin, State, Store, graft
 from thermid.model.identity import inside
 from thermid.model.model import Model
-from thermid.model.replacement import Replacement, Split
+from thermid.model.replacement import Replacement, Start
 from thermid.model.resolve import ParameterSet
 
 __all__ = ["known_below", "placed", "starts_of"]
@@ -22,7 +22,7 @@ STEP = 1e-4
 """Relative change by which the response of a joint to the number behind it is found."""
 
 
-def placed(before: Store, old: Model, new: Model, what: Replacement, below: Store) -> Store:
+def placed(before: Store, old: Model, new: Model, what: Replacement, below: Store, stage: str) -> Store:
     """Return what is known of a model after a replacement.
 
     Parameters
@@ -31,11 +31,12 @@ def placed(before: Store, old: Model, new: Model, what: Replacement, below: Stor
     old, new : Model        The model before, and after with every value of the place at its start.
     what : Replacement      What became of the values.
     below : Store           What stages below found of the new part and its place; its values win over starts.
+    stage : str             The stage whose model it is; it hands on the starts as what it knows.
     """
     told = known_below(below, what)
-    starts = starts_of(before, old, new, [s for s in what.split if s.path not in told.states])
+    starts = starts_of(before, old, new, [s for s in what.starts if s.path not in told.states], stage)
     rest = before.drop(what.path)
-    for one in what.split:
+    for one in what.starts:
         rest = rest.drop(one.path)
     whole = graft(new, [(".", rest), (".", starts), (".", told)])[0]
     return replace(whole, dropped=(*whole.dropped, *what.dropped))
@@ -46,17 +47,17 @@ def known_below(below: Store, what: Replacement) -> Store:
 
     What a test of the part alone says of a coefficient is that of its bench; where it is installed it starts from what the place had.
     """
-    split = {s.path for s in what.split}
-    bench = {s.path for s in what.split if s.of_part}
+    place = {s.path for s in what.starts}
+    bench = {s.path for s in what.starts if s.of_part}
 
     def of_place(s: State) -> bool:
-        own = all(inside(p, what.path) or p in split for p in s.paths)
+        own = all(inside(p, what.path) or p in place for p in s.paths)
         return s.kind == "parameter" and own and not (s.path in bench and s.at == what.path)
 
     return below.only(of_place)
 
 
-def starts_of(before: Store, old: Model, new: Model, split: Sequence[Split]) -> Store:
+def starts_of(before: Store, old: Model, new: Model, starts: Sequence[Start], stage: str) -> Store:
     """Return the starts of values of a place as states.
 
     A joint has the error of the joint that it is taken from and, besides, what joints of one kind differ by. A coefficient inside the
@@ -65,8 +66,8 @@ def starts_of(before: Store, old: Model, new: Model, split: Sequence[Split]) -> 
     values, table = ParameterSet(old), ParameterSet(new).table
     columns = len(before.sources)
     own, states = [], {}
-    root = np.zeros((len(split), columns + len(split)))
-    for k, one in enumerate(split):
+    root = np.zeros((len(starts), columns + len(starts)))
+    for k, one in enumerate(starts):
         given = table[one.path].parameter
         literal = given.expression.literal
         assert literal is not None
@@ -76,9 +77,9 @@ def starts_of(before: Store, old: Model, new: Model, split: Sequence[Split]) -> 
         own.append(Source(f"start of {one.path} after a replacement", "stated", Normal(), str(one)))
         low = given.minimum if given.minimum is not None else 0.0
         high = given.maximum if given.maximum is not None else math.inf
-        states[one.path] = State(
-            one.path, literal.value, True, given.unit, (low, high), Origin("twin"), paths=(one.path,), deck=given.text, start=literal.value
-        )
+        at, origin = literal.value, Origin("twin", stage)
+        ends = (low, high)
+        states[one.path] = State(one.path, at, True, given.unit, ends, origin, paths=(one.path,), deck=given.text, start=at)
     return Store(states, (*before.sources, *own), root)
 
 

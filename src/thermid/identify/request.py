@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from thermid.errors import IdentificationError, ThermidError, nearest
 from thermid.identify.starts import first_reading
-from thermid.identify.values import FittedValues, view
-from thermid.knowledge.store import State, Store
+from thermid.knowledge.store import Store
 from thermid.measure import Record
 from thermid.model.identity import local_identities
 from thermid.model.model import Model
@@ -94,7 +93,7 @@ class Request:
     held_bias : dict                Sensor -> constant error that is not looked for. [K]
     held_errors : dict              Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given,
                                     even empty, no constant error of any instrument is looked for.
-    bias_priors : dict              Sensor -> (mean, sd) of its constant error, from a stage below. [K]
+    bias_priors : dict              Sensor -> (mean, sd) of its constant error, where it is known from elsewhere. [K]
     weights : dict                  Sensor -> weight of its residuals, 1 where none is given.
     untie : bool                    Whether all instances get values of their own; `Model.cut` does it for some.
     loss : str                      linear, soft_l1, huber or cauchy.
@@ -141,20 +140,6 @@ class Request:
     key: str = ""
     adequate: float = 0.0
     accepted: bool = False
-
-    @property
-    def inherited(self) -> tuple[FittedValues, ...]:
-        """Values of stages below that are free here too, by stage, with the instruments that their data met."""
-        return self._by_stage([self.store.states[p] for p in self.prior])
-
-    @property
-    def held(self) -> tuple[FittedValues, ...]:
-        """Values of stages below that are fixed here, by stage."""
-        return self._by_stage([s for p, s in self.store.parameters.items() if p not in self.prior and s.acts])
-
-    def _by_stage(self, states: Sequence[State]) -> tuple[FittedValues, ...]:
-        stages = dict.fromkeys(s.origin.stage for s in states)
-        return tuple(view(self.store, [s.path for s in states if s.origin.stage == n], n) for n in stages)
 
     @property
     def shared(self) -> Mapping[str, tuple[str, ...]]:

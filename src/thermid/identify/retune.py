@@ -19,11 +19,11 @@ from thermid.identify.request import Request
 from thermid.identify.stages import Campaign
 from thermid.identify.staging import request_of
 from thermid.identify.values import view
-from thermid.model.identity import inside
+from thermid.model.identity import definition_of, inside, instances
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
-    from thermid.identify.campaign_schema import StageTable
+    from thermid.identify.campaign_schema import InheritTable, StageTable
     from thermid.identify.retune_plan import RetunePlan, StagePlan
 
 __all__ = ["retuned"]
@@ -60,7 +60,7 @@ def retuned(
             continue
         carried = not again and (stage.action == "carried" or (part_only and not stage.alone))
         try:
-            told = _told_by(table, stage, renamed, again, plan)
+            told = _told_by(table, stage, renamed, again, plan, done)
             told = told.model_copy(update={"records": [], "steady": {}, "free": [], "priors": {}}) if carried else told
             request = request_of(source, told, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
             request = request if stage.alone or again else _local(request, stage, before[stage.of], plan)
@@ -129,22 +129,24 @@ def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, 
     if before is None:
         return model
     what = before.fitted_model.replaced(stage.part, plan.model)[1]
-    return model.with_values({s.path: s.text for s in what.split if s.of_part or s in stage.starts}, START)
+    return model.with_values({s.path: s.text for s in what.starts if s.of_part or s in stage.starts}, START)
 
 
-def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], everything: bool, plan: RetunePlan) -> StageTable:
+def _told_by(
+    table: StageTable, stage: StagePlan, renamed: Mapping[str, str], everything: bool, plan: RetunePlan, done: Mapping[str, Calibration]
+) -> StageTable:
     """Return the stage's table: its name, its records by name, and the stage of the new part where it inherits at the part's place."""
     inherit = {}
-    for part, i in table.inherit.items():
+    for part, i in _of_new(table.inherit, stage, plan).items():
         at_part = stage.part and part == stage.part
-        told = {"stage": [renamed.get(n, n) for n in i.stages]} if at_part else {}
-        anew = [p for s in plan.stages if s.name in i.stages for p in (x.path for x in s.starts) if p in s.free]
-        inherit[part] = i.model_copy(update=told | ({"only": list(dict.fromkeys([*i.only, *anew]))} if i.only else {}))
+        names = [renamed.get(n, n) if at_part else n for n in i.stages]
+        inherit[part] = _handed(i.model_copy(update={"stage": names}), plan, done)
     if everything:
         from thermid.identify.campaign_schema import PriorTable
 
-        wide = {s.path: PriorTable(sd=f"{100 * s.log_sd} [%]") for s in stage.starts if s.path not in table.priors}
         more = [p for p in stage.free if p not in table.free]
+        free = {*table.free, *more}
+        wide = {s.path: PriorTable(sd=f"{100 * s.log_sd} [%]") for s in stage.starts if s.path in free and s.path not in table.priors}
         return table.model_copy(
             update={"name": stage.name, "inherit": inherit, "free": [*table.free, *more], "priors": {**table.priors, **wide}}
         )
@@ -153,17 +155,45 @@ def _told_by(table: StageTable, stage: StagePlan, renamed: Mapping[str, str], ev
     return table.model_copy(update=changes | {"priors": kept})
 
 
+def _handed(inherit: InheritTable, plan: RetunePlan, done: Mapping[str, Calibration]) -> InheritTable:
+    """Return what is inherited of stages that a swap lets fit other values: what `only` kept back before still is, nothing else."""
+    if not inherit.only:
+        return inherit
+    before = [plan.campaign.stages[s.of] for s in plan.stages if s.name in inherit.stages]
+    back = dict.fromkeys(p for c in before for p in c.values.parameters if p not in inherit.only)
+    known = [p for p in back if all(p in done[n].store.parameters for n in inherit.stages if n in done)]
+    return inherit.model_copy(update={"only": [], "without": [*inherit.without, *known]})
+
+
+def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetunePlan) -> dict[str, InheritTable]:
+    """Return what a stage inherits, without what stages found of parts of the old part that the new one does not have."""
+    out = {}
+    for part, i in inherit.items():
+        path = part if stage.alone else stage.model.canonical(part)
+        rest = path if stage.alone else path.removeprefix(f"{stage.part}.") if inside(path, stage.part) else ""
+        if rest in ("", stage.part) or (rest != "." and all(_same_part(plan, n, rest) for n in i.stages)):
+            out[part] = i
+    return out
+
+
+def _same_part(plan: RetunePlan, stage: str, path: str) -> bool:
+    """Return whether the new part has, at a path, the deck that a stage was fitted with."""
+    known = dict(instances(plan.model))
+    below = plan.campaign.requests.get(stage)
+    return below is not None and known.get(f"{plan.model.canonical(path)}.") == definition_of(below.model)
+
+
 def _local(request: Request, stage: StagePlan, before: Calibration, plan: RetunePlan) -> Request:
     """Return a request in which all but the stage's freed values stand where they stood, constant errors of instruments among them."""
     old = before.fitted_model
     what = old.replaced(stage.part, plan.model)[1]
     told = known_below(request.store, what).states
-    starts = {s.path: s.text for s in what.split if s.path not in told}
-    gone = [*(s.path for s in what.split), stage.part]
+    starts = {s.path: s.text for s in what.starts if s.path not in told}
+    gone = [*(s.path for s in what.starts), stage.part]
     stood = {p: v for p, v in before.values.assignments.items() if not any(inside(p, place) for place in gone)}
     model = request.model.with_values(stood, f"stage '{stage.name}' before the swap").with_values(starts, START)
-    store = placed(before.store, old, model, what, request.store)
-    anew = [s.path for s in what.split if s.path in stage.free and s.path not in request.priors]
+    store = placed(before.store, old, model, what, request.store, stage.name)
+    anew = [s.path for s in what.starts if s.path in stage.free and s.path not in request.priors]
     prior = [p for p in request.prior if inside(p, stage.part) and p in told and p not in anew]
     return replace(
         request,
@@ -175,7 +205,7 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
         held_errors=before.instrument_errors,
         remarks=(
             *request.remarks,
-            f"retuned locally for {plan.new} at {plan.part}: all else is held as it was, constant errors of instruments among it. "
-            "The totals count what these leave open.",
+            f"only the values that {plan.new} at {plan.part} affects were fitted again. All others, constant errors of instruments among "
+            "them, were fixed; the totals count their errors.",
         ),
     )

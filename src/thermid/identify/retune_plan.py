@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from thermid.arguments import takes_objects
 from thermid.knowledge.standing import Standing
 from thermid.model.model import Model
-from thermid.model.replacement import Replacement, Split, short_text
+from thermid.model.replacement import Replacement, Start, short_text
 
 if TYPE_CHECKING:
     from thermid.identify.campaignfile import CampaignSource
@@ -56,7 +56,7 @@ class StagePlan:
     model : Model       Its model after the swap.
     part : str          Where the part stands in it; empty where it is the part itself, or does not hold it.
     alone : bool        Whether it is the part alone.
-    starts : tuple      Splits of its replacement that the stage decides: values of the place that it fitted before.
+    starts : tuple      Starts of its replacement that the stage decides: values of the place that it fitted before.
     """
 
     name: str
@@ -69,7 +69,7 @@ class StagePlan:
     model: Model = field(repr=False)
     part: str = ""
     alone: bool = False
-    starts: tuple[Split, ...] = ()
+    starts: tuple[Start, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,8 @@ class RetunePlan:
     before, after : dict    Sensor -> temperature at rest, the old part at the power of its model and the new one at that of its deck, all
                             else as in the last record. [K]
     as_logged : dict        Sensor -> the same with the old part at the power that the last record has. [K]
-    watts : tuple           Power of the part by its old model, by the new deck, and in the last record. [W]
+    watts : (float, float)  Power of the part by its old model and by the new deck. [W]
+    logged : float          Power of the old part in the last record. [W]
     replacement : Replacement   What became of the values at the place, in the uppermost model.
     campaign : Campaign     What was done before.
     model : Model           The new part.
@@ -101,7 +102,8 @@ class RetunePlan:
     before: Mapping[str, float]
     after: Mapping[str, float]
     as_logged: Mapping[str, float]
-    watts: tuple[float, float, float]
+    watts: tuple[float, float]
+    logged: float
     replacement: Replacement
     campaign: Campaign = field(repr=False)
     model: Model = field(repr=False)
@@ -160,6 +162,8 @@ class RetunePlan:
         lines = [f"{self.part}: {self.old} -> {self.new}", "  assumed:", *(f"    {a}" for a in self.assumes)]
         lines += ["  dropped with the old part:"] * bool(self.replacement.dropped)
         lines += [f"    {d.path} {short_text(d.text)}, {d.origin}, {d.why}" for d in self.replacement.dropped]
+        if self.replacement.untied:
+            lines.append(f"  no longer one value with a twin's: {', '.join(self.replacement.untied)}")
         lines.append(f"  retuned: {len(self.freed)} interface values, {', '.join(self.freed) or 'none'}")
         for t in self.touched:
             what = "freed" if not t.held else f"fixed: {t.held}"
@@ -177,10 +181,10 @@ class RetunePlan:
 
     def _at_rest(self) -> list[str]:
         """Return the temperatures before and after, and those of the last record where the old part had another power in it."""
-        old, new, logged = self.watts
+        old, new = self.watts
         lines = [f"  at rest before -> after: the old part at the {old:.4g} W of its model, the new one at the {new:.4g} W of its deck:"]
         lines += [f"    {s}: {self.before[s] - ICE:.2f} -> {t - ICE:.2f} degC" for s, t in self.after.items()]
-        if abs(logged - old) > 1e-9:
+        if abs(self.logged - old) > 1e-9:
             shown = ", ".join(f"{s} {self.as_logged[s] - ICE:.2f} degC" for s in self.after)
-            lines.append(f"  the old part at the {logged:.4g} W of the last record: {shown}")
+            lines.append(f"  the old part at the {self.logged:.4g} W of the last record: {shown}")
         return lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,6 @@ from thermid.identify.residuals import Problem
 from thermid.identify.responses import Responses
 from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.store import Origin, State, Store
-from thermid.model.model import Model
 from thermid.model.resolve import deck_text, parameter_table
 
 __all__ = ["in_place", "state_of", "stored"]
@@ -35,7 +35,8 @@ def stored(request: Request, problem: Problem, values: FittedValues, found: Resp
     rows, sources = found.of(kept, key[:16], f"noise of stage '{values.stage}'")
     known = [not found.unlimited[k] for k in kept]
     origin = Origin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
-    states = {v.path: replace(state_of(v, origin, request.model), known=sure) for v, sure in zip(values.values(), known, strict=True)}
+    decks = {p: deck_text(entry) for p, entry in parameter_table(request.model).items()}
+    states = {v.path: replace(state_of(v, origin, decks), known=sure) for v, sure in zip(values.values(), known, strict=True)}
     seen = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in values.provenance["records"].items()}
     return in_place(request.store, Store(states, sources, rows, seen, {values.stage: values.provenance}))
 
@@ -82,8 +83,8 @@ def _left(state: State, here: set[str]) -> State | None:
     return replace(state, path=paths[0], paths=paths, hidden=tuple(p for p in state.hidden if p in paths)) if paths else None
 
 
-def state_of(v: FittedValue, origin: Origin, model: Model) -> State:
-    """Return the state that a value of a stage is."""
+def state_of(v: FittedValue, origin: Origin, decks: Mapping[str, str]) -> State:
+    """Return the state that a value of a stage is; `decks` has the texts of the decks' values by path."""
     parameter = v.kind == "parameter"
     return State(
         v.path,
@@ -94,14 +95,9 @@ def state_of(v: FittedValue, origin: Origin, model: Model) -> State:
         origin,
         v.kind,
         (v.path, *v.also) if parameter else (),
-        deck=_deck(model, v.path) if parameter else "",
+        deck=decks.get(v.path, ""),
         standing=v.standing,
         start=v.start,
         random=v.error_random,
         prior=v.prior,
     )
-
-
-def _deck(model: Model, path: str) -> str:
-    table = parameter_table(model)
-    return deck_text(table[path]) if path in table else ""

@@ -18,7 +18,7 @@ from thermid.model.areas import ledger
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model
 from thermid.model.parameter import exact
-from thermid.model.replacement import Split
+from thermid.model.replacement import Start
 from thermid.model.resolve import ParameterSet
 from thermid.model.signal import Constant, Table
 from thermid.model.touching import touching
@@ -35,7 +35,7 @@ FELT = 0.05
 
 @takes_objects
 def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[str]) -> RetunePlan:
-    """Return what replacing a part costs: values that it touches, stages and tests that are due, predictions before and after.
+    """Return the plan of a replacement: what it assumes, drops and touches, which stages and tests are due, predictions before and after.
 
     Parameters
     ----------
@@ -67,12 +67,12 @@ def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[st
         touched += touches
     by_deck, logged = _at_rest(campaign[top], part), _at_rest(campaign[top], "")
     cold, warm, shown = _steady(above, by_deck), _steady(swapped, by_deck), _steady(above, logged)
-    watts = _watts(above, by_deck, part), _watts(swapped, by_deck, part), _watts(above, logged, part)
+    watts, given = (_watts(above, by_deck, part), _watts(swapped, by_deck, part)), _watts(above, logged, part)
     before, after, as_logged = (_observed(t, campaign[top]) for t in (cold, warm, shown))
     neighbours = _neighbours(above, swapped, part, cold, warm)
     stages, values = tuple(plans), tuple(touched)
     return RetunePlan(
-        part, old.title, model.title, stages, values, neighbours, before, after, as_logged, watts, what, campaign, model
+        part, old.title, model.title, stages, values, neighbours, before, after, as_logged, watts, given, what, campaign, model
     )  # fmt: skip
 
 
@@ -112,7 +112,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
     return [StagePlan(level.name, level.name, "run", why, free, records, identity, model, inner, starts=starts)], touches
 
 
-def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[Split, ...]]:
+def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[Start, ...]]:
     """Return the values of a stage that act at the part's interfaces, and those of the place that it decides and that start anew."""
     model = done.fitted_model
     values, found = ParameterSet(model), touching(model, inner)
@@ -121,8 +121,8 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[l
     known = ParameterSet(after)
     numbers = known.evaluate({})
     fitted = done.values.assignments
-    behind = {s.path: [p for p in fitted if s.path in values.downstream([p])] for s in what.split if s.path in values.table}
-    starts = tuple(s for s in what.split if behind.get(s.path))
+    behind = {s.path: [p for p in fitted if s.path in values.downstream([p])] for s in what.starts if s.path in values.table}
+    starts = tuple(s for s in what.starts if behind.get(s.path))
     anew = {p: s.path for s in starts for p in behind[s.path]}
     rest = _at_rest(done, inner)
     still = _observed(_steady(after, rest), done)

@@ -49,12 +49,14 @@ class _Trace:
     """A trace in the bases in which its covariance is diagonal, one basis per correlation time.
 
     `shrunk` (times, ratios, stretches) are the inverses of its variances, white noise alone being 1; `residuals` (times, stretches) and
-    `slopes` (times, stretches, unknowns) stand in these bases, divided by the white error of the mean of a stretch.
+    `slopes` (times, stretches, acting) stand in these bases, divided by the white error of the mean of a stretch, with a column for each
+    unknown that acts on the trace at all; `acting` are their positions.
     """
 
     shrunk: Array
     residuals: Array
     slopes: Array
+    acting: NDArray[np.intp]
 
     @classmethod
     def of(cls, b: Binned, scale: Array) -> _Trace:
@@ -62,7 +64,9 @@ class _Trace:
         sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
         turned = np.swapaxes(vectors, 1, 2)
         shrunk = 1.0 / (1.0 + np.geomspace(SMALLEST, LARGEST, RATIOS)[:, None] * sizes[:, None, :])
-        return cls(shrunk, turned @ (root * b.mean), turned @ (root[:, None] * -b.slopes * scale))
+        acting = np.flatnonzero(b.slopes.any(axis=0))
+        slopes = root[:, None] * -b.slopes[:, acting] * scale[acting]
+        return cls(shrunk, turned @ (root * b.mean), turned @ slopes, acting)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,29 +154,39 @@ def _averaged(traces: Sequence[_Trace], known: Array, start: Array) -> tuple[Arr
     if len(traces) == 1:
         chance = grids[0].chance.ravel()
         kept = np.flatnonzero(chance > NEGLIGIBLE * chance.max())
-        information, scores = _sums(traces[0], grids[0], kept)
-        return chance[kept] / chance[kept].sum(), information + known, scores + start
+        information, scores = np.repeat(known[None], kept.size, axis=0), np.repeat(start[None], kept.size, axis=0)
+        _add(traces[0], information, scores, *_sums(traces[0], grids[0], kept))
+        return chance[kept] / chance[kept].sum(), information, scores
+    whole, vector = known.copy(), start.copy()
     likeliest = [_sums(t, g, np.array([g.chance.argmax()])) for t, g in zip(traces, grids, strict=True)]
-    whole, vector = known + sum(m[0] for m, _ in likeliest), start + sum(v[0] for _, v in likeliest)
+    for t, (m, v) in zip(traces, likeliest, strict=True):
+        _add(t, whole, vector, m[0], v[0])
     for _ in range(SWEEPS):
         for k, t in enumerate(traces):
-            (m,), (v,) = likeliest[k]
+            m, v = likeliest[k]
+            _add(t, whole, vector, -m[0], -v[0])
             most = grids[k].chance.sum(axis=1)
-            grids[k] = _likely(t, whole - m, vector - v, grids[k].nodes[most > UNLIKELY * most.max()])
+            grids[k] = _likely(t, whole, vector, grids[k].nodes[most > UNLIKELY * most.max()])
             likeliest[k] = _sums(t, grids[k], np.array([grids[k].chance.argmax()]))
-            whole, vector = whole - m + likeliest[k][0][0], vector - v + likeliest[k][1][0]
+            _add(t, whole, vector, likeliest[k][0][0], likeliest[k][1][0])
     rng = np.random.default_rng(17)
     information, scores = np.repeat(known[None], DRAWS, axis=0), np.repeat(start[None], DRAWS, axis=0)
     for t, g in zip(traces, grids, strict=True):
         drawn = np.searchsorted(np.cumsum(g.chance.ravel()), (rng.permutation(DRAWS) + 0.5) / DRAWS)
         kept, place = np.unique(np.minimum(drawn, g.chance.size - 1), return_inverse=True)
         m, v = _sums(t, g, kept)
-        information, scores = information + m[place], scores + v[place]
+        _add(t, information, scores, m[place], v[place])
     return np.full(DRAWS, 1.0 / DRAWS), information, scores
 
 
+def _add(t: _Trace, information: Array, scores: Array, more: Array, pushed: Array) -> None:
+    """Add what a trace says of the unknowns that act on it to information and scores of all of them, in place."""
+    information[..., t.acting[:, None], t.acting] += more
+    scores[..., t.acting] += pushed
+
+
 def _sums(t: _Trace, grid: _Grid, flat: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Return X'V^-1 X and X'V^-1 z of a trace at some nodes and sizes of its grid, counted in one."""
+    """Return X'V^-1 X and X'V^-1 z of what acts on a trace at some nodes and sizes of its grid, counted in one."""
     of_node, of_size = np.divmod(flat, SIZES)
     used, place = np.unique(of_node, return_inverse=True)
     information, scores = [], []
@@ -192,7 +206,7 @@ def _likely(t: _Trace, others: Array, vector: Array, nodes: NDArray[np.intp]) ->
     """
     sizes, vectors = np.linalg.eigh(others + FLAT * np.eye(others.shape[0]))
     root = vectors / np.sqrt(np.maximum(sizes, FLAT))
-    middle = root @ (root.T @ vector)
+    middle, root = (root @ (root.T @ vector))[t.acting], root[t.acting]
     _, s, turn = np.linalg.svd(t.slopes[0] @ root, full_matrices=False)
     of_time, of_ratio = np.divmod(nodes, RATIOS)
     shrunk = t.shrunk[of_time, of_ratio]

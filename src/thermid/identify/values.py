@@ -235,6 +235,8 @@ def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
 
 def _words(state: State) -> str:
     """Return stage and records of a state, for people."""
+    if state.origin.kind == "hand":
+        return f"tuned by hand, {state.origin}"
     records = list(state.origin.records)
     shown = ", ".join(records) if len(records) <= 4 else f"{records[0]} ... {records[-1]} ({len(records)} records)"
     return f"{state.origin.stage}: {shown}" if shown else str(state.origin)

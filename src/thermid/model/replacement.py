@@ -11,12 +11,13 @@ from thermid.model.identity import definition_of, inside, local_identities
 from thermid.model.names import used_offers
 from thermid.model.resolve import Entry, ParameterSet, parameter_table
 from thermid.model.touching import touching
+from thermid.units import unit
 
 if TYPE_CHECKING:
     from thermid.model.model import Layer, Model
     from thermid.model.parameter import Parameter
 
-__all__ = ["PLACE", "SCATTER", "Dropped", "Replacement", "Split", "coefficients", "replaced", "short_text"]
+__all__ = ["PLACE", "SCATTER", "Dropped", "Replacement", "Start", "coefficients", "replaced", "short_text"]
 
 PLACE, SCATTER = 0.30, 0.25
 """Standard deviation of the logarithm: of a coefficient that the old part had at its place, and between joints of parts of one kind."""
@@ -43,7 +44,7 @@ class Dropped:
 
 
 @dataclass(frozen=True)
-class Split:
+class Start:
     """A value of the place: where it starts with the new part, and how far it may be from there.
 
     Parameters
@@ -79,8 +80,9 @@ class Replacement:
     old, new : str      Titles of the parts.
     dropped : tuple     What belonged to the old part.
     kept : tuple        Rows on paths of the part that stay: what the deck above derives from its own values, and what the caller kept.
-    split : tuple       Values of the place, each with the spread that counts until it is fitted again.
+    starts : tuple      Values of the place, each with the spread that counts until it is fitted again.
     assumes : tuple     What is taken for granted of the new part, in words.
+    untied : tuple      Paths of the part that had one value with a twin, and have their own now.
     """
 
     path: str
@@ -88,12 +90,13 @@ class Replacement:
     new: str
     dropped: tuple[Dropped, ...] = ()
     kept: tuple[str, ...] = ()
-    split: tuple[Split, ...] = ()
+    starts: tuple[Start, ...] = ()
     assumes: tuple[str, ...] = ()
+    untied: tuple[str, ...] = ()
 
     def starting(self, model: Model) -> Model:
         """Return the model with every value of the place at its start, those of joints apart from their twins."""
-        return model.with_values({s.path: s.text for s in self.split}, f"start after {self.new} replaced {self.old}")
+        return model.with_values({s.path: s.text for s in self.starts}, f"start after {self.new} replaced {self.old}")
 
 
 def replaced(model: Model, raw: str, new: Model, keep: Sequence[str] = ()) -> tuple[Model, Replacement]:
@@ -120,17 +123,19 @@ def replaced(model: Model, raw: str, new: Model, keep: Sequence[str] = ()) -> tu
     dropped = tuple(
         Dropped(p, e.parameter.text, e.origin, "of its place" if p in place and p in now else "of the old part") for p, e in gone.items()
     )
-    of_surfaces = [Split(p, before[p].parameter.text, PLACE, "place", of_part=True) for p in sorted(place) if p in now]
-    split = (*of_surfaces, *_joints(model, after, path, values, stays))
-    assumes = (f"{new.title} has the values of its deck", *map(str, split), *(f"{p} stays as it was" for p in kept))
-    return _apart(after, path, [p for p in gone if p in now]), Replacement(path, old.title, new.title, dropped, kept, split, assumes)
+    of_surfaces = [Start(p, before[p].parameter.text, PLACE, "place", of_part=True) for p in sorted(place) if p in now]
+    starts = (*of_surfaces, *_joints(model, after, path, values, stays))
+    assumes = (f"{new.title} has the values of its deck", *map(str, starts), *(f"{p} stays as it was" for p in kept))
+    after = _apart(after, path, [p for p in gone if p in now])
+    untied = tuple(p for p in _with_twins(model, path) if p not in _with_twins(after, path))
+    return after, Replacement(path, old.title, new.title, dropped, kept, starts, assumes, untied)
 
 
 def short_text(text: str) -> str:
     """Return a value as people read it: fitted numbers have all their digits in a model."""
-    number, _, unit = text.partition(" [")
+    number, _, rest = text.partition(" [")
     try:
-        return f"{float(number):.4g}" + (f" [{unit}" if unit else "")
+        return f"{float(number):.4g}" + (f" [{rest}" if rest else "")
     except ValueError:
         return text
 
@@ -238,7 +243,7 @@ def _check_read(model: Model, path: str, known: Mapping[str, Entry], full: str) 
                 )
 
 
-def _joints(model: Model, after: Model, path: str, values: ParameterSet, keep: frozenset[str]) -> Iterator[Split]:
+def _joints(model: Model, after: Model, path: str, values: ParameterSet, keep: frozenset[str]) -> Iterator[Start]:
     """Yield what the joints at the part start from: a number of their own, where other joints shared it."""
     beside = touching(model, path)
     known = ParameterSet(after)
@@ -262,23 +267,33 @@ def _joints(model: Model, after: Model, path: str, values: ParameterSet, keep: f
             )
             literal = values.table[at].parameter.expression.literal
             text = values.table[at].parameter.text if literal is not None else f"{float(numbers[field]):.9g} [{INTERFACE[kind]}]"
-            yield Split(at, text, SCATTER, "twin" if also else "place", tuple(sorted(also)))
+            yield Start(at, text, SCATTER, "twin" if also else "place", tuple(sorted(also)))
+
+
+def _roots(values: ParameterSet, field: str) -> list[str]:
+    """Return the numbers behind a field that are conductances or conductivities; lengths and areas are as drawn."""
+    conducting = {unit(text).dimension for text in INTERFACE.values()}
+    literals = (p for p in values.order if values.table[p].parameter.is_literal and values.dimension(p) in conducting)
+    return [p for p in literals if field in values.downstream([p])]
 
 
 def _own_root(values: ParameterSet, field: str, shared: Mapping[str, str]) -> str:
-    """Return the one number behind a field that acts on no element elsewhere; empty where it has to get a number of its own."""
-    roots = [p for p in values.order if values.table[p].parameter.is_literal and field in values.downstream([p])]
-    own = [p for p in roots if not any(q in shared for q in values.downstream([p]))]
-    return own[0] if len(own) == 1 else field if field in roots and not own[1:] and values.table[field].parameter.is_literal else ""
+    """Return the number behind a field if it acts on nothing elsewhere; empty where the field needs a number of its own."""
+    own = [p for p in _roots(values, field) if not any(q in shared for q in values.downstream([p]))]
+    return own[0] if len(own) == 1 else ""
 
 
 def _sharing(values: ParameterSet, shared: Mapping[str, str], field: str, kind: str) -> set[str]:
     """Return the elements elsewhere that a number behind a field acts on by a field of the same name."""
-    roots = [p for p in values.order if values.table[p].parameter.is_literal and field in values.downstream([p])]
-    return {shared[q] for p in roots for q in values.downstream([p]) if q in shared and q == f"{shared[q]}.{kind}"}
+    return {shared[q] for p in _roots(values, field) for q in values.downstream([p]) if q in shared and q == f"{shared[q]}.{kind}"}
+
+
+def _with_twins(model: Model, path: str) -> list[str]:
+    """Return the values inside a part that it shares with something outside."""
+    known = local_identities(model)
+    return [p for p, one in known.items() if inside(p, path) and any(not inside(q, path) for q in one.paths)]
 
 
 def _apart(model: Model, path: str, gone: Sequence[str]) -> Model:
     """Return a model in which no twin shares what the old part had of it: the twin keeps its value, the new part has its deck's."""
-    known = local_identities(model)
-    return model.cut(*(p for p in gone if any(not inside(q, path) for q in known[p].paths)))
+    return model.cut(*(p for p in _with_twins(model, path) if p in gone))

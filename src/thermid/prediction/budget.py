@@ -250,6 +250,8 @@ class _Making:
     def beside(self, sources: Sequence[Source], cause: str, targets: Sequence[Target], gain: Array, alike: Array | None = None) -> _Making:
         """Return it with sources of one cause that act on targets of their own."""
         n, m, k = len(self.sources), len(self.targets), len(sources)
+        taken = {s.name for s in self.sources}  # a member's numbers come by a source's name
+        sources = [replace(s, name=f"{s.name} ({n + i})") if s.name in taken else s for i, s in enumerate(sources)]
         whole = np.zeros((m + len(targets), n + k))
         whole[:m, :n], whole[m:, n:] = self.gain, gain
         joined = np.eye(n + k)

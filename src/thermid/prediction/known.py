@@ -13,7 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.identify.calibration import Calibration
 from thermid.identify.discrepancy import KEY, Discrepancy, kept_in
-from thermid.identify.values import FittedValues, view
+from thermid.identify.values import FittedValue, FittedValues, as_store
 from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
 from thermid.knowledge.standing import Standing, of_model, worst
 from thermid.knowledge.store import Store, graft, structural_under
@@ -56,8 +56,6 @@ class Known:
         base = model
         for store in self.stores:
             base = store.on(base)
-        for values in self.alone:
-            base = base.with_values(values.assignments, f"stage '{values.stage}'") if values.assignments else base
         return replace(self, model=base)
 
     @property
@@ -67,15 +65,9 @@ class Known:
 
     @property
     def stores(self) -> tuple[Store, ...]:
-        """What fits know at every depth, by the paths of the model; none where only their own values are at hand."""
-        if self.fit is None:
-            return ()
-        return (graft(self.model, [(self.at or ".", self.fit.store)])[0],) if self.at else (self.fit.store,)
-
-    @property
-    def alone(self) -> tuple[FittedValues, ...]:
-        """Values under the paths of the model that no store holds."""
-        return () if self.fit is not None else self.placed
+        """What is known at every depth behind each of `values`, by the paths of the model."""
+        own = [self.fit.store] if self.fit is not None else [v.store if v.store is not None else as_store(v) for v in self.values]
+        return tuple(graft(self.model, [(self.at, s)])[0] if self.at else s for s in own)
 
     @property
     def placed(self) -> tuple[FittedValues, ...]:
@@ -85,7 +77,7 @@ class Known:
     @property
     def provenances(self) -> tuple[Mapping[str, Any], ...]:
         """What is kept of every fit behind the values, the first one first, by the paths of the model."""
-        return (*(known for s in self.stores for known in s.provenance.values()), *(v.provenance for v in self.alone))
+        return tuple(known for s in self.stores for known in s.provenance.values())
 
     @property
     def kept(self) -> tuple[Discrepancy, ...]:
@@ -95,8 +87,7 @@ class Known:
     @property
     def assigned(self) -> tuple[str, ...]:
         """Every parameter of the model that a fit gave its value."""
-        inner = (p for s in self.stores for state in s.parameters.values() for p in state.acts)
-        return (*inner, *(p for v in self.alone for p in v.assignments))
+        return tuple(p for s in self.stores for state in s.parameters.values() for p in state.acts)
 
 
 def values_at(values: FittedValues, at: str) -> FittedValues:
@@ -104,15 +95,15 @@ def values_at(values: FittedValues, at: str) -> FittedValues:
     if not at:
         return values
     ahead = f"{at}."
-    items = {
-        ahead + p if v.kind == "parameter" else p: replace(v, path=ahead + v.path, also=tuple(ahead + q for q in v.also))
-        if v.kind == "parameter"
-        else v
-        for p, v in values.items()
-    }
-    moved = {n: {ahead + p: x for p, x in values.provenance[n].items()} for n in ("conditions", "misfit") if n in values.provenance}
-    kept = {KEY: structural_under(values.provenance[KEY], ahead)} if KEY in values.provenance else {}
-    return replace(values, items_=items, provenance={**values.provenance, **moved, **kept})
+
+    def moved(v: FittedValue) -> FittedValue:
+        return replace(v, path=ahead + v.path, also=tuple(ahead + q for q in v.also)) if v.kind == "parameter" else v
+
+    own = values.provenance
+    items = {v.path: v for v in map(moved, values.values())}
+    places = {n: {ahead + p: x for p, x in own[n].items()} for n in ("conditions", "misfit") if n in own}
+    kept = {KEY: structural_under(own[KEY], ahead)} if KEY in own else {}
+    return replace(values, items_=items, provenance={**own, **places, **kept}, store=None)
 
 
 def known_of(source: Known | Model | Calibration | FittedValues | Sequence[Any], model: Model | None = None, at: str = "") -> Known:
@@ -133,20 +124,9 @@ def known_of(source: Known | Model | Calibration | FittedValues | Sequence[Any],
     assert isinstance(base, Model)
     if len(many) == 1 and isinstance(many[0], Calibration):
         return Known(base, (many[0].values,), many[0], many[0].synthetic, at).on(base)
-    # several: the values of each, and what its stages below knew
-    values = tuple(x for v in many for x in (_views(v) if isinstance(v, Calibration) else (v,)))
+    values = tuple(replace(v.values, store=v.store) if isinstance(v, Calibration) else v for v in many)
     made = any(isinstance(v, Calibration) and v.synthetic for v in many)
     return Known(base, values, None, made, at).on(base)
-
-
-def _views(fit: Calibration) -> tuple[FittedValues, ...]:
-    """Return everything that a fit knows of parameters, as fitted values of one stage."""
-    return (replace(view(fit.store, _sure(fit.store), fit.stage), provenance=fit.values.provenance),)
-
-
-def _sure(store: Store) -> list[str]:
-    """Return the parameters of a store that act and have an error that is known."""
-    return [p for p, s in store.parameters.items() if s.acts and s.known and store.error(p) > 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,15 +156,16 @@ class Rows:
         return np.asarray(self.matrix @ self.matrix.T)
 
     def beside(self, other: Rows) -> Rows:
-        """Return these rows and others that have no source in common with them; a source's name is made another where it is taken."""
-        taken = {s.name for s in self.sources}
-        apart = f" of {other.names[0]}" if other.names else ""
-        own = tuple(replace(s, name=s.name + apart) if s.name in taken else s for s in other.sources)
-        matrix = np.zeros((len(self.names) + len(other.names), len(self.sources) + len(other.sources)))
+        """Return these rows and others; sources of one name are one source."""
+        place = {s.name: k for k, s in enumerate(self.sources)}
+        fresh = [k for k, s in enumerate(other.sources) if s.name not in place]
+        place |= {other.sources[k].name: len(self.sources) + i for i, k in enumerate(fresh)}
+        matrix = np.zeros((len(self.names) + len(other.names), len(place)))
         matrix[: len(self.names), : len(self.sources)] = self.matrix
-        matrix[len(self.names) :, len(self.sources) :] = other.matrix
-        names, log = (*self.names, *other.names), (*self.log, *other.log)
-        return Rows(names, log, {**self.also, **other.also}, (*self.sources, *own), (*self.causes, *other.causes), matrix)
+        matrix[len(self.names) :, [place[s.name] for s in other.sources]] = other.matrix
+        sources = (*self.sources, *(other.sources[k] for k in fresh))
+        causes = (*self.causes, *(other.causes[k] for k in fresh))
+        return Rows((*self.names, *other.names), (*self.log, *other.log), {**self.also, **other.also}, sources, causes, matrix)
 
 
 def rows_of(known: Known) -> Rows:
@@ -193,37 +174,20 @@ def rows_of(known: Known) -> Rows:
     This is the one place that turns stored values into sources. A value that several fits hold is that of the last.
     """
     out, taken = Rows(), set[str]()
-    for store in known.stores:
-        loose = next((p for p, s in store.parameters.items() if s.acts and not s.known), None)
+    for store, values in zip(reversed(known.stores), reversed(known.values), strict=True):
+        acting = {p: s for p, s in store.parameters.items() if s.acts and not taken & {*s.acts}}
+        taken |= {p for s in acting.values() for p in s.acts}
+        loose = next((p for p, s in acting.items() if not s.known and s.origin.kind == "fit"), None)
         if loose is not None:
             raise IdentificationError(f"'{loose}' has no finite error. Leave it out, or give it a spread of its own.", known.model.title)
-        paths = _sure(store)
-        states = [store[p] for p in paths]
-        names = tuple(s.acts[0] for s in states)
-        also = {s.acts[0]: s.acts[1:] for s in states if len(s.acts) > 1}
-        matrix = store.rows(paths, KNOWN).reshape(len(paths), len(store.sources))
+        states = [s for p, s in acting.items() if s.known and store.error(p) > 0]
+        matrix = store.rows([s.path for s in states], KNOWN).reshape(len(states), len(store.sources))
         used = np.flatnonzero(matrix.any(axis=0))
+        also = {s.acts[0]: s.acts[1:] for s in states if len(s.acts) > 1}
+        causes = ("fit" if known.fit is not None else f"fit of {values.stage}",) * used.size
         sources = tuple(store.sources[k] for k in used)
-        out = out.beside(Rows(names, tuple(s.log for s in states), also, sources, ("fit",) * len(sources), matrix[:, used]))
-        taken |= {p for s in states for p in s.acts}
-    for values in reversed(known.alone):
-        left = values.bare()
-        left = left.only([p for p, v in left.items() if not taken & {p, *v.also}])
-        taken |= {*left.assignments}
-        if left:
-            out = out.beside(_rows(left, f"fit of {values.stage}"))
+        out = out.beside(Rows(tuple(s.acts[0] for s in states), tuple(s.log for s in states), also, sources, causes, matrix[:, used]))
     return out
-
-
-def _rows(values: FittedValues, cause: str) -> Rows:
-    """Return the rows of one fit: the eigenvectors of its covariance, scaled."""
-    covariance = values.covariance
-    loose = [n for n, v in zip(values, np.diag(covariance), strict=True) if not np.isfinite(v)]
-    if loose:
-        raise IdentificationError(f"'{loose[0]}' has no finite error. Leave it out, or give it a spread of its own.", cause)
-    sources, matrix = normal_sources(values.stage, covariance, "data")
-    also = {p: v.also for p, v in values.items() if v.also}
-    return Rows(tuple(values), tuple(v.log for v in values.values()), also, sources, (cause,) * len(sources), matrix)
 
 
 def normal_sources(name: str, covariance: Array, kind: Kind) -> tuple[tuple[Source, ...], Array]:

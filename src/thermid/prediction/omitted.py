@@ -11,7 +11,7 @@ import numpy as np
 from thermid.dual import value_of
 from thermid.errors import SolverError
 from thermid.identify.coefficients import coefficient_path, constant_coefficients
-from thermid.identify.discrepancy import discrepancy_kept, kept_in, misfit_kept
+from thermid.identify.discrepancy import kept_in, misfit_kept
 from thermid.identify.split import split_needed
 from thermid.knowledge.sources import LeftOut
 from thermid.model.model import Model
@@ -42,16 +42,16 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
         causes = dict.fromkeys(cause for s, cause in zip(whole.sources, whole.causes, strict=True) if s in off)
         out.append(LeftOut(f"{', '.join(causes)} (switched off)"))
     network = compile_network(whole.model, media=whole.scenario.media(), prescribed=tuple(whole.scenario.prescribed))
-    silent = [v for v in known.alone if v.parameters and discrepancy_kept(v) is None]
-    for values in silent:
-        moved = set(network.flat.parameters.downstream(list(values.assignments)))
+    silent = {stage: s for s in known.stores for stage, own in s.provenance.items() if kept_in(own) is None}
+    for stage, store in silent.items():
+        paths = [p for s in store.parameters.values() if s.origin.stage == stage for p in s.acts]
+        moved = set(network.flat.parameters.downstream(paths))
         constant = [p for p, c in constant_coefficients(network).items() if coefficient_path(c) in moved]
         if constant:
-            out.append(
-                LeftOut(f"what constant coefficients leave out of {_listed(constant)}: the values of '{values.stage}' do not say it")
-            )
+            out.append(LeftOut(f"what constant coefficients leave out of {_listed(constant)}: the values of '{stage}' do not say it"))
     if known.values and not any(misfit_kept(p) or kept_in(p) is not None for p in known.provenances):
         out.append(LeftOut(SILENT))
+    out += [x for s in known.stores for x in s.left_out]
     surfaces = {p for k in known.kept for p in k.surfaces}
     taken = [*(n for t in whole.targets for n in (t.name, *t.also)), *known.assigned]
     closed = [p for p in split_needed(known.model, whole.scenario, taken) if p not in surfaces]

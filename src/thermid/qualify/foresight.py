@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.identify.values import FittedValue
 from thermid.knowledge.standing import Standing
 from thermid.knowledge.store import State
 from thermid.prediction.budget import Budget, budget_of
@@ -87,10 +86,8 @@ def foresee(
 
 def _before(budget: Budget, known: Known, nodes: Sequence[str], times: Array, options: Options | None) -> dict[str, Array]:
     """Return node -> standard error (times,) that values have which lie anywhere within what was known of them before any fit. [K]"""
-    own = [s for store in known.stores for s in store.parameters.values() if s.acts]
-    inner: list[tuple[str, tuple[str, ...], State | FittedValue]] = [(s.acts[0], s.acts[1:], s) for s in own]
-    alone = [(path, v.also, v) for values in known.alone for path, v in values.parameters.items()]
-    prior = {path: (size, v.log, also) for path, also, v in [*inner, *alone] if (size := _size_before(v))}
+    own = {s.acts[0]: s for store in known.stores for s in store.parameters.values() if s.acts}
+    prior = {path: (size, s.log, s.acts[1:]) for path, s in own.items() if (size := _size_before(s))}
     if not prior:
         return {}
     names = [p for path, (_, _, also) in prior.items() for p in (path, *also)]
@@ -104,7 +101,7 @@ def _before(budget: Budget, known: Known, nodes: Sequence[str], times: Array, op
     return {n: np.linalg.norm(run.slopes(n) @ chain, axis=1) for n in nodes}
 
 
-def _size_before(v: State | FittedValue) -> float:
+def _size_before(v: State) -> float:
     """Return how far a value could lie before it was fitted, by its prior or its bounds; fitted form, zero where that has no size."""
     low, high = v.bounds
     if v.prior is not None and np.isfinite(v.prior[1]):

@@ -16,6 +16,7 @@ from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.structural import MISFIT
 from thermid.qualify.drivers import Driver, drivers_of
 from thermid.qualify.hold_times import clock, first_crossings, hold_time, proportion
 from thermid.qualify.uncertain import UncertainRuns
@@ -140,9 +141,12 @@ class Hold:
     @property
     def counted(self) -> str:
         """Whether the model's discrepancy is in the bands, in words."""
+        others = [c for c in self.causes if c != MISFIT and not c.startswith("fit of ")]
+        also = f"counted besides: {', '.join(others)}; " if others else ""
         if self.discrepancy is None:
-            return "the model's discrepancy is not counted: no values of a fit say what it could not follow"
-        return f"the model's discrepancy is counted: {self.discrepancy:.2g} K (one standard deviation), what its fit could not follow"
+            return f"{also}the model's discrepancy is not counted: no values of a fit say what it could not follow"
+        size = f"{self.discrepancy:.2g} K (one standard deviation), what its fit could not follow"
+        return f"{also}the model's discrepancy is counted: {size}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a file or a page needs. Times in seconds, temperatures in degrees Celsius; null for beyond the scenario."""

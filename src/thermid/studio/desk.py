@@ -145,9 +145,9 @@ class Desk:
         ------
         ThermidError   When a run cannot be finished at these values.
         """
-        si = self.si(values)
         if self.problem is None:
-            return tuple(_of_scenario(simulator, si, window) for simulator in self._simulators)
+            given = {**self._starts, **self.si(values)}
+            return tuple(_of_scenario(simulator, given, window) for simulator in self._simulators)
         return tuple(self._of_record(i, values, window) for i in range(len(self.problem.experiments)))
 
     @cached_property

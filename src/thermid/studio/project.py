@@ -141,6 +141,8 @@ class Project:
             request = self._request(name)
             if found is not None and before == self._keys[name]:
                 return self._finish(name, found, unchanged=self.states[name].state == "done")
+            if request.hand is not None:
+                return self._finish(name, fit(request))  # values tuned by hand: there is nothing to run
             kept = recall(self.results, name, self._keys[name])
         except ThermidError as error:
             return self._set(StageState(name, "failed", str(error), direct))
@@ -215,7 +217,7 @@ class Project:
             return Desk(name, model, None, self.scenarios(model))
         if name in self.done:
             found = self.done[name]
-            return Desk(name, found.model, found.problem, (), found)
+            return Desk(name, found.model, found.problem, () if found.problem is not None else self.scenarios(found.model), found)
         request = self._request(name)
         return Desk(name, request.model, problem_for(request))
 

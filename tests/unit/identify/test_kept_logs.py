@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -58,9 +58,7 @@ def readings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def source(campaign: Path, folder: Path | None = None) -> CampaignSource:
-    made = read_campaign(campaign)
-    made.results = folder if folder is not None else campaign.parent / "results"
-    return made
+    return replace(read_campaign(campaign), results=folder if folder is not None else campaign.parent / "results")
 
 
 def same(one: Any, other: Any) -> bool:

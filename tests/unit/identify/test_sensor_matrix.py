@@ -191,7 +191,9 @@ def identified(c: Cell) -> None:
 
 
 def bounded(c: Cell) -> None:
-    finite(list(td.discrepancy(c.fit).misfit.values()))
+    found = td.discrepancy(c.fit)
+    finite(list(found.misfit.values()))
+    assert set(found.conditions) == {"skin"}  # whatever its sensors add to the model
     assert "case" in str(td.plausibility(c.fit))
 
 

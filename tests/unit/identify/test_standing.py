@@ -136,7 +136,7 @@ def test_only_a_value_freed_without_a_prior_sheds_what_it_had(bad: Campaign, fol
         (other,) = set(BOX_VALUES) - set(only)
         stage |= {"freeze": [f"a.{other}"]} if f"a.{other}" not in free else {}
     request = request_of(source, type(source.content.stages[1]).model_validate(stage), 1, {"box": bad["box"]})
-    prior = {p for several in request.inherited for p in several.parameters}
+    prior = {q for p in request.prior for q in request.store.states[p].acts}
     values = found_at([*request.free, *(p for p in prior if p not in request.free)])
     expected = [
         one for path, one in zip(BOX_VALUES, how, strict=True) if f"a.{path}" in prior or one not in ("freed", "freed, prior of its own")

@@ -176,6 +176,7 @@ def check_nothing_is_lost(seed: int, folder: Path) -> int:
         table = fit.fitted_model
         twins = {p for p in stage.gives if p not in stage.alone()}
         for path, given in stage.gives.items():
+            seen += path.count(".") > 1
             state, literal = fit.store[path], table.at(path).expression.literal
             assert literal is not None
             if stage.hidden(path):
@@ -187,9 +188,9 @@ def check_nothing_is_lost(seed: int, folder: Path) -> int:
             elif path not in twins:
                 assert state.origin.stage == given.stage, (seed, name, path)
                 assert state.value == found[given.stage].store[given.path].value, (seed, name, path)
-                seen += given.stage != name
-        fit.save(folder / "v.toml")
-        assert load_store(folder / "v.toml") == (fit.store, name)
+        file = folder / f"{stage.part.definition}.values.toml"
+        fit.save(file)
+        assert load_store(file) == (fit.store, name)
     return seen
 
 
@@ -208,6 +209,6 @@ def test_nothing_is_lost_on_the_way_up_in_two_hundred_trees(tmp_path: Path) -> N
         except IdentificationError:  # what the campaign leaves at its deck misleads a fit so far that it is refused: another tree is drawn
             refused += 1
         seed += 1
-    assert sum(seen) > 300
+    assert sum(seen) > 500
     assert refused < 20
     print(f"{len(seen)} trees, {sum(seen)} inherited values, 0 lost; {refused} further campaigns were refused")

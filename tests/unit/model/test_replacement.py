@@ -54,7 +54,7 @@ def test_a_deck_of_six_watts_means_six_watts(part: Build) -> None:
         ("z.case.mass", "0.71 [kg]", "stage 'gyro'", "of the old part"),
         (f"z.{HTC}", "3.8 [W/(m^2 K)]", "[set] of Unit", "of its place"),
     ]
-    assert [(s.path, s.text, s.log_sd, s.origin, s.twins) for s in what.split] == [
+    assert [(s.path, s.text, s.log_sd, s.origin, s.twins) for s in what.starts] == [
         (f"z.{HTC}", "3.8 [W/(m^2 K)]", 0.30, "place", ()),
         ("foot_z.contact_conductance", "246 [W/(m^2 K)]", 0.25, "twin", ("foot_x",)),
     ]
@@ -80,6 +80,7 @@ def test_a_unit_of_the_same_deck_is_apart_from_fitted_twins(part: Build) -> None
     assert swapped.at("z.power").text == "4 [W]"
     assert identities(swapped)["x.power"].paths == ("x.power", "y.power")
     assert identities(swapped)["z.power"].paths == ("z.power",)
+    assert model.replaced("z", part())[1].untied == ("z.power",)
     assert len(identities(swapped)["z.case.mass"].paths) == 3, "nothing was known of the old one's mass but its deck"
 
 
@@ -129,7 +130,8 @@ def test_a_value_that_the_deck_above_reads(part: Build) -> None:
 
 
 def test_a_joint_of_its_own_keeps_its_number(part: Build) -> None:
+    """Its conductivity acts on no other joint, so it needs no number of its own: it starts where it was, with a spread."""
     model = unit(part(), "z")
     what = model.replaced("z", part(title="Other"))[1]
-    assert [(s.path, s.text, s.origin, s.twins) for s in what.split] == [("foot_z.contact_conductance", "246 [W/(m^2 K)]", "place", ())]
-    assert model.replaced("z", part(title="Other"), keep=["foot_z.contact_conductance"])[1].split == ()
+    assert [(s.path, s.text, s.origin, s.twins) for s in what.starts] == [("foot_conductivity", "0.123 [W/(m K)]", "place", ())]
+    assert model.replaced("z", part(title="Other"), keep=["foot_conductivity"])[1].starts == ()

@@ -86,7 +86,8 @@ def test_a_file_gives_the_numbers_of_the_fit(name: str, tmp_path: Path) -> None:
         foresee(k, case.outside, nodes=[case.node]).prediction[case.node]
         for k in (td.Known.of(case.fit), td.Known(case.fit.model, (td.load_values(tmp_path / "fit.values.toml"),)))
     )
-    assert filed.simulated == pytest.approx(live.simulated, abs=1e-6)
+    assert filed.kelvin == pytest.approx(live.kelvin, abs=1e-6)
+    assert filed.error == pytest.approx(live.error, rel=1e-6, abs=1e-9)
     assert filed.shift == pytest.approx(live.shift, abs=1e-6)
     assert set(filed.parts) - {"fit of plate", "fit of stack"} == set(live.parts) - {"fit"}
     assert sum(filed.parts.values()) == pytest.approx(sum(live.parts.values()), rel=1e-5, abs=1e-12)

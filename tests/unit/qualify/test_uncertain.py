@@ -114,7 +114,7 @@ def test_a_calibration_is_drawn_as_its_values_file(tmp_path: Path) -> None:
     noisy = truth + 0.1 * np.random.default_rng(2).standard_normal(times.size)
     channel = td.Channel.of("T", noisy, role="node", target="body", noise=0.1)
     fit = td.calibrate(plate(), td.Record.from_arrays("log", times, {"T": channel}), ["loss.conductance"], scenario=SCENARIO)
-    fit.values.save(tmp_path / "fit.values.toml")
+    fit.save(tmp_path / "fit.values.toml")
     own, filed = (runs(values=v, spread={}) for v in (fit, td.load_values(tmp_path / "fit.values.toml")))
     assert own.draws["loss.conductance"].mean() == pytest.approx(fit["loss.conductance"].value, abs=fit["loss.conductance"].error)
     assert own.draws["loss.conductance"].std() == pytest.approx(fit["loss.conductance"].error, rel=0.3)

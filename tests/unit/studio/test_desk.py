@@ -79,7 +79,7 @@ def test_saving_keeps_older_files_and_reads_back(project: Project, tmp_path: Pat
     kept = load_values(first)["area"]
     assert kept.value == pytest.approx(0.005)
     assert np.isinf(kept.error)
-    assert "tuned by hand" in kept.origin
+    assert "by hand" in kept.origin
     with pytest.raises(DeckError, match="nothing to save"):
         project.save(project.title, {}, "empty")
     with pytest.raises(DeckError, match="letters and digits"):

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import thermid as td
+from planted import campaign
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError
 from thermid.studio.project import Project
 
@@ -116,3 +117,20 @@ def test_a_swap_lists_stages_and_stays_in_the_project(folder: Path) -> None:
         project.swap("ele", "../../../../etc/passwd")
     with pytest.raises(NameNotFoundError, match="no stage 'm_PrF'"):
         project.desk("m_PrF")
+
+
+def test_a_stage_tuned_by_hand_needs_no_run_and_shows_its_values(tmp_path: Path) -> None:
+    file = campaign(tmp_path)
+    (tmp_path / "bench.toml").write_text('"foot_x.conductance" = "0.9 [W/K]"\n', encoding="utf-8")
+    hand = '[[stages]]\nname = "by hand"\nmodel = "pair.toml"\nvalues = "bench.toml"\n\n[[stages]]\nname = "whole"'
+    text = file.read_text(encoding="utf-8").replace('[[stages]]\nname = "whole"', hand)
+    file.write_text(text, encoding="utf-8")
+    project = opened(tmp_path)
+    assert dict(zip(project.stages, states(project), strict=True))["by hand"] == "done"
+    desk = project.desk("by hand")
+    assert next(s.value for s in desk.sliders if s.path == "foot_x.conductance") == pytest.approx(0.9)
+    (run,) = desk.curves({})
+    model = td.load_model(tmp_path / "pair.toml").with_values({"foot_x.conductance": "0.9 [W/K]"})
+    there = td.simulate(model, desk.scenarios[0])
+    assert {c.name: c.simulated[-1] for c in run.curves} == pytest.approx({n: there[n].final for n in desk.nodes}, abs=1e-3)
+    assert "foot_x" in desk.drawn({}, 0, 100.0, ())

@@ -66,7 +66,7 @@ function drawMetrics() {
 function known() {
   const free = s.desk.sliders.filter((x) => x.free), at = (x) => s.values[x.path] ?? x.value;
   const errors = free.filter((x) => x.error !== null && at(x) === (x.found ?? x.value)), moved = s.desk.sliders.filter((x) => at(x) !== (x.found ?? x.value)).length;
-  if (!s.desk.measured) return `Nothing was measured; every value is the deck's own.${moved ? ` ${moved} moved.` : ""}`;
+  if (!s.desk.measured) return `Nothing was measured; ${s.desk.fitted ? "values were tuned by hand, found by stages below, or are the decks' own" : "every value is the deck's own"}.${moved ? ` ${moved} moved.` : ""}`;
   if (!errors.length) return `None of ${free.length} values stands as a fit found it.${moved ? ` ${moved} moved.` : ""}`;
   const loose = errors.filter((x) => x.error > 0.2 * Math.abs(at(x))).map((x) => x.path);
   return `${errors.length} of ${s.desk.sliders.length} values fitted${loose.length ? `; known worse than 20 %: ${loose.slice(0, 3).join(", ")}${loose.length > 3 ? ` and ${loose.length - 3} more` : ""}` : ", each to 20 % or better"}; the others are the decks' or were found by stages below.${moved ? ` ${moved} moved.` : ""}`;

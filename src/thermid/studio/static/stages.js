@@ -19,7 +19,7 @@ export function drawStages() {
   at("stage-count").textContent = `${s.project.stages.length} stages: ${counts}${word ? `; ${seen.length} shown` : ""}`;
   list.replaceChildren(...seen.map((x) => {
     const running = job && !job.ended && job.what === "run" && job.stage === x.name, state = running ? "running" : x.state;
-    const says = state === "done" && x.standing ? `${x.usable ? "?" : "✗"} ${x.standing.toUpperCase()}` : state === "done" ? `RMSE to ${shown(Math.max(...Object.values(x.sensors), 0), 2)} K` : SAYS[state] || state;
+    const says = state === "done" && x.standing ? `${x.usable ? "?" : "✗"} ${x.standing.toUpperCase()}` : state === "done" && !Object.keys(x.sensors).length ? "values by hand" : state === "done" ? `RMSE to ${shown(Math.max(...Object.values(x.sensors), 0), 2)} K` : SAYS[state] || state;
     return make("li", {}, make("button", { type: "button", "data-stage": x.name, "data-state": state, "data-standing": (state === "done" && x.standing) || false, "aria-current": x.name === s.stage ? "true" : "false", title: x.because || x.why || state, onclick: () => open(x.name) }, make("span", { text: x.name }), make("small", { text: says })));
   }));
   const current = list.querySelector("[aria-current=true]");

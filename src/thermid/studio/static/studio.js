@@ -26,7 +26,7 @@ async function open(name) {
   const { desk, project } = s;
   at("banner").hidden = !desk.synthetic;
   at("banner").textContent = "Synthetic data: no reading here was measured.";
-  if (desk.fitted) at("fit-result").replaceChildren(make("h3", { text: "What the stage's fit says" }), ...(desk.warnings.length ? warnings(desk.warnings) : [make("p", { text: "No warning." })]));
+  if (desk.fitted && desk.measured) at("fit-result").replaceChildren(make("h3", { text: "What the stage's fit says" }), ...(desk.warnings.length ? warnings(desk.warnings) : [make("p", { text: "No warning." })]));
   s.ticked = new Set(desk.sliders.filter((x) => x.free).map((x) => x.path));
   at("fit").disabled = !desk.measured;
   at("curves-title").textContent = desk.measured ? "Measured and simulated" : "Simulated";
