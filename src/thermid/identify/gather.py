@@ -113,11 +113,12 @@ def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unkno
     return replace(unknown, also=tuple(also))
 
 
-def prior_of(unknown: Unknown, texts: tuple[str, str]) -> Prior:
-    """Return a prior in the fitted form of an unknown: mean (empty: the start) and standard deviation as texts; see `read_spread`."""
+def prior_of(unknown: Unknown, texts: tuple[str, str] | Mapping[str, str]) -> Prior:
+    """Return a prior in the fitted form of an unknown: mean (empty: the start) and deviation as texts, or what `read_spread` takes."""
     where = f"priors.{unknown.name}"
     slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
-    law = read_spread(({"mean": texts[0]} if texts[0] else {}) | {"sd": texts[1]}, slot, unknown.start, where)
+    given = texts if isinstance(texts, Mapping) else ({"mean": texts[0]} if texts[0] else {}) | {"sd": texts[1]}
+    law = read_spread(given, slot, unknown.start, where)
     if law.variance <= 0 or (unknown.log and law.mean <= 0):
         raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", where)
     sd = math.sqrt(law.variance)

@@ -26,6 +26,8 @@ STYLES: Mapping[str, tuple[str, str]] = {
     "radiation": ("dotted", "radiation"),
     "gas": ("dashed", "gas at rest"),
     "flow": ("flow", "one-way flow"),
+    "lead": ("solid", "lead"),
+    "heat_pipe": ("mixed", "heat pipe"),
     "table": ("mixed", "table"),
 }
 STYLE = """
