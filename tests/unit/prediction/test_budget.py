@@ -196,3 +196,11 @@ def test_constants_that_decide_the_width_of_a_band() -> None:
 )
 def test_from_where_a_coefficient_is_far_from_its_fit(ratio: float, level: float, far: bool) -> None:
     assert predict._far(Conditions(10.0, 300.0), Conditions(10.0 * ratio, 300.0 + level)) is far
+
+
+def test_a_member_depends_on_its_number_alone() -> None:
+    case = CASES["constant"]()
+    budget = budget_of(case.fit, case.outside, STATED)
+    every, some = budget.members(4, 0, 9), budget.members(4, 3, 5)
+    assert set(every) == set(budget.targets)
+    assert all(np.array_equal(some[t], every[t][3:8]) for t in every)
