@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError, SolverError, UnitError
+from thermid.errors import DeckError, IdentificationError, RecordError, SolverError, UnitError
 from thermid.model.kinds import KINDS
 from thermid.model.modelfile import save_model
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import correlation
 from thermid.physics.decay import radiative_decay
+from thermid.qualify.correlation import correlate
+from thermid.qualify.criteria import CriteriaSet
 from thermid.reporting.diagram import STYLES, diagram
 from thermid.studio.project import Project
 from thermid.units import unit
@@ -210,3 +212,40 @@ def test_cfm_is_no_length_and_w_m2k_no_heat_flux(written: str, cure: str) -> Non
 def test_what_is_advised_for_cfm_is_a_volume_flow() -> None:
     assert unit("ft^3/min").dimension == unit("m^3/s").dimension
     assert float(unit("ft^3/min").factor) == pytest.approx(4.719474e-4, rel=1e-6)
+
+
+# blank tails --------------------------------------------------------------------------------------------------------------------------
+
+MINUTES = np.arange(0.0, 121.0) * 60.0
+LEVEL = {"bench": [(5400.0, 7200.0)]}
+
+
+def log(name: str, values: Any, valid: Any = True) -> td.Record:
+    own = np.array(np.broadcast_to(valid, MINUTES.shape))
+    return td.Record.from_arrays(name, MINUTES, {"T1": np.where(own, values, np.nan)})
+
+
+def test_a_blank_tail_of_the_simulation_does_not_agree() -> None:
+    """The simulated column ends at 3600 s, where both are at 300 K: its last number was kept, "met, 0.00 K". In truth it goes on rising."""
+    truth = 300.0 + 3.42 * np.clip((MINUTES - 3600.0) / 1800.0, 0.0, 1.0)
+    measured = log("bench", np.full(MINUTES.size, 300.0))
+    ours = CriteriaSet("ours", each=3.0, kinds=("steady",))
+    whole = correlate((measured, log("run", truth)), [ours], steady=LEVEL)
+    assert not whole.passed("ours")
+    assert whole.deviations[0].mean == pytest.approx(-3.42)
+    early = MINUTES <= 3600.0
+    with pytest.raises(RecordError, match=r"simulated numbers of 'T1' run from 0 s to 3600 s, its readings from 0 s to 7200 s"):
+        correlate((measured, log("run", np.where(early, truth, np.nan), early)), [ours], steady=LEVEL)
+    hole = (MINUTES < 3600.0) | (MINUTES > 5400.0)
+    with pytest.raises(RecordError, match="no numbers for 'T1' between 3540 s and 5460 s, where there are readings"):
+        correlate((measured, log("run", np.where(hole, truth, np.nan), hole)), [ours], steady=LEVEL)
+    with pytest.raises(RecordError, match="no simulated number at all"):
+        correlate((measured, log("run", truth, np.zeros(MINUTES.size, dtype=bool))), [ours])
+
+
+def test_a_blank_tail_of_the_readings_does_not_agree() -> None:
+    """Readings that end within a settled stretch were taken for all of it."""
+    truth = 300.0 + 3.42 * np.clip((MINUTES - 5400.0) / 1800.0, 0.0, 1.0)
+    early = MINUTES <= 5700.0
+    with pytest.raises(IdentificationError, match=r"has readings of 'T1' in 'bench' from 5400 s to 5700 s only"):
+        correlate((log("bench", np.where(early, 300.0, np.nan), early), log("run", truth)), steady=LEVEL)
