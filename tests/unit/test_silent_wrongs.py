@@ -11,12 +11,16 @@ import pytest
 import thermid as td
 from thermid.errors import DeckError, IdentificationError, RecordError, SolverError, UnitError
 from thermid.model.kinds import KINDS
-from thermid.model.modelfile import save_model
+from thermid.model.modelfile import save_model, to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import correlation
 from thermid.physics.decay import radiative_decay
 from thermid.qualify.correlation import correlate
 from thermid.qualify.criteria import CriteriaSet
+from thermid.qualify.deliver import deliver
+from thermid.qualify.limit_checks import check_limits
+from thermid.qualify.limits import Limits
+from thermid.qualify.macro import assumed, host_values
 from thermid.reporting.diagram import STYLES, diagram
 from thermid.studio.project import Project
 from thermid.units import unit
@@ -249,3 +253,84 @@ def test_a_blank_tail_of_the_readings_does_not_agree() -> None:
     early = MINUTES <= 5700.0
     with pytest.raises(IdentificationError, match=r"has readings of 'T1' in 'bench' from 5400 s to 5700 s only"):
         correlate((log("bench", np.where(early, 300.0, np.nan), early), log("run", truth)), steady=LEVEL)
+
+
+# coolers, tables without a source, files of one name ----------------------------------------------------------------------------------
+
+
+def test_a_cooler_that_runs_is_on() -> None:
+    """A load of negative power counted as off, so that the limits of a unit switched off were those that held."""
+    link = {"kind": "conduction", "between": ["a", "air"], "conductance": "1 [W/K]"}
+    cooler = {"cooler": {"into": "a", "power": "-5 [W]", "periodic": {"period": "2 [h]", "duty": "50 [%]"}}}
+    bench = td.Scenario("bench", boundaries={"air": "20 [degC]", "walls": "20 [degC]"}, start="air", duration="2 [h]")
+    run = td.simulate(deck({"k": link}, loads=cooler), bench, every="1 [min]")
+    one = Limits("a", "a", (288.15, 308.15), (268.15, 328.15), loads=("cooler",))
+    states = {c.state: c for c in check_limits(run, [one])}
+    assert states["operating"].lowest == pytest.approx(288.15, abs=1e-3)
+    assert 0.0 < states["operating"].lowest_time <= 3600.0
+    assert states["non-operating"].highest == pytest.approx(293.15, abs=1e-3)
+
+
+def host(**source: str) -> td.Model:
+    """A host with a table of conductance, one of conductivity, one of specific heat and one of power."""
+    known = {"source": "measured", "basis": "bench of May"}
+    heat = {"points": [["0 [degC]", "900 [J/(kg K)]"], ["60 [degC]", "950 [J/(kg K)]"]]} | known
+    bar = {"points": [["0 [degC]", "150 [W/(m K)]"], ["60 [degC]", "140 [W/(m K)]"]]} | known
+    power = {"points": [["0 [degC]", "1 [W]"], ["60 [degC]", "0.5 [W]"]]} | known
+    part = {"title": "Unit", "needs": ["foot"], "offers": ["case"], "nodes": {"case": {"capacitance": "1 [J/K]"}}}
+    touch = {"kind": "table", "between": ["case", "foot"], "table": RISING}
+    unit_deck = td.model_from_dict(part | {"conductors": {"touch": touch}})
+    sized = {"area": {"value": "1 [cm^2]", **known}, "thickness": {"value": "1 [cm]", **known}}
+    return td.model_from_dict(
+        {
+            "title": "Host",
+            "needs": ["air"],
+            "nodes": {"plate": {"mass": {"value": "1 [kg]", **known}, "specific_heat": heat}},
+            "submodels": {"unit": {"use": unit_deck, "bind": {"foot": "plate"}}},
+            "conductors": {
+                "strap": {"kind": "table", "between": ["plate", "air"], "table": RISING | source},
+                "bar": {"kind": "conduction", "between": ["plate", "air"], "conductivity": bar, **sized},
+            },
+            "loads": {"chip": {"into": "plate", "table": power}},
+        }
+    )
+
+
+def test_a_table_without_a_source_is_no_macro_model() -> None:
+    """Tables were not asked for their source, and did not count among the assumed values."""
+    with pytest.raises(DeckError, match=r"one value of the host has no source: 'strap.table'.*source and basis beside the points"):
+        td.macro_model(host())
+    made = td.macro_model(host(source="assumed", basis="a guess"))
+    assert assumed(made) == ("strap.table",)
+    tables = [v for v in host_values(made) if "table" in v.text]
+    assert {v.path: v.source for v in tables} == {
+        "strap.table": "assumed",
+        "bar.conductivity": "measured",
+        "plate.specific_heat": "measured",
+        "chip.table": "measured",
+    }
+    assert all(v.basis for v in tables)
+
+
+def test_the_source_of_a_table_is_saved_with_it(tmp_path: Path) -> None:
+    made = host(source="assumed", basis="a guess")
+    save_model(made, tmp_path / "host.toml")
+    again = td.load_model(tmp_path / "host.toml")
+    assert to_dict(again)["conductors"] == to_dict(made)["conductors"]
+    assert again.conductors["strap"].curve == made.conductors["strap"].curve
+    assert again.conductors["strap"].curve != host().conductors["strap"].curve
+    shape = td.law(lambda t: 0.1 + 0.0 * t, between=(200.0, 400.0), source="published", basis="a book")
+    assert (shape.source, shape.basis) == ("published", "a book")
+
+
+def test_a_delivery_with_two_scenarios_of_one_file_name_is_refused(tmp_path: Path) -> None:
+    """The second took the place of the first without a word."""
+    files = []
+    for folder, level in (("hot", 50), ("cold", -10)):
+        (tmp_path / folder).mkdir()
+        files.append(tmp_path / folder / "case.toml")
+        text = f'title = "{folder}"\nduration = "1 [min]"\nstart = "air"\n[boundaries]\nair = "{level} [degC]"\n'
+        files[-1].write_text(text, encoding="utf-8")
+    with pytest.raises(DeckError, match=r"two scenario files are named 'case.toml'"):
+        deliver(host(), files, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

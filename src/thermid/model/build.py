@@ -66,7 +66,7 @@ def _points(table: Mapping[str, Any], slot: str, where: str) -> Curve | None:
         return given
     over = given.get("over", "temperature")
     slots = ("temperature" if over == "temperature" else "K", slot, slope_unit(slot))
-    return curve(over, [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in given["points"]], where)
+    return _curve(given, over, slots, where)
 
 
 def _property(table: Mapping[str, Any], name: str, where: str) -> tuple[dict[str, Any], Curve | None]:
@@ -76,8 +76,13 @@ def _property(table: Mapping[str, Any], name: str, where: str) -> tuple[dict[str
         return dict(table), None
     slot = TABULATED[name]
     slots = ("temperature", slot, slope_unit(slot))
+    return {k: v for k, v in table.items() if k != name}, tabulated(name, _curve(given, "temperature", slots, where), where)
+
+
+def _curve(given: Mapping[str, Any], over: str, slots: tuple[str, ...], where: str) -> Curve:
+    """Return the curve of a table of points, each a text for every slot or for the first two."""
     points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in given["points"]]
-    return {k: v for k, v in table.items() if k != name}, tabulated(name, curve("temperature", points, where), where)
+    return curve(over, points, where, given.get("source") or "", given.get("basis") or "")
 
 
 def slope_unit(slot: str) -> str:

@@ -32,6 +32,7 @@ class Curve:
     d : array (points,)     Slopes; None where they follow from the points. [SI/K]
     film : tuple of Curve   Tables that stand behind it: properties over film temperature, for a law of natural convection; that of the
                             second end, for a potential.
+    source, basis : str     Of a table that an author gives: kind of source, and what it rests on.
     """
 
     over: str
@@ -39,9 +40,11 @@ class Curve:
     y: NDArray[np.float64]
     d: NDArray[np.float64] | None = None
     film: tuple[Curve, ...] = ()
+    source: str = ""
+    basis: str = ""
 
     def __eq__(self, other: object) -> bool:
-        """Whether two curves have the same points."""
+        """Whether two curves have the same points from the same source."""
         return isinstance(other, Curve) and self._bytes() == other._bytes()
 
     def __hash__(self) -> int:
@@ -49,11 +52,19 @@ class Curve:
         return hash(self._bytes())
 
     def _bytes(self) -> tuple[Any, ...]:
-        return self.over, self.x.tobytes(), self.y.tobytes(), b"" if self.d is None else self.d.tobytes(), self.film
+        return (
+            self.over,
+            self.x.tobytes(),
+            self.y.tobytes(),
+            b"" if self.d is None else self.d.tobytes(),
+            self.film,
+            self.source,
+            self.basis,
+        )
 
 
-def curve(over: str, points: Sequence[tuple[float, ...]], where: str = "") -> Curve:
-    """Return a curve through points: abscissa and value, or abscissa, value and slope.
+def curve(over: str, points: Sequence[tuple[float, ...]], where: str = "", source: str = "", basis: str = "") -> Curve:
+    """Return a curve through points: abscissa and value, or abscissa, value and slope; source and basis as in `Curve`.
 
     Raises
     ------
@@ -67,7 +78,7 @@ def curve(over: str, points: Sequence[tuple[float, ...]], where: str = "") -> Cu
         raise DeckError("a table holds a number that is not finite.", where)
     columns = np.array(points).T
     x, y, *slope = (np.ascontiguousarray(c) for c in columns)
-    return Curve(over, x, y, slope[0] if slope else None)
+    return Curve(over, x, y, slope[0] if slope else None, source=source, basis=basis)
 
 
 def slopes(given: Curve) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import DeckError, nearest
 from thermid.model.curves import Curve, hermite
+from thermid.model.options import Source
 from thermid.model.signal import literal
 
 __all__ = ["law"]
@@ -34,6 +35,8 @@ def law(
     over: Literal["temperature", "difference"] = "temperature",
     between: tuple[str | float, str | float],
     tolerance: float = 1e-7,
+    source: Source | Literal[""] = "",
+    basis: str = "",
 ) -> Curve:
     """Return a function as a smooth table with slopes, for the `table` of a conductor or a load.
 
@@ -45,6 +48,7 @@ def law(
     between : (low, high)       Range over which it is asked; constant beyond, and a run that leaves the range says so. [K]
     tolerance : float           Largest relative error between points; where the function is smaller than a thousandth of its largest
                                 value, relative to that. A kink is rounded over 1 mK. [-]
+    source, basis : str         Kind of source, as of a value of a deck, and what the function rests on.
 
     Raises
     ------
@@ -61,7 +65,7 @@ def law(
     asked = _Asked(function)
     x = np.array([low, 0.0, high] if over == "difference" and low < 0.0 < high else [low, high])
     knots, values, slopes = _refined(asked, x, tolerance)
-    return Curve(over, knots, values, slopes)
+    return Curve(over, knots, values, slopes, source=source, basis=basis)
 
 
 class _Asked:

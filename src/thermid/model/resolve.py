@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from thermid.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, nearest
+from thermid.model.curves import Curve
+from thermid.model.elements import Conductor
+from thermid.model.kinds import KINDS
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter, check_bounds
 from thermid.units import Dimension
 
-__all__ = ["Entry", "ParameterSet", "deck_text", "parameter_table"]
+__all__ = ["Entry", "ParameterSet", "deck_text", "own_tables", "parameter_table"]
 
 
 SET = "[set] of "
@@ -57,6 +60,20 @@ def parameter_table(model: Model, prefix: str = "") -> dict[str, Entry]:
         for raw, given in layer.values.items():
             _lay(table, model, prefix, raw, given, layer.origin, f"{layer.origin}, {raw}")
     return table
+
+
+def own_tables(model: Model, prefix: str = "") -> dict[str, tuple[Curve, str]]:
+    """Return path -> table of points and its place in a deck, for every table over a temperature of a tree; no value is laid over these."""
+    found = [(f"nodes.{n}.{e.table[0]}", f"{n}.{e.table[0]}", e.table[1]) for n, e in model.nodes.items() if e.table]
+    for group, elements in (("conductors", model.conductors), ("loads", model.loads)):
+        for n, each in elements.items():
+            if each.curve is not None:
+                field = (KINDS[each.kind].tabulated if isinstance(each, Conductor) else "") or "table"
+                found.append((f"{group}.{n}.{field}", f"{n}.{field}", each.curve))
+    out = {prefix + path: (curve, model.where(key)) for key, path, curve in found}
+    for name, part in model.submodels.items():
+        out |= own_tables(part.model, f"{prefix}{name}.")
+    return out
 
 
 def deck_text(entry: Entry) -> str:

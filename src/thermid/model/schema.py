@@ -59,12 +59,16 @@ class Points(_Strict):
 
     over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
     points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
+    source: Source | None = None
+    basis: str = ""
 
 
 class Property(_Strict):
     """A property over temperature; a third text of a point is its slope."""
 
     points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
+    source: Source | None = None
+    basis: str = ""
 
 
 class NodeTable(_Strict):

@@ -68,24 +68,26 @@ def _named(fields: dict[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _curve_to(shape: Curve | None, slot: str) -> dict[str, Any]:
-    return {} if shape is None else {"table": {"over": shape.over, "points": _written_points(shape, slot)}}
+    return {} if shape is None else {"table": {"over": shape.over} | _points_to(shape, slot)}
 
 
 def _law_to(c: Conductor) -> dict[str, Any]:
     """Return the table of a conductor: of conductance, or of a property."""
     name = KINDS[c.kind].tabulated
-    return {name: {"points": _written_points(c.curve, TABULATED[name])}} if c.curve is not None and name else _curve_to(c.curve, "W/K")
+    return {name: _points_to(c.curve, TABULATED[name])} if c.curve is not None and name else _curve_to(c.curve, "W/K")
 
 
 def _heat_to(node: Node) -> dict[str, Any]:
     """Return the property over temperature by which a node stores heat."""
-    return {node.table[0]: {"points": _written_points(node.table[1], TABULATED[node.table[0]])}} if node.table else {}
+    return {node.table[0]: _points_to(node.table[1], TABULATED[node.table[0]])} if node.table else {}
 
 
-def _written_points(shape: Curve, slot: str) -> list[list[str]]:
+def _points_to(shape: Curve, slot: str) -> dict[str, Any]:
+    """Return the points of a table as texts, with what is known of its source."""
     columns = [(shape.x, "K"), (shape.y, slot)] + ([(shape.d, slope_unit(slot))] if shape.d is not None else [])
     texts = [[f"{v!r} [{of}]" for v in column.tolist()] for column, of in columns]
-    return [list(point) for point in zip(*texts, strict=True)]
+    known = {k: v for k, v in (("source", shape.source), ("basis", shape.basis)) if v}
+    return {"points": [list(point) for point in zip(*texts, strict=True)], **known}
 
 
 def elements_to(model: Model) -> dict[str, dict[str, Any]]:

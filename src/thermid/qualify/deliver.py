@@ -61,13 +61,17 @@ def deliver(
 
     Raises
     ------
-    DeckError       When the folder holds something, or what is in it does not give the same temperatures again.
+    DeckError       When the folder holds something, two files have one name, or what is in it does not give the same temperatures again.
     ScenarioError   As in `reduce`.
     """
     target = Path(to)
     if target.exists() and any(target.iterdir()):
         raise DeckError(f"the folder '{target.name}' is not empty. A delivery is written once; give a new folder.")
-    given = {Path(s).name: load_scenario(s) for s in scenarios}
+    names, stages = [Path(s).name for s in scenarios], [v.stage for v in values]
+    for what, several in (("scenario files are named", names), ("files of values are of stage", stages)):
+        if twice := [n for n in dict.fromkeys(several) if several.count(n) > 1]:
+            raise DeckError(f"two {what} '{twice[0]}', and a delivery keeps each under its name. Rename one, or leave it out.", model.title)
+    given = dict(zip(names, map(load_scenario, scenarios), strict=True))
     if not given:
         raise DeckError("a delivery needs a scenario, to say what must come out.", model.title)
     small = reduce(model, list(given.values()), nodes=nodes, within=within, keep=keep, at=at) if nodes or within is not None else None

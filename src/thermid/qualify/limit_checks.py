@@ -163,7 +163,7 @@ def times_in_state(run: Solution, limits: Limits, state: str, default: str = "op
     for load in limits.loads:
         if load not in powers:
             raise NameNotFoundError(f"no load '{load}'.{nearest(load, powers)}", f"limits of '{limits.point}'")
-        on |= np.broadcast_to(powers[load], run.times.shape) > 0
+        on |= np.broadcast_to(powers[load], run.times.shape) != 0.0  # a cooler takes heat: its power is negative
     if state == "start-up":
         return np.asarray(on & ~np.concatenate([[False], on[:-1]]))
     return on if state == "operating" else np.asarray(~on)

@@ -9,7 +9,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model
-from thermid.model.resolve import Entry, parameter_table
+from thermid.model.resolve import Entry, own_tables, parameter_table
 
 __all__ = ["HostValue", "assumed", "host_values", "macro_model"]
 
@@ -63,14 +63,15 @@ def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.Pat
         few = ", ".join(f"'{p}'" for p in bare[:12]) + (f" and {len(bare) - 12} more" if len(bare) > 12 else "")
         raise DeckError(
             f"{_count(len(bare))} no source: {few}. Say of each where it comes from: "
-            '{ value = ..., source = "measured", "datasheet", "published", "derived" or "assumed", basis = "..." }.',
+            '{ value = ..., source = "measured", "datasheet", "published", "derived" or "assumed", basis = "..." }, '
+            "with source and basis beside the points of a table.",
             model.file or model.title,
         )
     return model
 
 
 def host_values(model: Model, at: str = UNIT) -> tuple[HostValue, ...]:
-    """Return every number of a macro model that is not the unit's own, those that the host sets inside the unit among them.
+    """Return every number and every table of a macro model that is not the unit's own, numbers that the host sets inside it too.
 
     Parameters
     ----------
@@ -80,7 +81,9 @@ def host_values(model: Model, at: str = UNIT) -> tuple[HostValue, ...]:
     table = parameter_table(model)
     laid = {model.canonical(p) for p in model.settings} | {p for layer in model.layers for p in layer.values}
     own = {p: e for p, e in table.items() if e.parameter.is_literal and (not p.startswith(f"{at}.") or p in laid)}
-    return tuple(HostValue(p, e.parameter.text, _source(e, model), e.parameter.basis, e.origin) for p, e in own.items())
+    values = [HostValue(p, e.parameter.text, _source(e, model), e.parameter.basis, e.origin) for p, e in own.items()]
+    shapes = {p: shape for p, (shape, _) in own_tables(model).items() if not p.startswith(f"{at}.")}
+    return (*values, *(HostValue(p, f"a table of {c.x.size} points", c.source, c.basis, model.title) for p, c in shapes.items()))
 
 
 def _source(entry: Entry, model: Model) -> str:
@@ -91,11 +94,14 @@ def _source(entry: Entry, model: Model) -> str:
 
 @takes_objects
 def assumed(model: Model) -> tuple[str, ...]:
-    """Return the assumed values of a model, each place in a deck once, by the path of its first instance."""
+    """Return the assumed values and tables of a model, each place in a deck once, by the path of its first instance."""
     first: dict[str, str] = {}
     for path, entry in parameter_table(model).items():
         if entry.parameter.source == "assumed":
             first.setdefault(entry.where, path)
+    for path, (shape, where) in own_tables(model).items():
+        if shape.source == "assumed":
+            first.setdefault(where, path)
     return tuple(first.values())
 
 
