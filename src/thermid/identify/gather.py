@@ -178,12 +178,11 @@ def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unkn
             shared[sensor] = (min(sd, known), [*targets, Target(i, target)])
     out = []
     for sensor, sd in sensors.items():
-        mean, spread = request.bias_priors.get(sensor, (0.0, sd))
-        out.append(Unknown(f"sensor {sensor}", "sensor", (), mean, prior=Prior(mean, spread), unit="K"))
+        out.append(Unknown(f"sensor {sensor}", "sensor", (), 0.0, prior=Prior(0.0, sd), unit="K"))
     for sensor, (sd, targets) in shared.items():
         start = 1.0 if targets[0].name.startswith("scale.") else 0.0
         out.append(Unknown(f"{sensor} error", "shared", tuple(targets), start, prior=Prior(start, sd), unit="1" if start else "K"))
-    return out + instruments(experiments, request.bias_priors)
+    return out + instruments(experiments)
 
 
 @dataclass(frozen=True)

@@ -169,7 +169,7 @@ def _once(requests: Mapping[str, Request]) -> tuple[list[Level], list[str]]:
 
 def _bare(request: Request, paths: Sequence[str]) -> Request:
     """Return a stage's request with every shared path free by itself, and nothing of what it was told by others."""
-    return replace(request, free=tuple(paths), untie=True, store=Store(), prior=(), priors={}, bias_priors={})
+    return replace(request, free=tuple(paths), untie=True, store=Store(), prior=(), priors={})
 
 
 def _merged(levels: Sequence[Level], problems: Sequence[Problem], shared: Shared, done: Mapping[str, Calibration]) -> list[Unknown]:
