@@ -283,7 +283,7 @@ def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
         out.append("the temperature of the start, which is given and not predicted")
     shown = (UNFITTED, SILENT) if IN_TESTS in m.shares else ()
     # assumed values follow with what they do to this point in this run
-    out += [x.what for x in t.expected.prediction.left_out if not np.isfinite(x.kelvin) and x.what not in shown]
+    out += [x.what for x in t.expected.prediction.left_out if not x.listed and not np.isfinite(x.kelvin) and x.what not in shown]
     if moved >= 0.05:
         out.append(f"assumed values that no spread names, up to {moved:.1f} K")
     return tuple(out)
