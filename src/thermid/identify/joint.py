@@ -25,7 +25,8 @@ from thermid.identify.selection import is_glob, matching
 from thermid.identify.sharing import Level, Shared, shared_parameters
 from thermid.identify.unknowns import Prior, Target, Unknown
 from thermid.identify.values import FittedValue, FittedValues
-from thermid.knowledge.store import Store, graft
+from thermid.knowledge.graft import graft
+from thermid.knowledge.store import Store
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
