@@ -81,12 +81,12 @@ void Group::initial() {
         bool ok = true;
         for (int i = 0; i < p.n; ++i) {
             const double t = g_.Tn[i * LANES + l], c = g_.cap[i * LANES + l];
-            ok = ok && std::isfinite(t) && t > 0.0 && std::isfinite(c) && c > 0.0;
+            ok = ok && std::isfinite(t) && t >= 0.0 && std::isfinite(c) && c > 0.0;
         }
         for (int j = 0; j < p.nc; ++j) ok = ok && std::isfinite(g_.coef[j * LANES + l]);
         for (int k = 0; k < p.nb; ++k) {
             const double t = g_.ceff[plan.gain[k] * LANES + l] + g_.ceff[plan.offset[k] * LANES + l];
-            ok = ok && std::isfinite(t) && t > 0.0;
+            ok = ok && std::isfinite(t) && t >= 0.0;
         }
         if (!ok) bad |= 1u << l;
         low_[l] = high_[l] = g_.Tn[l];

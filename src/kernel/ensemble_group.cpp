@@ -78,7 +78,7 @@ unsigned Group::check_state() {
     unsigned bad = 0;
     for (int i = 0; i < g_.plan->n; ++i)
         for (int l = 0; l < LANES; ++l)
-            if (const double t = g_.T1[i * LANES + l]; !(t > 0.0 && t < 1e5)) bad |= 1u << l;
+            if (const double t = g_.T1[i * LANES + l]; !(t > COLDEST && t < 1e5)) bad |= 1u << l;
     return bad;
 }
 

@@ -91,8 +91,8 @@ void Integrator::seen() {
 void Integrator::check_state() {
     for (int i = 0; i < n_; ++i) {
         if (!std::isfinite(T1_[i])) throw Failure{NON_FINITE, i};
-        if (T1_[i] > 0.0 && T1_[i] < 1e5) continue;
-        if (!(T_[i] > 0.0 && T_[i] < 1e5)) throw Failure{RUN_AWAY, i};  // a massless node that has stood there since the start
+        if (T1_[i] > COLDEST && T1_[i] < 1e5) continue;
+        if (!(T_[i] > COLDEST && T_[i] < 1e5)) throw Failure{RUN_AWAY, i};  // a massless node that has stood there since the start
         for (int k = 0; k < n_; ++k) err_[k] = T1_[k] - T_[k];
         throw Failure{RUN_AWAY, worst(err_)};
     }
@@ -110,7 +110,7 @@ void Integrator::underflow(int cause) const {
 // Initial temperatures of massless nodes, thermostats and the outputs at the start.
 void Integrator::initial(const double* s0, Outputs& out) {
     for (int i = 0; i < n_; ++i) {
-        if (!std::isfinite(T_[i]) || !(T_[i] > 0.0)) throw Failure{BAD_INPUT, i};
+        if (!std::isfinite(T_[i]) || !(T_[i] >= 0.0)) throw Failure{BAD_INPUT, i};
         if (p_.capacity[i] >= 0 && !(cap_[i] > 0.0 && std::isfinite(cap_[i]))) throw Failure{BAD_INPUT, i};
     }
     for (int j = 0; j < p_.nc; ++j)
@@ -118,7 +118,7 @@ void Integrator::initial(const double* s0, Outputs& out) {
     for (int k = 0; k < nk_; ++k) eo_.u[k] = p_.inputs[k].at(t_);
     eo_.set_inputs();
     for (int k = n_; k < p_.nodes(); ++k)
-        if (!(eo_.t[k] > 0.0) || !std::isfinite(eo_.t[k])) throw Failure{BAD_INPUT, k};
+        if (!(eo_.t[k] >= 0.0) || !std::isfinite(eo_.t[k])) throw Failure{BAD_INPUT, k};
     std::copy(T_.begin(), T_.end(), eo_.t.begin());
     if (!massless_.nodes.empty()) solve_slaved(massless_, eo_);
     if (!p_.thermostats.empty()) decide_thermostats();

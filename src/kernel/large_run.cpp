@@ -171,7 +171,7 @@ bool LargeRun::advance(double end, double& next) {
         ++r_->rejected;
         rejected_ = true;
         next = h_ * (std::isfinite(error) ? std::max(0.1, 0.8 * std::pow(error, -order)) : 0.1);
-        if (next < least || next < 1e-9 / std::max(r_->rate, 1e-300)) fail(std::isfinite(error) ? STEP_UNDERFLOW : NON_FINITE);
+        if (next < least || next < 1e-9 / std::max(r_->rate, 1.0 / (t_end_ - t_))) fail(std::isfinite(error) ? STEP_UNDERFLOW : NON_FINITE);
         return false;
     }
     double grow = 0.8 * std::pow(std::max(error, 1e-10), -order);
@@ -180,7 +180,7 @@ bool LargeRun::advance(double end, double& next) {
     old_error_ = std::max(error, 1e-10);
     rejected_ = false;
     for (int i = 0; i < n_; ++i)
-        if (!(T1_[i] > 0.0 && T1_[i] < HOTTEST)) {
+        if (!(T1_[i] > COLDEST && T1_[i] < HOTTEST)) {
             r_->node = i;
             fail(RUN_AWAY);
         }
@@ -212,7 +212,7 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
     try {
         for (int i = 0; i < n_; ++i) {
             T_[i] = t0_nodes[i];
-            if (!(T_[i] > 0.0 && T_[i] < HOTTEST)) {
+            if (!(T_[i] >= 0.0 && T_[i] < HOTTEST)) {
                 r.node = i;
                 fail(BAD_INPUT);
             }

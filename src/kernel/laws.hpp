@@ -117,6 +117,7 @@ inline bool is_hinge(int kind) { return kind == HINGE_MEAN || kind == HINGE_DIFF
 inline bool has_second(int kind) { return kind == POWER || kind == GAS || kind == NATURAL || is_hinge(kind); }
 inline int tables_of(int kind) { return kind == NATURAL ? 3 : kind == POTENTIAL ? 2 : kind == TABLE_MEAN || kind == TABLE_DIFF || kind == GAS ? 1 : 0; }
 
+constexpr double COLDEST = -1e-6;  // what the error of steps may leave of a node that rests at 0 K [K]
 constexpr double GAS_ANCHOR = 300.0;  // temperature to which the coefficients of gas laws refer [K]
 constexpr double SMOOTH2 = 1e-4;  // (0.01 K)^2: |dT|^c1 has no second derivative at dT = 0, where runs start
 

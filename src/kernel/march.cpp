@@ -70,7 +70,7 @@ THERMID_CLONES void carry(const double* step, int lanes, const double* drive, in
 // Whether every temperature is a number between 0 and 1e5 K.
 THERMID_CLONES bool plausible(const double* t, size_t n) {
     int64_t bad = 0;
-    for (size_t i = 0; i < n; ++i) bad += !(t[i] > 0.0) | !(t[i] < 1e5);
+    for (size_t i = 0; i < n; ++i) bad += !(t[i] > COLDEST) | !(t[i] < 1e5);
     return bad == 0;
 }
 
@@ -277,7 +277,7 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
     flush(nobs, r.traces);
     r.filled = nout;
     for (size_t i = 0, n = sane_ ? 0 : static_cast<size_t>(nout) * nobs; i < n; ++i) {
-        if (r.traces[i] > 0.0 && r.traces[i] < 1e5) continue;
+        if (r.traces[i] > COLDEST && r.traces[i] < 1e5) continue;
         r.time = out_t[i / nobs];
         throw Failure{std::isfinite(r.traces[i]) ? RUN_AWAY : NON_FINITE, obs[i % nobs]};
     }

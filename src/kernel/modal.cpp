@@ -33,7 +33,7 @@ void Modal::add_source(double* row, int coefficient, double factor) const {
 
 void Modal::check(const double* start, double t0) const {
     for (int i = 0; i < p_.n; ++i) {
-        if (!std::isfinite(start[i]) || !(start[i] > 0.0)) throw Failure{BAD_INPUT, i};
+        if (!std::isfinite(start[i]) || !(start[i] >= 0.0)) throw Failure{BAD_INPUT, i};
         const double c = p_.capacity[i] >= 0 ? coef_[p_.capacity[i]] : 1.0;
         if (!(c > 0.0 && std::isfinite(c))) throw Failure{BAD_INPUT, i};
     }
@@ -43,7 +43,7 @@ void Modal::check(const double* start, double t0) const {
         double t = 0.0;
         for (int c : {p_.gain[k], p_.offset[k]})
             if (c < p_.nc) t += coef_[c] * (p_.coef_input[c] < 0 ? 1.0 : p_.inputs[p_.coef_input[c]].at(t0));
-        if (!(t > 0.0) || !std::isfinite(t)) throw Failure{BAD_INPUT, p_.n + k};
+        if (!(t >= 0.0) || !std::isfinite(t)) throw Failure{BAD_INPUT, p_.n + k};
     }
 }
 
@@ -246,7 +246,7 @@ void Modal::run(const double* start, double t0, double t_end, const double* out_
         finish(t0, t_end, r);
         for (int i = 0; i < p_.n; ++i) {
             if (!std::isfinite(r.final_t[i])) throw Failure{NON_FINITE, i};
-            if (!(r.final_t[i] > 0.0 && r.final_t[i] < 1e5)) throw Failure{RUN_AWAY, i};
+            if (!(r.final_t[i] > COLDEST && r.final_t[i] < 1e5)) throw Failure{RUN_AWAY, i};
         }
     } catch (const Failure& f) {
         r.status = f.status;

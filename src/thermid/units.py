@@ -54,6 +54,8 @@ NAMES: Final = {
 
 _SPELT: Final = {"Celsius": "degC", "Centigrade": "degC", "deg*C": "degC", "Fahrenheit": "degF", "deg*F": "degF", "Kelvin": "K"}
 """Units as people write them, and how they are written here."""
+_FLOWS: Final = {"cfm": "ft^3/min", "lfm": "ft/min", "gpm": "gal/min", "lpm": "l/min"}
+"""Flows by their initials, and how they are written here; pint reads cfm as a hundredth of a femtometre."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,11 @@ def unit(text: str) -> Unit:
             )
     if key in _SPELT:
         raise UnitError(f"'[{text}]' is no unit that is known here. Write [{_SPELT[key]}].")
+    for flow in re.findall(r"\w+", key):
+        if flow.lower() in _FLOWS:
+            raise UnitError(f"'[{text}]' is no unit that is known here. Write {_FLOWS[flow.lower()]} for {flow}.")
+    if re.search(r"/\(?mK\b", key):
+        raise UnitError(f"'[{text}]': mK is the millikelvin. Write (m K) for metres times kelvin.")
     if re.search(r"\bgr\b", key):
         raise UnitError(f"'[{text}]': gr is the grain, 0.0648 g. Write g for grams, or grain.")
     _check_exponents(text, key)
@@ -136,7 +143,7 @@ def _check_exponents(text: str, key: str) -> None:
             if not _SMALL.match(given) or abs(float(given)) > _LARGEST_EXPONENT:
                 raise UnitError(
                     f"'[{text}]' is no unit that is known here: it has the exponent {given}. "
-                    f"Exponents go up to {_LARGEST_EXPONENT}, as plain numbers with at most one decimal."
+                    f"Exponents go up to {_LARGEST_EXPONENT}, as plain numbers with at most one decimal.{_intended(key)}"
                 )
 
 
@@ -149,6 +156,21 @@ _LETTER = "[A-Za-zµμΩΩÅ°_]"
 _READABLE = re.compile(rf"(?:{_LETTER}(?:{_LETTER}|\d)*+(?:\^-?\d{{1,2}}(?:\.\d)?(?![\w.]))?+|1(?=/)|%|[*/()])+\Z", re.ASCII)
 
 
+def _intended(key: str) -> str:
+    """Return `` Did you mean ...?`` for a unit without its signs, such as ``W/m2K``; an empty text where that gives no known one."""
+    spaced = re.sub(r"(?<=[A-Za-z])(-?\d)", r"^\1", key)
+    spaced = re.sub(r"(\^-?\d)(?=[A-Za-z])", r"\1*", spaced)
+    spaced = re.sub(r"\b(kg|g|m)(?=K\b)", r"\1*", spaced)
+    head, *below = re.sub("[()]", "", spaced).split("/")
+    factors = [f for part in below for f in part.split("*") if f]
+    found = head + (f"/({'*'.join(factors)})" if len(factors) > 1 else f"/{factors[0]}" if factors else "")
+    try:
+        known = found != key and key.count("(") == key.count(")") and unit(found) is not None
+    except UnitError:
+        known = False
+    return f" Did you mean '{found.replace('*', ' ')}'?" if known else ""
+
+
 def _from_pint(text: str, key: str) -> Unit:
     """Ask pint for a unit that the table does not hold."""
     from tokenize import TokenError
@@ -156,7 +178,7 @@ def _from_pint(text: str, key: str) -> Unit:
     import pint
 
     dimensions = ("[length]", "[mass]", "[time]", "[current]", "[temperature]")
-    unknown = UnitError(f"'[{text}]' is no unit that is known here.{nearest(key[:_LONGEST], TABLE).replace('*', ' ')}")
+    unknown = UnitError(f"'[{text}]' is no unit that is known here.{_intended(key) or nearest(key, TABLE).replace('*', ' ')}")
     if not _READABLE.match(key) or key.count("(") != key.count(")"):
         raise unknown
     try:

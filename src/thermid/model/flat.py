@@ -82,6 +82,12 @@ class FlatLoad:
     takes: tuple[Take, ...] = ()
     flux: Callable[[Mapping[str, Signal]], Signal] | None = None
 
+    @property
+    def follows_temperature(self) -> bool:
+        """Whether its power changes with a temperature other than by being switched."""
+        laws = ("proportional.gain", "command_curve")
+        return self.curve is not None or any(f in laws or f.endswith("_coefficient") for f in self.fields)
+
 
 @dataclass(frozen=True)
 class FlatSurface:

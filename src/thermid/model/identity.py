@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from thermid.arguments import takes_objects
+
 if TYPE_CHECKING:
     from thermid.model.model import Layer, Model
     from thermid.model.parameter import Parameter
@@ -80,6 +82,7 @@ def depth(place: str) -> int:
     return place.count(".") + 1 if place else 0
 
 
+@takes_objects
 def identities(model: Model) -> Mapping[str, Identity]:
     """Return path -> `Identity` of every value of a tree.
 

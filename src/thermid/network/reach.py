@@ -29,7 +29,7 @@ class Unreached:
         named = ", ".join(f"'{n}'" for n in self.nodes)
         many = len(self.nodes) > 1
         if abs(self.rate) < 1e-12:
-            return f"{named} {'have' if many else 'has'} no path to a boundary and no heat: nothing changes there"
+            return f"{named} {'have' if many else 'has'} no path to a boundary: the heat that is there stays there"
         word = ("warm" if self.rate > 0 else "cool") + ("" if many else "s")
         return f"{named} {'have' if many else 'has'} no path to a boundary: {word} at {abs(self.rate) * 3600:.6g} K/h without limit"
 
@@ -47,8 +47,10 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
         if value_of(row.coefficients[0]) != 0.0:
             a, b = row.ends
             joined[a].add(b)
-            joined[b].add(a)
+            if row.form != "flow":  # a stream carries the temperature of its first end alone
+                joined[b].add(a)
     left = set(network.nodes) - _spread(network.boundaries, joined)
+    joined = {n: {m for m in left if m in joined[n] or n in joined[m]} for n in left}
     out = []
     while left:
         first = next(n for n in network.nodes if n in left)

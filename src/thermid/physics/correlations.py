@@ -101,6 +101,8 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Co
     if orientation not in ORIENTATIONS:
         raise DeckError(f"the orientation '{orientation}' is none of {', '.join(ORIENTATIONS)}.{nearest(orientation, ORIENTATIONS)}", where)
     found = OWN.get(name or DEFAULTS[orientation]) or _of_library(name, where)
+    if "vertical_plate" in found.name and orientation != "vertical":
+        raise DeckError(f"'{found.name}' is for vertical plates, and the orientation is '{orientation}'. Change one of the two.", where)
     if found.facing and orientation == "vertical":
         raise DeckError(f"'{found.name}' is for horizontal plates: give orientation = 'up' or 'down', the way the surface faces.", where)
     return found
@@ -125,10 +127,11 @@ def _of_library(name: str, where: str) -> Correlation:
         raise DeckError(f"the library ht has no '{name}' for free convection.{nearest(name, [*OWN, *known])}", where)
     from inspect import signature
 
-    names = list(signature(function).parameters)
-    if names[:2] != ["Pr", "Gr"]:
+    given = signature(function).parameters
+    names = [n for n, p in given.items() if p.default is p.empty and n != "buoyancy"]
+    if names != ["Pr", "Gr"] or name.endswith("_methods"):
         raise DeckError(f"'{name}' takes {', '.join(names)}; only functions of Pr and Gr can serve here.", where)
-    facing = "buoyancy" in names
+    facing = "buoyancy" in given and given["buoyancy"].default is not None  # None: of a vertical plate, which has it for its form
 
     def nusselt(ra: float, pr: float, away: bool) -> float:
         return float(function(pr, ra / pr, buoyancy=away) if facing else function(pr, ra / pr))

@@ -20,7 +20,7 @@ from thermid.knowledge.standing import Standing, of_model, worst
 from thermid.knowledge.store import Store
 from thermid.model.model import Model
 
-__all__ = ["Known", "Rows", "known_of", "rows_of"]
+__all__ = ["Known", "Rows", "instruments_of", "known_of", "rows_of"]
 
 Array = NDArray[np.float64]
 
@@ -190,6 +190,19 @@ def rows_of(known: Known) -> Rows:
         causes = ("fit" if known.fit is not None else f"fit of {values.stage}",) * used.size
         sources = tuple(store.sources[k] for k in used)
         out = out.beside(Rows(tuple(s.acts[0] for s in states), tuple(s.log for s in states), also, sources, causes, matrix[:, used]))
+    return out
+
+
+def instruments_of(known: Known) -> Rows:
+    """Return how the constant errors of instruments respond to the sources of their fits; that of a later fit counts."""
+    out = Rows()
+    for store in reversed(known.stores):
+        own = [s for s in store.states.values() if s.kind in ("sensor", "instrument", "shared") and s.path not in out.names]
+        matrix = store.rows([s.path for s in own], KNOWN).reshape(len(own), len(store.sources))
+        used = np.flatnonzero(matrix.any(axis=0))
+        sources = tuple(store.sources[k] for k in used)
+        names, log = tuple(s.path for s in own), tuple(s.log for s in own)
+        out = out.beside(Rows(names, log, {}, sources, ("instruments",) * used.size, matrix[:, used]))
     return out
 
 

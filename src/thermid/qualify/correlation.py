@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
@@ -14,6 +15,7 @@ from thermid.identify.calibration import Calibration
 from thermid.identify.grouping import listed
 from thermid.knowledge.standing import UNJUDGED, Standing, of_model
 from thermid.measure import Record
+from thermid.measure.windows import usual_step
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.criteria import CRITERIA, CriteriaSet, Gate, judge
 from thermid.qualify.overlay import Overlay, overlays, paired
@@ -21,6 +23,8 @@ from thermid.qualify.overlay import Overlay, overlays, paired
 __all__ = ["Correlation", "Deviation", "Exclusions", "correlate"]
 
 Window = tuple[float, float]
+ENDS = 2.0
+"""Usual steps by which readings may begin after a settled stretch does, or end before it. [-]"""
 
 
 @dataclass(frozen=True)
@@ -198,7 +202,8 @@ def correlate(
 
     Raises
     ------
-    IdentificationError   When a criterion has no data, a weight or an exclusion names no sensor, or too many sensors are excluded.
+    IdentificationError   When a criterion has no data, or readings for a part of a settled stretch only; when a weight or an exclusion
+                          names no sensor, or too many sensors are excluded.
     NameNotFoundError     When there is no such set of criteria.
     """
     standing = UNJUDGED
@@ -225,7 +230,8 @@ def correlate(
     found = []
     for o in seen:
         weight, reason = (weights or {}).get(o.sensor, 1.0), left_out.reasons.get(o.sensor, "")
-        found += [_deviation(o, "steady", w, weight, reason) for w in windows.get(o.case, ())]
+        own = [w for w in windows.get(o.case, ()) if not reason or _inside(o, w).any()]
+        found += [_deviation(o, "steady", w, weight, reason) for w in own]
         found.append(_deviation(o, "transient", (float(o.times[0]), float(o.times[-1])), weight, reason))
     sets = [_named(c) for c in criteria]
     gates = [g for c in sets for g in judge(c, found, title)]
@@ -241,15 +247,32 @@ def _named(criteria: str | CriteriaSet) -> CriteriaSet:
 
 
 def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str) -> Deviation:
-    inside = (o.times >= window[0] - 1e-9) & (o.times <= window[1] + 1e-9)
+    inside = _inside(o, window)
     if not inside.any():
         raise IdentificationError(
             f"the settled stretch from {window[0]:g} s to {window[1]:g} s holds no reading of '{o.sensor}' in '{o.case}'. Name another "
             "stretch, or exclude the sensor and say why.",
             o.case,
         )
+    if kind == "steady" and not reason:
+        _refuse_partly_read(o, window, o.times[inside])
     z = o.residuals[inside]
     case = o.case if kind == "transient" else f"{o.case}, {window[0] / 3600:.4g} .. {window[1] / 3600:.4g} h"
     levels = (float(o.measured[inside].mean()), float(o.simulated[inside].mean()))
     sizes = (float(z.std()), float(z[np.abs(z).argmax()]), float(np.sqrt(z @ z / z.size)))
     return Deviation(case, o.sensor, kind, z.size, *levels, *sizes, o.accuracy, weight, reason)
+
+
+def _inside(o: Overlay, window: Window) -> NDArray[np.bool_]:
+    return np.asarray((o.times >= window[0] - 1e-9) & (o.times <= window[1] + 1e-9))
+
+
+def _refuse_partly_read(o: Overlay, window: Window, seen: NDArray[np.float64]) -> None:
+    """Refuse a settled stretch for whose first or last part a sensor has no readings: what is not read does not agree."""
+    slack = ENDS * (usual_step(o.times) if o.times.size > 1 else 0.0) + 1e-9
+    if seen[0] > window[0] + slack or seen[-1] < window[1] - slack:
+        raise IdentificationError(
+            f"the settled stretch from {window[0]:g} s to {window[1]:g} s has readings of '{o.sensor}' in '{o.case}' from {seen[0]:g} s to "
+            f"{seen[-1]:g} s only. Name a stretch that it covers, or exclude the sensor and say why.",
+            o.case,
+        )

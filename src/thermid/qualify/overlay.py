@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from thermid.errors import RecordError
 from thermid.identify.calibration import Calibration
 from thermid.measure import Record
+from thermid.measure.windows import gap_from
 
 __all__ = ["Overlay", "overlays", "paired"]
 
@@ -61,7 +62,7 @@ def paired(measured: Record, simulated: Record, case: str = "") -> tuple[Overlay
 
     Raises
     ------
-    RecordError   When they share no channel, or the simulation does not cover the readings.
+    RecordError   When they share no channel, or the simulation has no numbers where there are readings.
     """
     common = [n for n in measured.channels if n in simulated.channels]
     if not common:
@@ -73,15 +74,32 @@ def paired(measured: Record, simulated: Record, case: str = "") -> tuple[Overlay
         )
     out = []
     for name in common:
-        channel = measured[name]
-        times = measured.times[channel.valid]
-        if times[0] < simulated.times[0] - 1e-9 or times[-1] > simulated.times[-1] + 1e-9:
-            raise RecordError(
-                f"the simulation runs from {simulated.times[0]:g} s to {simulated.times[-1]:g} s, the readings of '{name}' from "
-                f"{times[0]:g} s to {times[-1]:g} s. Cut the readings or simulate longer.",
-                "two logs",
-            )
-        other = np.interp(times, simulated.times[simulated[name].valid], simulated[name].values[simulated[name].valid])
+        channel, other = measured[name], simulated[name]
+        times, run = measured.times[channel.valid], simulated.times[other.valid]
+        _refuse_blank(name, times, simulated.times, other.valid)
+        at_readings = np.interp(times, run, other.values[other.valid])
         accuracy, noise = float(channel.accuracy or 0.0), float(channel.noise or 0.0)
-        out.append(Overlay(case or measured.name, name, "", times, channel.values[channel.valid], other, accuracy, noise))
+        out.append(Overlay(case or measured.name, name, "", times, channel.values[channel.valid], at_readings, accuracy, noise))
     return tuple(out)
+
+
+def _refuse_blank(name: str, times: Array, rows: Array, valid: NDArray[np.bool_]) -> None:
+    """Refuse readings (times,) at times at which the simulated column (rows,) has no number: nothing can be compared with them.
+
+    Blank rows between two numbers are passed over where these are no further apart than samples of a log without gaps.
+    """
+    run, places, where = rows[valid], np.flatnonzero(valid), "two logs"
+    if not times.size or not run.size:
+        raise RecordError(f"'{name}' has no {'simulated number' if times.size else 'reading'} at all. Leave the column out.", where)
+    if times[0] < run[0] - 1e-9 or times[-1] > run[-1] + 1e-9:
+        raise RecordError(
+            f"the simulated numbers of '{name}' run from {run[0]:g} s to {run[-1]:g} s, its readings from {times[0]:g} s to "
+            f"{times[-1]:g} s. Cut the readings or simulate longer.",
+            where,
+        )
+    gaps = np.flatnonzero((np.diff(places) > 1) & (np.diff(run) >= gap_from(run)))
+    for a, b in zip(run[gaps], run[gaps + 1], strict=True):
+        if ((times > a + 1e-9) & (times < b - 1e-9)).any():
+            raise RecordError(
+                f"the simulation has no numbers for '{name}' between {a:g} s and {b:g} s, where there are readings. Mask these.", where
+            )

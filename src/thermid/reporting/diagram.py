@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 
 from thermid.dual import value_of
-from thermid.model.flat import FlatLoad
+from thermid.model.flat import FlatConductor, FlatLoad
 from thermid.model.model import Model
 from thermid.network.network import Numbers, compile_network
 from thermid.reporting.diagram_values import conductances, notes, pooled, quantity, watts
@@ -30,6 +30,8 @@ STYLES: Mapping[str, tuple[str, str]] = {
     "heat_pipe": ("mixed", "heat pipe"),
     "table": ("mixed", "table"),
 }
+"""Kind of conductor -> style of its line, and what the legend calls it. Every kind has one."""
+LEAD_LOSS = ("dashed", "heat loss of a lead")
 STYLE = """
 .thermid-diagram{--d-ink:#1c2430;--d-soft:#5a6675;--d-paper:#fff;--d-box:#eef2f6;--d-edge:#b5c0cc;--d-mass:#dbe7f3;--d-mass-edge:#4a6f96;
 --d-solid:#1c2430;--d-dashed:#0072b2;--d-dotted:#c04a00;--d-flow:#00795a;--d-mixed:#8a4a7d;--d-load:#c04a00;--d-rail:#7d8a99;
@@ -191,9 +193,14 @@ def _rails_y(plan: Layout, wire: Wire) -> float:
     return plan.bottom - PORT * (len(among) - among.index(wire) - 0.5)
 
 
+def _style(c: FlatConductor) -> tuple[str, str]:
+    """Return the style of a conductor's line and its text in the legend; what a lead loses on its way has its own."""
+    return LEAD_LOSS if c.kind == "lead" and c.recipe is not None else STYLES[c.kind]
+
+
 def _wire(plan: Layout, k: int, wire: Wire, watts: Mapping[str, float], marked: bool) -> Iterable[str]:
     c = wire.conductor
-    style, _ = STYLES[c.kind]
+    style, _ = _style(c)
     points = _points(plan, k, wire)
     extra, flow = _mark("path", c.path, marked), watts.get(c.path, 0.0)
     if watts:
@@ -301,7 +308,7 @@ def _loads(plan: Layout, plain: Folded, numbers: Numbers, powers: Mapping[str, f
 
 def _legend(plan: Layout, loads: bool, signs: list[str]) -> tuple[list[str], float]:
     """Return the legend of what occurs, and where the picture ends."""
-    kinds = dict.fromkeys(STYLES[w.conductor.kind] for w in plan.wires)
+    kinds = dict.fromkeys(_style(w.conductor) for w in plan.wires)
     entries = [(f'<path class="wire {style}" d="M{{x}} {{y}}h26"/>', text) for style, text in kinds]
     entries.append(('<rect class="mass" x="{x}" y="{top}" width="26" height="13" rx="4"/>', "mass, capacitance"))
     if any(r.massless for r in plan.rows.values()):

@@ -300,7 +300,9 @@ class Engine:
 
     def message(self, found: Any, options: Options, end: float) -> str:
         """Return what ran out, when, where and what to change."""
-        return ending(found, (*self.nodes, *self.wiring.network.boundaries), options.max_steps, end)
+        network = self.wiring.network
+        follows = any(load.follows_temperature for load in network.flat.loads)
+        return ending(found, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
 
     def rhs(self, a: Assembled, temperatures: Array, time: float, gradients: bool = False) -> tuple[Array, Array, Array | None]:
         """Return net heat (nodes,) [W], its Jacobian (nodes, nodes) [W/K] and its derivatives (nodes, free) at temperatures [K]."""

@@ -77,19 +77,30 @@ def kernel_input(given: Signal) -> tuple[int, Array, Array]:
     return kind, np.ascontiguousarray(given.times, dtype=float), np.ascontiguousarray(given.values, dtype=float)
 
 
-def ending(found: Any, names: Sequence[str], max_steps: int, end: float) -> str:
-    """Return what ran out in a run that ended before `end` [s], when, where and what to change."""
+def runs_away(when: str, follows: bool) -> str:
+    """Return why a temperature leaves every range; `follows` says whether a power follows a temperature at all."""
+    cause = "a power grows faster with temperature than the heat can leave" if follows else "more heat goes in than can leave"
+    return f"the temperature runs away {when}: {cause}. Where it falls below 0 K, a negative power takes more than there is."
+
+
+def unsolved(when: str, follows: bool) -> str:
+    """Return what to look at where a step could not be solved; `follows` as in `runs_away`."""
+    look = "power that grows too fast with temperature" if follows else "law that jumps there"
+    return f"a step could not be solved {when}. Look for a {look}."
+
+
+def ending(found: Any, names: Sequence[str], max_steps: int, end: float, follows: bool) -> str:
+    """Return what ran out in a run that ended before `end` [s], when, where and what to change; `follows` as in `runs_away`."""
     node = f" at '{names[found.node]}'" if 0 <= found.node < len(names) else ""
     when = f"at {found.time:.6g} s of {end:.6g} s{node}"
     words = {
         _kernel.MAX_STEPS: f"{max_steps} steps were not enough, {when}. Allow more max_steps, or a larger tolerance.",
         _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise the tolerance.",
-        _kernel.NEWTON_FAILED: f"a step could not be solved {when}. Look for a power that grows too fast with temperature.",
+        _kernel.NEWTON_FAILED: unsolved(when, follows),
         _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
-        _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave."
-        " Where it falls below 0 K, a negative power takes more than there is.",
+        _kernel.RUN_AWAY: runs_away(when, follows),
         _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
-        _kernel.BAD_INPUT: f"a temperature must lie above 0 K and every number be finite, which does not hold {when}. Look there.",
+        _kernel.BAD_INPUT: f"a temperature must not lie below 0 K and every number be finite, which does not hold {when}. Look there.",
         _kernel.CHATTER: f"a thermostat switches without end {when}. Widen its hysteresis.",
     }
     return words.get(found.status, f"the run stopped {when}.")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.errors import SolverError
 from thermid.simulation.engine import Options
-from thermid.simulation.kernel_form import break_times
+from thermid.simulation.kernel_form import break_times, runs_away, unsolved
 from thermid.simulation.sparse import SparseNetwork
 
 __all__ = ["METHODS", "NAMES", "LargeAnswer", "Watched", "integrate"]
@@ -112,7 +112,7 @@ def integrate(
         breaks=break_times(network.inputs, end),
     )
     if found.status != _kernel.OK:
-        raise SolverError(_message(found, options, end, name), where)
+        raise SolverError(_message(found, options, end, name, any(g.form != "signal" for g in network.loads)), where)
     statistics = {
         "method": NAMES[found.method],
         "reason": "",
@@ -128,8 +128,8 @@ def integrate(
     return LargeAnswer(found.traces, found.fields, initial, found.final_temperatures, *energies, statistics)
 
 
-def _message(found: Any, options: Options, end: float, name: Any) -> str:
-    """Return what ran out, when, where and what to change."""
+def _message(found: Any, options: Options, end: float, name: Any, follows: bool) -> str:
+    """Return what ran out, when, where and what to change; `follows` as in `runs_away`."""
     node = f" at '{name(found.node)}'" if found.node >= 0 else ""
     when = f"at {found.time:.6g} s of {end:.6g} s{node}"
     instead = " RKC2 takes short steps where one node is fast: leave the method out." if options.method == "RKC2" else ""
@@ -137,11 +137,10 @@ def _message(found: Any, options: Options, end: float, name: Any) -> str:
         _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger large_tolerance."
         + instead,
         _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise large_tolerance.",
-        _kernel.NON_FINITE: f"a step could not be solved {when}. Look for a power that grows too fast with temperature.",
-        _kernel.RUN_AWAY: f"the temperature runs away {when}: a power grows faster with temperature than the heat can leave."
-        " Where it falls below 0 K, a negative power takes more than there is.",
+        _kernel.NON_FINITE: unsolved(when, follows),
+        _kernel.RUN_AWAY: runs_away(when, follows),
         _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined;"
         " RKC2 takes no massless nodes at all, TR-BDF2 does.",
-        _kernel.BAD_INPUT: f"a temperature must lie above 0 K and below 1e6 K, which does not hold {when}. Look there.",
+        _kernel.BAD_INPUT: f"a temperature must lie between 0 K and 1e6 K, which does not hold {when}. Look there.",
     }
     return words.get(found.status, f"the run stopped {when}.")

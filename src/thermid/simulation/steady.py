@@ -66,7 +66,17 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
             return temperatures, moves
     if any(row.form == "thermostat" for row in a.numbers.loads):
         raise SolverError("no steady state was found: a thermostat keeps switching. Simulate, and take the mean of a late period.", where)
-    raise SolverError("no steady state was found; a power may run away with temperature.", where)
+    raise SolverError(unsettled(any(load.follows_temperature for load in engine.wiring.network.flat.loads)), where)
+
+
+def unsettled(follows: bool) -> str:
+    """Return why Newton's method came to no end; `follows` says whether a power follows a temperature at all."""
+    if follows:
+        return "no steady state was found; a power may run away with temperature."
+    return (
+        "no steady state was found above 0 K. Look for a negative power that takes more than can flow in; a body without heat that sees"
+        " 0 K alone cools without end."
+    )
 
 
 def _moved(engine: Engine, a: Assembled, time: float, temperatures: Array, step: Array, imbalance: float) -> Array:
@@ -86,7 +96,9 @@ def _no_steady(engine: Engine, a: Assembled) -> str:
     parts = unreached(engine.wiring.network, a.numbers, powers)
     if parts:
         return f"there is no steady state: {parts[0].message()}."
-    return "there is no steady state: the equations are singular. Look for a power that grows with temperature."
+    follows = any(load.follows_temperature for load in engine.wiring.network.flat.loads)
+    look = "power that grows with temperature" if follows else "node whose heat cannot leave"
+    return f"there is no steady state: the equations are singular. Look for a {look}."
 
 
 def _columns(engine: Engine, a: Assembled) -> Array:
