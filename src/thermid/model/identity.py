@@ -21,6 +21,7 @@ __all__ = [
     "cut_layers",
     "cuts_of",
     "definition_of",
+    "depth",
     "identities",
     "inside",
     "instances",
@@ -74,6 +75,11 @@ def instances(model: Model, prefix: str = "") -> Iterator[tuple[str, str]]:
 def inside(path: str, place: str) -> bool:
     """Return whether a path is a place or lies in it."""
     return path == place or path.startswith(f"{place}.")
+
+
+def depth(place: str) -> int:
+    """Return how many levels a place lies below the root of its assembly; the root is the empty place."""
+    return place.count(".") + 1 if place else 0
 
 
 @takes_objects

@@ -14,9 +14,10 @@ from thermid.errors import IdentificationError
 from thermid.identify.calibration import Calibration
 from thermid.identify.discrepancy import KEY, Discrepancy, kept_in
 from thermid.identify.values import FittedValue, FittedValues, as_store
+from thermid.knowledge.graft import graft, structural_under
 from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
 from thermid.knowledge.standing import Standing, of_model, worst
-from thermid.knowledge.store import Store, graft, structural_under
+from thermid.knowledge.store import Store
 from thermid.model.model import Model
 
 __all__ = ["Known", "Rows", "instruments_of", "known_of", "rows_of"]
@@ -35,6 +36,7 @@ class Known:
     fit : Calibration or None           The fit itself, where it is at hand.
     synthetic : bool                    Whether any record behind the values was made and not measured.
     at : str                            The submodel that the values belong to; empty for the model itself.
+    remarks : tuple of str              What a reader must know first: values of a file that no longer apply, and what it cannot say.
     """
 
     model: Model
@@ -42,6 +44,7 @@ class Known:
     fit: Calibration | None = None
     synthetic: bool = False
     at: str = ""
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     @takes_objects
