@@ -14,9 +14,7 @@ import platform
 import re
 import shutil
 import stat
-import struct
 import time
-import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -25,6 +23,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.errors import OutputError
+from thermid.seals import seal, sealed
 
 __all__ = [
     "COPY",
@@ -55,7 +54,6 @@ __all__ = [
     "replacing",
     "scratch",
     "sweep",
-    "unsealed",
     "was_read",
     "write_bytes",
     "write_text",
@@ -69,8 +67,6 @@ _HOST: Final = hashlib.sha256(platform.node().encode()).hexdigest()[:6]
 _HALF: Final = re.compile(r"^\.(?P<host>[0-9a-f]{6})-(?P<pid>\d+)-[0-9a-f]{8}\.half\.")
 _DEEPEST: Final = 64
 _LONG_KEY: Final = re.compile(rf"""(?<![\w"'.-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{_DEEPEST}}}""")
-_END: Final = rb'(?:\s*|\s*-->\s*|"\s*\}\s*|.{4}\0\0\0\0IEND\xaeB`\x82)\Z'
-"""What may stand after a seal: the end of a line, of a comment, of a JSON object, of a PNG."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +88,7 @@ class Kind:
 
     def wrote(self, path: Path) -> bool:
         """Whether thermid wrote a file as this kind, and nobody changed it since."""
-        return _sealed(path, self.name) if self.own is None else self.own(path)
+        return sealed(path, self.name) if self.own is None else self.own(path)
 
 
 def first_quoted(line: bytes, of: bytes) -> bool:
@@ -280,7 +276,7 @@ def write_bytes(path: str | os.PathLike[str], data: bytes, kind: Kind) -> Path:
     ------
     OutputError, OSError   As `replacing`.
     """
-    whole = data if kind.own is not None else _seal(data, kind.name)
+    whole = data if kind.own is not None else seal(data, kind.name)
     with replacing(path, kind) as half, half.open("wb") as file:
         file.write(whole)
     return Path(path)
@@ -298,46 +294,10 @@ def write_text(path: str | os.PathLike[str], text: str, kind: Kind, comment: str
     OutputError, OSError   As `replacing`.
     """
     data = text.encode()
-    whole = data if kind.own is not None else _seal(data, kind.name, comment.encode())
+    whole = data if kind.own is not None else seal(data, kind.name, comment.encode())
     with replacing(path, kind) as half, half.open("wb") as file:
         file.write(whole)
     return Path(path)
-
-
-def _seal(data: bytes, name: str, comment: bytes = b"#") -> bytes:
-    """Return a file with its seal at the end, as a comment of its language."""
-    if data.startswith(b"\x89PNG"):
-        end = data[-12:]
-        front = data[:-12] + struct.pack(">I", len(b"Software\0" + _words(name, b""))) + b"tEXtSoftware\0"
-        words = _words(name, front)
-        return front + words + struct.pack(">I", zlib.crc32(b"tEXtSoftware\0" + words)) + end
-    if data.startswith(b"%PDF-"):
-        front, back = data.rstrip(b"\n") + b"\n% ", b"\n"
-    elif data.lstrip()[:1] == b"<":
-        front, back = data.rstrip() + b"\n<!-- ", b" -->\n"
-    elif data.lstrip()[:1] == b"{":
-        front, back = data.rstrip()[:-1].rstrip() + b',\n "seal": "', b'"\n}\n'
-    else:
-        front, back = data + (b"" if data.endswith(b"\n") else b"\n") + comment + b" ", b"\n"
-    return front + _words(name, front) + back
-
-
-def _words(name: str, before: bytes) -> bytes:
-    """Return the words of a seal: who wrote what, and the checksum of what stands before them, whatever the line ends."""
-    digest = hashlib.sha256(before.replace(b"\r\n", b"\n")).hexdigest()[:16]
-    return f"written by thermid: {name}, sha256 {digest}".encode()
-
-
-def _sealed(path: Path, name: str) -> bool:
-    data = path.read_bytes()
-    at = data.rfind(b"written by thermid: ")
-    words = _words(name, data[: max(at, 0)])
-    return at >= 0 and re.match(re.escape(words) + _END, data[at:], re.DOTALL) is not None
-
-
-def unsealed(text: str) -> str:
-    """Return the text of a TOML file without its seal."""
-    return re.sub(r"^# written by thermid: [\w ]+, sha256 [0-9a-f]{16}\s*\Z", "", text, flags=re.MULTILINE)
 
 
 @contextmanager

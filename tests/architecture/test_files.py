@@ -36,6 +36,7 @@ INSIDE_REPLACING = {"savetxt", "savez", "to_netcdf", "savefig"}
 READS = {"read_text", "read_bytes"}
 NO_INPUT = {
     "thermid.files": "reading is its work",
+    "thermid.seals": "what is there already is looked at, not used",
     "thermid.acquire.sensormap": "the map is changed in its place",
     "thermid.acquire.store": "the log is continued",
     "thermid.identify.cache": "results of its own, and the code",

@@ -117,7 +117,7 @@ def test_code_named_in_decisions_exists() -> None:
                 assert (ROOT / word).exists(), f"{path.name}: {word}"
             elif word not in known and not all(p in known or (ROOT / "src" / "thermid" / p).is_dir() for p in parts):
                 strange.append(f"{path.name}: {word}")
-    assert strange == []
+    assert strange == [], "\n".join(strange)
 
 
 def test_a_wrong_page_is_seen(tmp_path: Path) -> None:

@@ -141,7 +141,11 @@ def by_heading() -> dict[str, Names]:
         "Ascent of a scenario": _of(surroundings.KEYS["ascent"], ASCENT_UNITS),
         "Wind on a coefficient": _of(pad.WIND, {"length": "m", "calm": "W/(m^2 K)"}),
         "Signal": _of(
-            dict.fromkeys([*_plain(dataclasses.fields(Table)), *_plain(dataclasses.fields(Sine)), "file", "column", "unit", "time"]),
+            dict.fromkeys(
+                n
+                for n in (*_plain(dataclasses.fields(Table)), *_plain(dataclasses.fields(Sine)), "file", "column", "unit", "time")
+                if n != "log"  # where a column came from, which nobody writes
+            ),
             {"times": "s", "period": "s", "phase": "rad", "values": ANY, "mean": ANY, "amplitude": ANY},
         ),
         "Campaign": _model(campaign_schema.CampaignFile),

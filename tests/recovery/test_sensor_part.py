@@ -11,6 +11,7 @@ from thermid.errors import ThermidError
 from thermid.identify.calibrate import calibrate
 from thermid.identify.calibration import Calibration
 from thermid.identify.sensor_parts import attached
+from thermid.identify.solve import covariances, ended
 from thermid.identify.validate import Criteria, validate
 from thermid.measure import Channel, Record
 from thermid.measure.part import SensorCertificate, SensorPart, worn
@@ -131,7 +132,10 @@ def test_noise_that_is_correlated_is_covered_and_would_mislead() -> None:
         if m < BLIND:
             # as if every sample told something new; a fit that is told nothing sees its residuals wander, and widens by what it guesses
             other = fit(clean + noise, None)
-            weights = other.values.covariance if other.values.weights is None else other.values.weights
+            assert other.problem is not None
+            assert other.wander is not None
+            end = ended(other.problem, np.array(list(other.fitted.values())))
+            _, _, weights = covariances(end, other.wander.level)
             blind.append(float(np.log(other["skin.conductance"].value / 0.05) / np.sqrt(weights[0, 0])))
     assert covered(known)
     assert not covered(blind)

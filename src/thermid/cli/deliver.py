@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from thermid.cli.output import SCHEMA, clean
-from thermid.cli.standing import Accept, leave
+from thermid.cli.standing import Accept, KeepValues, leave, say_first
 
 __all__ = ["register"]
 
@@ -28,12 +28,13 @@ def deliver(
     nodes: Annotated[int, typer.Option("--nodes", help="Masses that the reduced deck has.", min=0)] = 0,
     within: Annotated[str, typer.Option("--within", help="As few masses as keep reference points within this, such as '0.2 [K]'.")] = "",
     check: Annotated[bool, typer.Option("--check", help="Check a delivery in place of writing one.")] = False,
+    keep_values: KeepValues = False,
     accept: Accept = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Write decks, values, a reduced deck and what must come out into a folder, and check it from there."""
     from thermid.errors import DeckError
-    from thermid.identify.values import load_values
+    from thermid.identify.filed import filed
     from thermid.knowledge.standing import of_model
     from thermid.model.modelfile import load_model
     from thermid.qualify.deliver import check_delivery
@@ -48,10 +49,12 @@ def deliver(
         raise DeckError("a delivery needs a folder: --to FOLDER.", "command line")
     if at and not (nodes or within or values):
         raise DeckError(f"'{at}' is the part that is reduced or has values; give --nodes, --within or --values with it.", "--at")
-    model, found = load_model(deck), [load_values(v) for v in values]
-    for v in found:
-        ahead = f"{at}." if at else ""
-        model = model.with_values({ahead + p: x for p, x in v.assignments.items()}, f"stage '{v.stage}'")
+    model, found = load_model(deck), []
+    for file in values:
+        one = filed(file, model, at=at, keep=keep_values)
+        say_first(one, file)
+        model = one.model
+        found.append(one.values)
     standing = of_model(model).accept(accept or ())
     target = write(model, scenario, to, values=found, nodes=nodes or None, within=within or None, at=at)
     record = json.loads(target.read_text(encoding="utf-8"))

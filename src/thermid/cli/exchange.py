@@ -52,16 +52,21 @@ def import_script(
 ) -> None:
     """Read the parameters of an InitFcn script and write them as a deck."""
     from thermid.cli.output import clean
+    from thermid.errors import OutputError
     from thermid.interop.initfcn import read_initfcn
-    from thermid.model.modelfile import model_from_dict, save_model
+    from thermid.model.modelfile import load_model, model_from_dict, save_model
 
     found = read_initfcn(script)
     title = (to or script).stem
     if to is not None:
         may_write(to, DECK.of(title))
     deck = found.block(title) if block else found.deck(title)
-    if to is not None:
-        save_model(model_from_dict(deck), to)
+    made = model_from_dict(deck)
+    if to is not None and not force and to.is_file():
+        if load_model(to) != made:
+            raise OutputError("another deck is there already. Give another name or move it away; --force replaces it.", str(to))
+    elif to is not None:
+        save_model(made, to)
     if as_json:
         shown = {"file": to.name} if to is not None else {}
         parameters = {n: {"text": p.text, "number": found.numbers[n], "note": p.note} for n, p in found.parameters.items()}

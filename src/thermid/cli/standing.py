@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 if TYPE_CHECKING:
+    from thermid.identify.filed import Filed
     from thermid.knowledge.standing import Standing
     from thermid.model.model import Model
 
-__all__ = ["Accept", "KeepValues", "leave", "with_fitted"]
+__all__ = ["Accept", "KeepValues", "leave", "say_first", "with_fitted"]
 
 Accept = Annotated[
     list[str] | None,
@@ -38,9 +39,14 @@ def with_fitted(model: Model, file: Path | None, keep: bool = False) -> Model:
     """
     if file is None:
         return model
-    from thermid.identify.hand import values_on
+    from thermid.identify.filed import filed
 
-    laid, lines = values_on(model, file, keep)
-    for line in lines:
+    found = filed(file, model, keep=keep)
+    say_first(found, file)
+    return found.model
+
+
+def say_first(found: Filed, file: Path) -> None:
+    """Tell what a values file lacks, what of it is left out, and what is hidden."""
+    for line in (*found.lacks, *(f"{gone} --keep-values keeps it." for gone in found.gone), *found.hidden):
         typer.echo(f"{file.name}: {line}", err=True)
-    return laid

@@ -113,11 +113,12 @@ def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unkno
     return replace(unknown, also=tuple(also))
 
 
-def prior_of(unknown: Unknown, texts: tuple[str, str]) -> Prior:
-    """Return a prior in the fitted form of an unknown: mean (empty: the start) and standard deviation as texts; see `read_spread`."""
+def prior_of(unknown: Unknown, texts: tuple[str, str] | Mapping[str, str]) -> Prior:
+    """Return a prior in the fitted form of an unknown: mean (empty: the start) and deviation as texts, or what `read_spread` takes."""
     where = f"priors.{unknown.name}"
     slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
-    law = read_spread(({"mean": texts[0]} if texts[0] else {}) | {"sd": texts[1]}, slot, unknown.start, where)
+    given = texts if isinstance(texts, Mapping) else ({"mean": texts[0]} if texts[0] else {}) | {"sd": texts[1]}
+    law = read_spread(given, slot, unknown.start, where)
     if law.variance <= 0 or (unknown.log and law.mean <= 0):
         raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", where)
     sd = math.sqrt(law.variance)
@@ -177,12 +178,11 @@ def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unkn
             shared[sensor] = (min(sd, known), [*targets, Target(i, target)])
     out = []
     for sensor, sd in sensors.items():
-        mean, spread = request.bias_priors.get(sensor, (0.0, sd))
-        out.append(Unknown(f"sensor {sensor}", "sensor", (), mean, prior=Prior(mean, spread), unit="K"))
+        out.append(Unknown(f"sensor {sensor}", "sensor", (), 0.0, prior=Prior(0.0, sd), unit="K"))
     for sensor, (sd, targets) in shared.items():
         start = 1.0 if targets[0].name.startswith("scale.") else 0.0
         out.append(Unknown(f"{sensor} error", "shared", tuple(targets), start, prior=Prior(start, sd), unit="1" if start else "K"))
-    return out + instruments(experiments, request.bias_priors)
+    return out + instruments(experiments)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from thermid.model.resolve import ParameterSet, deck_text
 from thermid.model.signal import literal
 from thermid.units import TEMPERATURE
 
-__all__ = ["hand_values", "values_on"]
+__all__ = ["hand_values"]
 
 UNIT = Uniform(-math.sqrt(3.0), math.sqrt(3.0))
 """As likely anywhere between its ends, of variance one."""
@@ -103,23 +103,3 @@ def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: Or
 
 def _start(u: Unknown, values: ParameterSet) -> float:
     return float(values.evaluate({}, [u.name])[u.name])
-
-
-def values_on(model: Model, path: Path, keep: bool = False) -> tuple[Model, tuple[str, ...]]:
-    """Return the model with a values file laid over it, whoever wrote the file, and what a reader must know first.
-
-    Parameters
-    ----------
-    model : Model   As its decks are now.
-    path : Path     A file of a stage, of the studio, or one written by hand.
-    keep : bool     Whether to keep states of values that the decks give otherwise by now.
-
-    Raises
-    ------
-    ThermidError   When it is no values file, or is of another model.
-    """
-    store = load_store(path)[0] if "schema" in read_values(path) else hand_values(path, model, path.name, path.name)
-    old = [x.what for x in store.left_out if "(schema 1)" in x.what]
-    known = store if keep else store.matching(model)
-    gone = [f"{d.path} = {d.text} of {d.origin} is left out: {d.why}. --keep-values keeps it." for d in known.dropped[len(store.dropped) :]]
-    return known.on(model), (*old, *gone)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -25,7 +25,9 @@ from thermid.identify.selection import is_glob, matching
 from thermid.identify.sharing import Level, Shared, shared_parameters
 from thermid.identify.unknowns import Prior, Target, Unknown
 from thermid.identify.values import FittedValue, FittedValues
-from thermid.knowledge.store import Store, graft
+from thermid.knowledge.graft import graft
+from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.store import Store
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
@@ -122,6 +124,7 @@ def fit_jointly(
     noise = {s: 1.0 for p in problems for s in p.noise}
     problem = Problem(experiments, tuple(unknowns), noise, problems[-1].options)
     above = requests[top]
+    uncounted = _uncounted(running, shared)
     whole = Request(
         above.model,
         tuple(e.record for e in experiments),
@@ -129,14 +132,15 @@ def fit_jointly(
         loss=table.loss or above.loss,
         knee=table.knee or above.knee,
         name=NAME,
-        remarks=tuple(remarks),
+        remarks=(*remarks, *uncounted),
         seen={sha: who for c in done.values() for sha, who in c.seen.items()},
     )
     kept = recall(cache, NAME, key)
     found = fit_problem(whole, problem, progress, kept)
     if kept is None and found.converged and key:
         remember(cache, NAME, key, list(found.fitted), np.array(list(found.fitted.values())))
-    return _judged(found, levels, shared, done if staged else {})
+    store = replace(found.store, left_out=(*found.store.left_out, *map(LeftOut, uncounted)))
+    return _judged(replace(found, store=store), levels, shared, done if staged else {})
 
 
 def joint_key(keys: Mapping[str, str], table: JointTable) -> str:
@@ -167,9 +171,40 @@ def _once(requests: Mapping[str, Request]) -> tuple[list[Level], list[str]]:
     return out, remarks
 
 
+def _uncounted(running: Sequence[Level], shared: Shared) -> tuple[str, ...]:
+    """Return in words what stages know of values with an error that the joint fit does not count.
+
+    It has the data of its own levels and no store: what it fixes it takes as exact, and what a stage without records in it found of a
+    value that it frees is no prior.
+    """
+    fixed: dict[tuple[str, float], tuple[str, str]] = {}
+    lost: dict[tuple[str, float], tuple[str, str]] = {}
+    stages = {level.name for level in running}
+    for level in reversed(running):
+        free, store = set(shared.paths_in(level)), level.request.store
+        for s in store.parameters.values():
+            if not (s.known and s.acts and store.rows([s.path]).any()):
+                continue
+            if not free.issuperset(s.acts):
+                fixed.setdefault((s.origin.stage, s.value), (str(s.origin), s.path))
+            elif s.origin.stage not in stages:
+                lost.setdefault((s.origin.stage, s.value), (str(s.origin), shared.name_of(level, s.acts[0])))
+    exact = [f"the joint fit takes {names} of {who} as exact: its errors do not count theirs." for who, names in _listed(fixed.values())]
+    none = "is no prior of the joint fit, for none of its records is in it."
+    return (*exact, *(f"what {who} found of {names} {none}" for who, names in _listed(lost.values())))
+
+
+def _listed(several: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return who and the values of each, in words."""
+    out: dict[str, list[str]] = {}
+    for who, path in several:
+        out.setdefault(who, []).append(f"'{path}'")
+    return [(who, ", ".join(paths)) for who, paths in out.items()]
+
+
 def _bare(request: Request, paths: Sequence[str]) -> Request:
     """Return a stage's request with every shared path free by itself, and nothing of what it was told by others."""
-    return replace(request, free=tuple(paths), untie=True, store=Store(), prior=(), priors={}, bias_priors={})
+    return replace(request, free=tuple(paths), untie=True, store=Store(), prior=(), priors={})
 
 
 def _merged(levels: Sequence[Level], problems: Sequence[Problem], shared: Shared, done: Mapping[str, Calibration]) -> list[Unknown]:

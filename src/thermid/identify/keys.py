@@ -50,8 +50,9 @@ def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
         repr(sorted(request.readings.items())),
         request.window,
     ]
-    how = [request.loss, request.knee, request.search, repr(request.options), sorted(request.weights.items())]
-    priors = [repr(sorted(request.priors.items())), repr(sorted(request.bias_priors.items())), repr(sorted(request.held_bias.items()))]
+    how = [request.loss, request.knee, request.search, repr(request.options), sorted(request.weights.items()), request.fit_start]
+    held = None if request.held_errors is None else sorted(request.held_errors.items())
+    priors = [repr(sorted(request.priors.items())), repr(sorted(request.held_bias.items())), repr(held)]
     content = {
         "deck": definition_of(request.model),
         "records": records,
@@ -72,8 +73,9 @@ def key_of(request: Request, below: list[str]) -> str:
 
 
 def key_for(request: Request) -> str:
-    """Return the key of a request; of one that was made in Python, that of what it says itself and of the values laid over its model."""
-    return request.key or _digest([key_of(request, []), request.model.identity()])
+    """Return the key of a request; of one made in Python, that of all it says, of values laid over its model, and of earlier fits."""
+    below = sorted({s.origin.key for s in request.store.states.values()})
+    return request.key or _digest([key_of(request, below), request.model.identity()])
 
 
 def keyed(request: Request, stage: StageTable, keys: Mapping[str, str]) -> tuple[Request, dict[str, str]]:

@@ -67,7 +67,7 @@ def opened_at(
     """
     experiments = problem.experiments
     if instruments:
-        request = replace(request, held_bias={}, held_errors=None, bias_priors={})
+        request = replace(request, held_bias={}, held_errors=None)
         experiments = problem_for(request).experiments
     own = {u.name: k for k, u in enumerate(problem.unknowns)}
     acting = {p for u in problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)}

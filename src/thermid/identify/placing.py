@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import Normal, Source
-from thermid.knowledge.store import Origin, State, Store, graft
+from thermid.knowledge.store import Origin, State, Store
 from thermid.model.identity import inside
 from thermid.model.model import Model
 from thermid.model.replacement import Replacement, Start

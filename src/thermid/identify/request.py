@@ -93,7 +93,6 @@ class Request:
     held_bias : dict                Sensor -> constant error that is not looked for. [K]
     held_errors : dict              Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given,
                                     even empty, no constant error of any instrument is looked for.
-    bias_priors : dict              Sensor -> (mean, sd) of its constant error, where it is known from elsewhere. [K]
     weights : dict                  Sensor -> weight of its residuals, 1 where none is given.
     untie : bool                    Whether all instances get values of their own; `Model.cut` does it for some.
     loss : str                      linear, soft_l1, huber or cauchy.
@@ -123,7 +122,6 @@ class Request:
     prior: tuple[str, ...] = ()
     held_bias: Mapping[str, float] = field(default_factory=dict)
     held_errors: Mapping[str, float] | None = None
-    bias_priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     weights: Mapping[str, float] = field(default_factory=dict)
     untie: bool = False
     loss: str = "linear"

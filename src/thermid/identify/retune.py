@@ -200,7 +200,6 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
         model=model,
         store=store,
         prior=(*prior, *anew),
-        bias_priors={},
         held_bias=before.bias,
         held_errors=before.instrument_errors,
         remarks=(

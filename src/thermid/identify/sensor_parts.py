@@ -130,13 +130,12 @@ def _with_sensor(model: Model, names: Names, channel: Channel, node: str, where:
     return replace(model, submodels={**inner, _named(channel): Submodel(own, bind, own.identity())})
 
 
-def instruments(experiments: Sequence[Experiment], known: Mapping[str, tuple[float, float]]) -> list[Unknown]:
+def instruments(experiments: Sequence[Experiment]) -> list[Unknown]:
     """Return one unknown per scale and per lag that is not known exactly, acting in every record that its sensor reads.
 
     Parameters
     ----------
     experiments : sequence  The records, bound to the model.
-    known : dict            Name of an unknown -> mean and standard deviation from a stage below. [SI]
     """
     found: dict[str, tuple[SensorPart, list[Target]]] = {}
     for i, experiment in enumerate(experiments):
@@ -148,7 +147,7 @@ def instruments(experiments: Sequence[Experiment], known: Mapping[str, tuple[flo
     out = []
     for name, (part, targets) in found.items():
         scale = targets[0].name.startswith("reading.")
-        mean, sd = known.get(name, (0.0, part.gain_accuracy) if scale else (part.lag, part.lag_accuracy))
+        mean, sd = (0.0, part.gain_accuracy) if scale else (part.lag, part.lag_accuracy)
         prior = Prior(mean, sd) if scale else Prior(math.log(mean), sd / mean)
         out.append(Unknown(name, "instrument", tuple(targets), mean, log=not scale, prior=prior, unit="1" if scale else "s"))
     return out

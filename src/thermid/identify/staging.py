@@ -12,7 +12,8 @@ from thermid.identify.inherit import counted_twice, handed_on, may_move
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.selection import freed, priors_of
 from thermid.identify.steady_points import steady_points
-from thermid.knowledge.store import Store, graft
+from thermid.knowledge.graft import graft
+from thermid.knowledge.store import Store
 from thermid.model.model import Model
 from thermid.model.modelfile import resolve_inside
 from thermid.model.signal import literal

@@ -19,7 +19,7 @@ from thermid.knowledge.values_file import load_store, rooted, save_store
 from thermid.model.parameter import Parameter, exact
 from thermid.units import unit
 
-__all__ = ["FittedValue", "FittedValues", "as_store", "load_values", "view"]
+__all__ = ["FittedValue", "FittedValues", "as_store", "load_values", "values_of", "view"]
 
 Array = NDArray[np.float64]
 
@@ -250,7 +250,11 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
     ------
     DeckError   When it is missing or is no values file.
     """
-    store, stage = load_store(path)
+    return values_of(*load_store(path))
+
+
+def values_of(store: Store, stage: str) -> FittedValues:
+    """Return all that a stage knew, at every depth, by its store."""
     paths = [p for p, x in store.states.items() if x.kind != "parameter" or x.acts]
     found = view(store, paths, stage)
     every = [known for known in store.provenance.values() if "conditions" in known]

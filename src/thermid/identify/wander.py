@@ -109,7 +109,10 @@ def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0
 def wandering(pieces: Mapping[tuple[str, str], Binned], found: Fit, worth: float) -> Wander:
     """Return the same of traces in stretches of time, which are worth so many independent samples by what is said of their noise."""
     size = found.fitted.size
-    root = _root(covariances(found)[2])
+    weights = covariances(found)[2]
+    root = _root(weights)
+    # what a prior has decided already takes no freedom from the residuals: E(r'r) = n - tr(C J'J)
+    taken = float(np.trace(np.where(np.isfinite(weights), weights, 0.0) @ found.jacobian.T @ found.jacobian))
     alike: dict[bytes, list[Array]] = {}  # sensors of one log share their stretches, and with them what is tried there
     parts = {key: _parts(b, root, alike) for key, b in pieces.items()}
     calm = [key for key, (own, _, _) in parts.items() if own == 0.0]
@@ -118,7 +121,7 @@ def wandering(pieces: Mapping[tuple[str, str], Binned], found: Fit, worth: float
         squares, samples = sum(pieces[k].squares for k in calm), sum(float(pieces[k].count.sum()) * pieces[k].share for k in calm)
         if len(calm) == len(parts):
             squares = found.chi_square
-        level = max(1.0, squares / max(samples * (1.0 - size / max(worth, 1.0)), 1.0))
+        level = max(1.0, squares / max(samples * (1.0 - taken / max(worth, 1.0)), 1.0))
     traces, excess = [], np.zeros((size, size))
     for (record, sensor), (own, slow, time) in parts.items():
         b = pieces[record, sensor]

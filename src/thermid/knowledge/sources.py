@@ -183,7 +183,9 @@ class LeftOut:
     ----------
     what : str      What is left out, for people.
     kelvin : float  The standard deviation that it might add, where that is known; NaN otherwise. [K]
+    listed : bool   Whether it stands in the list alone: true of most answers, and so no news in a first line.
     """
 
     what: str
     kelvin: float = float("nan")
+    listed: bool = False

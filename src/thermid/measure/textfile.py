@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import csv
 import gzip
+import io
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,6 +21,8 @@ __all__ = ["MISSING", "Cells", "is_number", "read_bytes", "read_cells"]
 MISSING: Final = frozenset({"", "nan", "na", "n/a", "null"})
 """Cells that stand for a missing number, in any case of letters. A dash is none: in real logs it shows columns that have slipped."""
 
+LARGEST_UNPACKED: Final = 200_000_000
+"""Bytes that a packed log may have: some megabytes can hold what no memory does."""
 _SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
 _LOOKED_AT = 500
 _MEND: Final = "Mend it, put '#' before it, or give the separator."
@@ -163,9 +166,14 @@ def read_bytes(place: Path) -> bytes:
     data = files.read_bytes(place)
     if data[:2] == b"\x1f\x8b":
         try:
-            data = gzip.decompress(data)
+            with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
+                data = packed.read(LARGEST_UNPACKED + 1)
         except (EOFError, OSError, zlib.error) as error:
             raise RecordError(f"the gzip file is damaged or cut short ({error}). Fetch it again.", place.name) from None
+        if len(data) > LARGEST_UNPACKED:
+            raise RecordError(
+                f"it unpacks to more than {LARGEST_UNPACKED / 1e6:.0f} MB. If that is right, unpack it and give the plain file.", place.name
+            )
     return data
 
 

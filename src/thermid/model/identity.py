@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from thermid.arguments import takes_objects
+
 if TYPE_CHECKING:
     from thermid.model.model import Layer, Model
     from thermid.model.parameter import Parameter
@@ -19,6 +21,7 @@ __all__ = [
     "cut_layers",
     "cuts_of",
     "definition_of",
+    "depth",
     "identities",
     "inside",
     "instances",
@@ -74,6 +77,12 @@ def inside(path: str, place: str) -> bool:
     return path == place or path.startswith(f"{place}.")
 
 
+def depth(place: str) -> int:
+    """Return how many levels a place lies below the root of its assembly; the root is the empty place."""
+    return place.count(".") + 1 if place else 0
+
+
+@takes_objects
 def identities(model: Model) -> Mapping[str, Identity]:
     """Return path -> `Identity` of every value of a tree.
 

@@ -12,9 +12,10 @@ from tomlkit.items import InlineTable, Item, Table
 
 from thermid.errors import DeckError, ThermidError
 from thermid.expression import parse
-from thermid.files import DECK, OWN, may_write, unsealed, write_text
+from thermid.files import DECK, OWN, may_write, write_text
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, to_dict, value_to
+from thermid.seals import unsealed
 
 __all__ = ["write"]
 

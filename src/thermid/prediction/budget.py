@@ -96,6 +96,12 @@ class Budget:
     remarks: tuple[str, ...] = ()
     standing: Standing = UNJUDGED
 
+    @classmethod
+    def of_rows(cls, rows: Rows, model: Model, scenario: Scenario | None = None) -> Budget:
+        """Return the uncertainty of values alone, of no structure; without a scenario that of no run."""
+        make = _Making.of(rows)
+        return cls(model, scenario or Scenario(), make.sources, make.causes, make.alike, make.targets, make.gain)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names that differ from member to member, those that share a value among them, in the simulator's words."""

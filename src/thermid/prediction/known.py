@@ -14,12 +14,13 @@ from thermid.errors import IdentificationError
 from thermid.identify.calibration import Calibration
 from thermid.identify.discrepancy import KEY, Discrepancy, kept_in
 from thermid.identify.values import FittedValue, FittedValues, as_store
+from thermid.knowledge.graft import graft, structural_under
 from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
 from thermid.knowledge.standing import Standing, of_model, worst
-from thermid.knowledge.store import Store, graft, structural_under
+from thermid.knowledge.store import Store
 from thermid.model.model import Model
 
-__all__ = ["Known", "Rows", "known_of", "rows_of"]
+__all__ = ["Known", "Rows", "instruments_of", "known_of", "rows_of"]
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ class Known:
     fit : Calibration or None           The fit itself, where it is at hand.
     synthetic : bool                    Whether any record behind the values was made and not measured.
     at : str                            The submodel that the values belong to; empty for the model itself.
+    remarks : tuple of str              What a reader must know first: values of a file that no longer apply, and what it cannot say.
     """
 
     model: Model
@@ -42,6 +44,7 @@ class Known:
     fit: Calibration | None = None
     synthetic: bool = False
     at: str = ""
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     @takes_objects
@@ -187,6 +190,19 @@ def rows_of(known: Known) -> Rows:
         causes = ("fit" if known.fit is not None else f"fit of {values.stage}",) * used.size
         sources = tuple(store.sources[k] for k in used)
         out = out.beside(Rows(tuple(s.acts[0] for s in states), tuple(s.log for s in states), also, sources, causes, matrix[:, used]))
+    return out
+
+
+def instruments_of(known: Known) -> Rows:
+    """Return how the constant errors of instruments respond to the sources of their fits; that of a later fit counts."""
+    out = Rows()
+    for store in reversed(known.stores):
+        own = [s for s in store.states.values() if s.kind in ("sensor", "instrument", "shared") and s.path not in out.names]
+        matrix = store.rows([s.path for s in own], KNOWN).reshape(len(own), len(store.sources))
+        used = np.flatnonzero(matrix.any(axis=0))
+        sources = tuple(store.sources[k] for k in used)
+        names, log = tuple(s.path for s in own), tuple(s.log for s in own)
+        out = out.beside(Rows(names, log, {}, sources, ("instruments",) * used.size, matrix[:, used]))
     return out
 
 

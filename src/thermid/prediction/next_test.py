@@ -20,20 +20,14 @@ from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.model.model import Model
 from thermid.model.signal import literal
-from thermid.prediction.budget import budget_of
+from thermid.prediction.before import WITHOUT_GAS, Before, before_fit, before_model, unknown_of
 from thermid.prediction.doubts import doubted, doubts_without_gas
-from thermid.prediction.knowledge import WITHOUT_GAS, Knowledge
-from thermid.prediction.setting import Setting
-from thermid.prediction.structural import GAS_IN_JOINTS, SPLIT
 from thermid.simulation.scenario import Scenario
-from thermid.simulation.simulator import prepare
 
 __all__ = ["next_test"]
 
 Array = NDArray[np.float64]
 NAME = "next test"
-HERE = ("fit", SPLIT, GAS_IN_JOINTS)
-"""Causes whose information a test adds to; the others are said beside."""
 DURATIONS = 24
 ENOUGH = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
@@ -70,12 +64,13 @@ def next_test(
 
     Notes
     -----
-    Information adds up: that of what is known, the inverse of the covariance, constant errors of instruments included, and J'J of the
-    planned readings. A new instrument brings the prior of its constant error, one that was there before brings none a second time
-    (Fedorov, Theory of Optimal Experiments, Academic Press 1972, chapter 1).
+    The unknowns are the sources of the budget that `predict` has, each known to its own size: the noise of fits at every level, constant
+    errors of instruments, splits of coefficients, gas in joints. The planned readings respond to them through the values of the model, and
+    their information J'J adds up (Fedorov, Theory of Optimal Experiments, Academic Press 1972, chapter 1). A new instrument is a source
+    more, with the prior of its constant error; one that was there before brings none a second time.
     """
     aim = target.scenario if isinstance(target, Aim) else None
-    known = Knowledge.of_fit(source, aim) if isinstance(source, Calibration) else Knowledge.of_model(source, priors or {})
+    known = before_fit(source, aim) if isinstance(source, Calibration) else before_model(source, priors or {}, aim)
     model = known.model
     if scenario is None and not actions:
         raise IdentificationError("there is nothing to choose from: give actions, or a scenario to vary.", model.title)
@@ -83,13 +78,13 @@ def next_test(
     given = sensors_of(model, base, sensors) if sensors else _sensors(source)
     if not given:
         raise IdentificationError("no sensor is given, so a test would say nothing.", model.title)
-    gradient, value, label, slot = _gradient(known, target)
-    now = _error(known.information, gradient)
+    gradient, value, label, slot, beside = _gradient(known, target)
+    now = _error(np.diag(known.information), gradient)
     wanted = _goal(goal, slot, value)
     todo = tuple(actions) or usual_actions(model, base, given)
     options = [_option(known, a, a.sensors or given, every, gradient, wanted) for a in todo]
     ranked = sorted(options, key=lambda o: _rank(o, wanted))
-    return Advice(label, value, now, slot, wanted, tuple(ranked), _beside(source, target))
+    return Advice(label, value, now, slot, wanted, tuple(ranked), beside)
 
 
 def _rank(option: Option, goal: float) -> tuple[float, float, float]:
@@ -115,39 +110,21 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
     return tuple(out)
 
 
-def _gradient(known: Knowledge, target: str | Aim) -> tuple[Array, float, str, str]:
-    """Return the derivative of the target with respect to the fitted forms, its value, its name and its unit."""
-    gradient = np.zeros(len(known.names))
-    unknowns = known.unknowns()
-    if isinstance(target, str):
-        path = known.model.canonical(target)
-        if path not in unknowns:
-            raise NameNotFoundError(f"'{target}' is not among what is looked for.{nearest(path, unknowns)}", known.model.title)
-        u = unknowns[path]
-        gradient[known.names.index(path)] = u.slope(known.fitted[path])
-        return gradient, u.to_value(known.fitted[path]), f"'{path}'", u.unit if u.unit != "K" else "1"
-    at = _instant(target)
-    every = [q for paths in known.free.values() for q in paths]
-    run = prepare(known.model, target.scenario, every, times=[at]).run(sensitivities=True)
-    for path, u in unknowns.items():
-        name = path + WITHOUT_GAS if path + WITHOUT_GAS in known.names else path
-        slope = sum(float(run.sensitivity(target.node, q)[0]) for q in known.free[path])
-        gradient[known.names.index(name)] = slope * u.slope(known.fitted[path])
-    return gradient, float(run[target.node].kelvin[0]), str(target), "K"
+def _gradient(known: Before, target: str | Aim) -> tuple[Array, float, str, str, Mapping[str, float]]:
+    """Return how the target responds to the sources, its value, its name, its unit, and what else makes it uncertain [K]."""
+    if not isinstance(target, str):
+        gradient, value, beside = known.temperature(target.node, _instant(target))
+        return gradient, value, str(target), "K", beside
+    path = known.model.canonical(target)
+    name = next((n for n, paths in known.free.items() if path in paths), None)
+    if name is None:
+        raise NameNotFoundError(f"'{target}' is not among what is looked for.{nearest(path, known.free)}", known.model.title)
+    unit = unknown_of(known.model, name).unit
+    return known.responses[name], known.values[name], f"'{path}'", unit if unit != "K" else "1", {}
 
 
 def _instant(aim: Aim) -> float:
     return literal(aim.at, "s", "at") if isinstance(aim.at, str) and aim.at else float(aim.at or aim.scenario.seconds)
-
-
-def _beside(source: Calibration | Model, target: str | Aim) -> dict[str, float]:
-    """Return cause -> standard error of a prediction that comes from nothing a fit has freed. [K]"""
-    if isinstance(target, str) or not isinstance(source, Calibration) or not np.isfinite(source.values.covariance).all():
-        return {}
-    setting = Setting.of(budget_of(source, target.scenario), times=[_instant(target)])
-    (columns,) = setting.linear([target.node]).columns.values()
-    parts = setting.budget.parts(columns[:-1])
-    return {cause: float(np.sqrt(v[-1])) for cause, v in parts.items() if cause not in HERE}
 
 
 def _goal(text: str, slot: str, value: float) -> float:
@@ -169,7 +146,7 @@ def _error(information: Array, gradient: Array) -> float:
     return float(np.sqrt(np.sum(part[~weak] ** 2 / sizes[~weak])))
 
 
-def _option(known: Knowledge, action: Action, sensors: Sequence[Sensor], every: str | float, gradient: Array, goal: float) -> Option:
+def _option(known: Before, action: Action, sensors: Sequence[Sensor], every: str | float, gradient: Array, goal: float) -> Option:
     """Return what an action would be worth, over its duration."""
     longest = action.scenario.seconds / 3600.0
     try:
@@ -180,39 +157,39 @@ def _option(known: Knowledge, action: Action, sensors: Sequence[Sensor], every: 
         free = (*known.free, *(p for p in doubts if p not in known.free))
         request = Request(known.model, (record,), free, {"*": action.scenario}, untie=known.untie)
         problem = doubted(problem_for(request), doubts)
-        durations, matrices, names = _growing(known, problem, doubts)
+        durations, matrices = _growing(known, problem, doubts)
     except ThermidError as error:
         return Option(action.name, np.inf, np.inf, longest, np.zeros((0, 2)), error.message)
-    full = np.zeros(len(names))
+    full = np.zeros(len(matrices[0]))
     full[: gradient.size] = gradient
     errors = np.array([_error(m, full) for m in matrices])
-    now = _error(known.information, gradient)
+    now = _error(np.diag(known.information), gradient)
     wanted = goal if np.isfinite(goal) else now - ENOUGH * (now - errors[-1]) if np.isfinite(now) else errors[-1] / ENOUGH
     met = np.flatnonzero(errors <= wanted * (1 + 1e-9))
     hours = float(durations[met[0]]) / 3600.0 if met.size else np.inf
     return Option(action.name, float(errors[-1]), hours, longest, np.column_stack([durations / 3600.0, errors]))
 
 
-def _growing(known: Knowledge, problem: Problem, doubts: Mapping[str, float]) -> tuple[Array, list[Array], list[str]]:
-    """Return durations, the information at each, and the names that it is over: those known now, then the test's own."""
+def _growing(known: Before, problem: Problem, doubts: Mapping[str, float]) -> tuple[Array, list[Array]]:
+    """Return durations, and at each the information of the sources: those known now, then the test's own."""
+    leader = {q: name for name, paths in known.free.items() for q in paths}
     # what holds with gas says nothing of the same value without it
-    own = [u.name + WITHOUT_GAS if u.name in doubts else u.name for u in problem.unknowns]
-    names = [*known.names, *(n for n in own if n not in known.names)]
-    place = [names.index(n) for n in own]
-    at = np.array([known.fitted.get(u.name, u.to_fitted(u.start)) for u in problem.unknowns])
-    rows = problem.jacobian(at)
-    times = np.concatenate([problem.experiments[0].times[o.index] for o in problem.experiments[0].observations])
-    base = np.zeros((len(names),) * 2)
-    base[: len(known.names), : len(known.names)] = known.information
-    for k, u in enumerate(problem.unknowns):
-        if u.prior is not None and (u.kind != "parameter" or (u.name in doubts and own[k] not in known.names)):
+    own = [leader.get(u.name, u.name) + (WITHOUT_GAS if u.name in doubts else "") for u in problem.unknowns]
+    fresh = [k for k, name in enumerate(own) if name not in known.responses]
+    size = len(known.place)
+    at = np.array([u.to_fitted(known.values.get(leader.get(u.name, u.name), u.start)) for u in problem.unknowns])
+    chain = np.zeros((len(own), size + len(fresh)))
+    base = np.diag(np.concatenate([known.information, np.zeros(len(fresh))]))
+    for k, (u, name) in enumerate(zip(problem.unknowns, own, strict=True)):
+        if k in fresh:
+            chain[k, size + fresh.index(k)] = 1.0
+        else:
+            chain[k, :size] = known.responses[name] / u.slope(at[k])
+        if u.prior is not None and (k in fresh or u.kind != "parameter"):
             # a meter good to so many watts is known better as a share once it has read a larger power
-            base[place[k], place[k]] += max(0.0, u.prior.sd**-2 - known.held.get(u.name, 0.0))
+            base += max(0.0, u.prior.sd**-2 - known.held.get(u.name, 0.0)) * np.outer(chain[k], chain[k])
+    rows = problem.jacobian(at) @ chain
+    times = np.concatenate([problem.experiments[0].times[o.index] for o in problem.experiments[0].observations])
     durations = np.linspace(0.0, float(times.max()), DURATIONS + 1)[1:]
-    matrices = []
-    for end in durations:
-        part = rows[times <= end * (1 + 1e-9)]
-        matrix = base.copy()
-        matrix[np.ix_(place, place)] += part.T @ part
-        matrices.append(matrix)
-    return durations, matrices, names
+    parts = [rows[times <= end * (1 + 1e-9)] for end in durations]
+    return durations, [base + part.T @ part for part in parts]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from thermid.prediction.budget import Budget
     from thermid.prediction.known import Known
 
-__all__ = ["SILENT", "UNFITTED", "Assumed", "assumed_left_out", "assumed_values", "first_line", "left_out_of"]
+__all__ = ["SILENT", "UNFITTED", "Assumed", "assumed_left_out", "assumed_values", "first_line", "in_order", "left_out_of"]
 
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
@@ -52,6 +52,7 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
     if known.values and not any(misfit_kept(p) or kept_in(p) is not None for p in known.provenances):
         out.append(LeftOut(SILENT))
     out += [x for s in known.stores for x in s.left_out]
+    fitted = [s for store in known.stores for s in store.parameters.values() if s.origin.kind == "fit" and s.acts]
     surfaces = {p for k in known.kept for p in k.surfaces}
     taken = [*(n for t in whole.targets for n in (t.name, *t.also)), *known.assigned]
     closed = [p for p in split_needed(known.model, whole.scenario, taken) if p not in surfaces]
@@ -59,7 +60,27 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
         out.append(LeftOut(f"radiation without gas of {_listed(closed)}: no record says at which temperatures its coefficient holds"))
     if not known.values:
         out.append(LeftOut(UNFITTED))
+    once = [s.acts[0] for s in fitted if len({r for o in (s.origin, *s.history) for r in o.records}) == 1]
+    if once:
+        out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({_listed(once)})", listed=True))
+    given = _given(whole)
+    if given:
+        out.append(LeftOut(f"inputs that nobody spread ({_listed(given)})", listed=True))
     return tuple(out)
+
+
+def _given(budget: Budget) -> list[str]:
+    """Return what a scenario gives, boundaries, loads and the start, and nothing spreads."""
+    spread = {n for t in budget.targets for n in (t.name, *t.also)}
+    find, scenario = budget.model.canonical, budget.scenario
+    out = [b for b in scenario.boundaries if find(b) not in spread]
+    out += [x for x in scenario.loads if not {f"scale.{find(x)}", f"{find(x)}.power"} & spread]
+    return out + (["start"] if scenario.start and not any(n.startswith("initial.") for n in spread) else [])
+
+
+def in_order(left_out: Iterable[LeftOut]) -> tuple[LeftOut, ...]:
+    """Return what is left out with what a first line may name before what only the list has."""
+    return tuple(sorted(left_out, key=lambda x: x.listed))
 
 
 @dataclass(frozen=True)
@@ -123,7 +144,7 @@ def first_line(left_out: Sequence[LeftOut], error: float) -> str:
     left_out : sequence
     error : float   Standard error of the answer, the largest of several. [K]
     """
-    felt = [x for x in left_out if not x.kelvin <= FELT * 1.96 * error]
+    felt = [x for x in left_out if not x.listed and not x.kelvin <= FELT * 1.96 * error]
     words = [f"{x.what}, up to {x.kelvin:.2g} K" if np.isfinite(x.kelvin) else x.what for x in felt]
     return f"not counted: {'; '.join(words)}" if words else ""
 

@@ -18,7 +18,7 @@ from thermid.knowledge.sources import LeftOut
 from thermid.model.model import Model
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import Known
-from thermid.prediction.omitted import assumed_left_out
+from thermid.prediction.omitted import assumed_left_out, in_order
 from thermid.prediction.prediction import Band, Prediction
 from thermid.prediction.setting import Linear, Setting
 from thermid.prediction.structural import CONSTANT, MISFIT
@@ -152,7 +152,7 @@ def _left_out(budget: Budget, bands: Mapping[str, Band]) -> tuple[tuple[LeftOut,
     weighs = {n: effect / max(inner[n], 1e-12) for _, effects in found for n, effect in effects.items()}
     worst = max(weighs, key=weighs.__getitem__, default="")
     own = tuple(replace(x, kelvin=effects.get(worst, x.kelvin)) if effects else x for x, effects in found)
-    return (*budget.omitted, *own), inner[worst] if worst else max(errors.values(), default=0.0)
+    return in_order((*budget.omitted, *own)), inner[worst] if worst else max(errors.values(), default=0.0)
 
 
 @dataclass(frozen=True)

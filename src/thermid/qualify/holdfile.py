@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
-from thermid.identify.values import FittedValues, load_values
+from thermid.identify.filed import filed
+from thermid.identify.values import FittedValues
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
 from thermid.qualify.hold import Hold, check_members, hold, limits_of
@@ -49,6 +50,7 @@ class HoldQuestion:
     members, seed : int
     every : str                     Interval of the stored samples; empty for 121 of them.
     confidence : float              [-]
+    remarks : tuple of str          What a reader must know first of the values.
     """
 
     model: Model
@@ -61,6 +63,7 @@ class HoldQuestion:
     seed: int
     every: str
     confidence: float
+    remarks: tuple[str, ...] = ()
 
     @takes_objects
     def run(
@@ -90,6 +93,7 @@ class HoldQuestion:
             cluster=cluster,
             progress=progress,
         )
+        runs = replace(runs, warnings=(*self.remarks, *runs.warnings))
         return runs, hold(runs, self.limits, confidence=self.confidence)
 
 
@@ -128,10 +132,12 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
 
     unit = data.get("unit", "")
     (deck,) = files("model")
+    model = macro_model(deck, at=unit) if unit else load_model(deck)
+    found = [filed(f, model, at=unit) for f in files("values")]
     return HoldQuestion(
-        macro_model(deck, at=unit) if unit else load_model(deck),
+        model,
         tuple(load_scenario(f) for f in files("scenario")),
-        tuple(load_values(f) for f in files("values")),
+        tuple(x.values for x in found),
         unit,
         data["limits"],
         data.get("spread", {}),
@@ -139,4 +145,5 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
         data.get("seed", 0),
         data.get("every", ""),
         data.get("confidence", 0.95),
+        tuple(line for x in found for line in x.lines),
     )

@@ -100,11 +100,11 @@ class Plan:
         model = load_model(resolve_inside(folder, source.deck, "model.deck"))
         if not source.values:
             return Known(model)
-        from thermid.identify.values import load_values
+        from thermid.identify.filed import filed
 
-        values = load_values(resolve_inside(folder, source.values, "model.values"))
-        made = bool(values.provenance.get("synthetic", False))
-        return Known(model.with_values(values.assignments, source.values), (values,), synthetic=made)
+        found = filed(resolve_inside(folder, source.values, "model.values"), model)
+        made = bool(found.values.provenance.get("synthetic", False))
+        return Known(found.model, (found.values,), synthetic=made, remarks=found.lines)
 
     def hosted(self, host: str) -> Known:
         """Return the model on a host of the plan, values under their paths there; the model itself where no host is named."""

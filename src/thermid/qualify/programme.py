@@ -131,6 +131,7 @@ class Qualification:
             "open": list(self.open),
             "waived": list(self.waived),
             "demonstration": self.demonstration,
+            "remarks": list(self.known.remarks),
             "plan": {"state": self.lock.state, "sha256": self.lock.sha256, "locked": self.lock.date, "changed": list(self.lock.changed)},
             "worst": None if worst is None else {"point": worst[0], "test": worst[1], "time_s": worst[2], "room_K": worst[3]},
             "tests": [t.to_dict() for t in self.trials],
@@ -152,6 +153,7 @@ class Qualification:
         head = f"{self.plan.title}: {words[self.passed]}"
         head += f", {counted(len(self.waived), 'test')} waived: {', '.join(self.waived)}" if self.waived else ""
         lines = [head + (f"  ({self.demonstration})" if self.demonstration else ""), f"  {self.lock}"]
+        lines += [f"  values: {remark}" for remark in self.known.remarks]
         for t in self.trials:
             lines += [f"  {line}" for line in str(t).splitlines()]
         if self.worst is not None:
@@ -283,7 +285,7 @@ def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
         out.append("the temperature of the start, which is given and not predicted")
     shown = (UNFITTED, SILENT) if IN_TESTS in m.shares else ()
     # assumed values follow with what they do to this point in this run
-    out += [x.what for x in t.expected.prediction.left_out if not np.isfinite(x.kelvin) and x.what not in shown]
+    out += [x.what for x in t.expected.prediction.left_out if not x.listed and not np.isfinite(x.kelvin) and x.what not in shown]
     if moved >= 0.05:
         out.append(f"assumed values that no spread names, up to {moved:.1f} K")
     return tuple(out)

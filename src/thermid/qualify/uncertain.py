@@ -17,7 +17,7 @@ from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.standing import Standing, of_model
 from thermid.model.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.omitted import assumed_left_out, first_line
+from thermid.prediction.omitted import assumed_left_out, first_line, in_order
 from thermid.prediction.setting import Setting
 from thermid.qualify.campaign_runs import Chunk, Job, Store, chunks
 from thermid.qualify.macro import assumed
@@ -85,7 +85,7 @@ class UncertainRuns:
     @cached_property
     def left_out(self) -> tuple[LeftOut, ...]:
         """What the members do not count."""
-        return (*self.job.budget.omitted, *(x for x, _ in assumed_left_out(self.job.budget, self.nodes)))
+        return in_order((*self.job.budget.omitted, *(x for x, _ in assumed_left_out(self.job.budget, self.nodes))))
 
     @property
     def not_counted(self) -> str:

@@ -21,6 +21,8 @@ __all__ = ["Schedule", "check_courses", "command_curve", "load_inputs", "normali
 
 Array = NDArray[np.float64]
 SINE_SAMPLES = 400
+MOST_SAMPLES = 5_000_000
+"""Samples of one periodic signal: 80 MB."""
 
 
 def normalised(network: Network, scenario: Scenario) -> Scenario:
@@ -75,8 +77,24 @@ def _samples(given: Signal, duration: float) -> Array:
     if isinstance(given, Table):
         return given.times
     if isinstance(given, Sine):
-        return np.linspace(0.0, duration, max(2, int(np.ceil(duration / given.period * SINE_SAMPLES)) + 1))
+        return np.linspace(0.0, duration, max(2, _enough(duration / given.period * SINE_SAMPLES, given.period)))
     return np.array([0.0])
+
+
+def _enough(samples: float, period: float) -> int:
+    """Return how many samples a periodic signal needs.
+
+    Raises
+    ------
+    ScenarioError   When they would fill the memory.
+    """
+    if samples > MOST_SAMPLES:
+        raise ScenarioError(
+            f"a period of {period:g} s would take {samples:.3g} samples for this run, and at most {MOST_SAMPLES:.0e} are made. "
+            "Give a longer period, its mean in place of it, or a shorter run.",
+            "a periodic signal",
+        )
+    return int(np.ceil(samples)) + 1
 
 
 def product(first: Signal, second: Signal, duration: float) -> Signal:
@@ -136,6 +154,7 @@ def _square(fields: Mapping[str, str], values: Mapping[str, Any], duration: floa
         raise DeckError(f"a periodic load needs a period above zero and a duty from 0 to 1, not {period:g} s and {duty:g}.", where)
     if duty in (0.0, 1.0):
         return Constant(duty)
+    _enough(duration / period, period)
     starts = np.arange(0.0, duration + period, period)
     times = np.column_stack((starts, starts + duty * period)).ravel()
     return Table(times, np.tile([1.0, 0.0], starts.size), hold=True)

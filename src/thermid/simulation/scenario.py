@@ -78,6 +78,11 @@ class Scenario:
                 lowest = given.value if isinstance(given, Constant) else given.values.min() if isinstance(given, Table) else 0.0
                 if lowest < 0.0:
                     raise ScenarioError(f"{lowest - 273.15:g} degC lies below 0 K.", f"{self.title}, {name}.{key}")
+        for gas, around in self.environment.items():
+            if not isinstance(around, Environment):
+                raise ScenarioError(
+                    f"it takes an environment, not {around!r}. Make one: td.Environment(...).", f"{self.title}, environment.{gas}"
+                )
         seconds = literal(self.duration, "s", f"{self.title}, duration") if isinstance(self.duration, str) else float(self.duration)
         if not math.isfinite(seconds):
             raise ScenarioError(

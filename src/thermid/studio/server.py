@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Awaitable, Callable, Mapping
 from importlib.resources import files
@@ -30,6 +31,8 @@ POLICY = (
 """Nothing from elsewhere, no script in the page; the picture of the model brings its own style element."""
 GUARD = "x-thermid-studio"
 """A header that a page of another origin cannot send without being asked first, and is then refused."""
+LARGEST_BODY = 1_000_000
+"""Bytes of a request: the page sends values of sliders, a few kilobytes."""
 KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"}
 
 
@@ -72,8 +75,10 @@ def application(project: Project, port: int, log: Path | None = None) -> Starlet
             if request.headers.get(GUARD) != "1":
                 return _refused("requests that change something come from the studio's own page.")
             try:
-                body = await request.json()
-            except ValueError:
+                body = json.loads(await _body(request))
+            except OverflowError:
+                return _refused(f"the body has more than {LARGEST_BODY / 1e6:.0f} MB.", 413)
+            except (ValueError, RecursionError):
                 return _refused("the body is no JSON.")
             if not isinstance(body, dict):
                 return _refused("the body is no JSON object.")
@@ -135,6 +140,21 @@ def _answer(make: Callable[[], Any]) -> Response:
     except ThermidError as error:
         # an answer in words is no failure of the transport, and a browser would note one as an error of the page
         return Response(as_json({"error": error.message, "where": error.where}), media_type="application/json")
+
+
+async def _body(request: Request) -> bytes:
+    """Return the body of a request.
+
+    Raises
+    ------
+    OverflowError   As soon as it is larger than anything that the page sends.
+    """
+    body = bytearray()
+    async for part in request.stream():
+        body += part
+        if len(body) > LARGEST_BODY:
+            raise OverflowError
+    return bytes(body)
 
 
 def _refused(why: str, status: int = 400) -> Response:

@@ -102,20 +102,9 @@ def test_a_prior_of_a_parameter_below_is_handed_on(stack: Model, records: tuple[
         assert two[path].error == pytest.approx(joint[path].error, rel=1e-4)
 
 
-def test_accuracies_about_another_value_than_zero_count_once(stack: Model, records: tuple[Record, Record]) -> None:
-    about = {"A": (0.5, 0.2), "B": (-0.4, 0.2)}
-    below = fit(Request(stack, records[:1], FREE, bias_priors=about))
-    two = fit(Request(stack, records[1:], FREE, bias_priors=about, store=below.store, prior=FREE))
-    joint = fit(Request(stack, records, FREE, bias_priors=about))
-    for path in joint.values:
-        assert abs(two[path].value - joint[path].value) < 1e-3 * joint[path].error
-        assert two[path].error == pytest.approx(joint[path].error, rel=1e-4)
-
-
 def test_fixed_values_are_not_that(stack: Model, records: tuple[Record, Record], below: Calibration, joint: Calibration) -> None:
     model = stack.with_values({"a.power": below["a.power"]}, "below")
-    biases = {s: (v.value, v.error) for s, v in below.values.sensors.items()}
-    fixed = fit(Request(model, records[1:], ("b.power",), bias_priors=biases))
+    fixed = fit(Request(model, records[1:], ("b.power",), held_bias=below.bias))
     assert fixed.fitted_model.at("a.power").expression.literal.value == below["a.power"].value != joint["a.power"].value
     assert fixed["b.power"].error < 0.9 * joint["b.power"].error, "what is held is taken for known"
 

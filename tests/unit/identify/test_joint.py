@@ -140,6 +140,30 @@ def test_stages_freeze_and_priors(project: Path) -> None:
     only = td.run_stages(with_text(project, (table, '[joint]\nstages = ["pair"]\n'))).joint
     assert only is not None
     assert list(only.records) == ["pair_one"]
+    # box is not in it: what it found is no prior, and nothing of it is in the errors
+    for fit, said in (
+        (joint, "the joint fit takes 'a.case.mass' of stage 'box' as exact: its errors do not count theirs."),
+        (only, f"what stage 'box' found of 'a.{HTC}', 'a.{MASS}' is no prior of the joint fit, for none of its records is in it."),
+    ):
+        assert said in fit.warnings
+        assert said in [x.what for x in fit.store.left_out]
+
+
+def test_values_of_a_stage_that_is_left_out_are_taken_as_exact_and_it_says_so(project: Path) -> None:
+    """Fixed in the stage above: the joint fit of that stage alone has a smaller error than the stage, and tells why."""
+    found = td.run_stages(with_text(project, ('as = "prior"', 'as = "fixed"'), ("[joint]", '[joint]\nstages = ["pair"]')))
+    joint = found.joint
+    assert joint is not None
+    assert joint[JOINT].value == pytest.approx(found["pair"][JOINT].value, rel=1e-4)
+    assert joint[JOINT].error < found["pair"][JOINT].error
+    (said,) = [w for w in joint.warnings if "as exact" in w]
+    assert said == f"the joint fit takes 'a.{HTC}', 'a.{MASS}' of stage 'box' as exact: its errors do not count theirs."
+    assert said in [x.what for x in joint.store.left_out]
+
+
+def test_of_all_levels_nothing_is_left_out(campaign: Campaign) -> None:
+    assert campaign.joint is not None
+    assert not [w for w in campaign.joint.warnings if "as exact" in w or "no prior of the joint fit" in w]
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 
 from thermid.errors import IdentificationError
 from thermid.identify.stages import run_stages
+from thermid.knowledge.store import Store
 from thermid.knowledge.values_file import load_store
 from unit.identify.trees import Part, joined, leaf, record_table, stage_table, write_decks, write_logs
 
@@ -212,3 +213,43 @@ def test_nothing_is_lost_on_the_way_up_in_two_hundred_trees(tmp_path: Path) -> N
     assert sum(seen) > 500
     assert refused < 20
     print(f"{len(seen)} trees, {sum(seen)} inherited values, 0 lost; {refused} further campaigns were refused")
+
+
+@pytest.mark.parametrize(("seed", "depth"), [(1, 1), (3, 2)])
+def test_a_prior_without_error_is_the_same_as_fixed(tmp_path: Path, seed: int, depth: int) -> None:
+    """A leaf tuned by hand to a part in a million, or exactly: the levels above find the same, and answer alike to its error."""
+    rng = np.random.default_rng(seed)
+    levels, paths = [leaf("d0", round(float(rng.uniform(0.2, 0.4)), 4))], ["g.conductance"]
+    tuned = levels[0].truth["g"] * 1.01
+    for k in range(1, depth + 1):
+        parts = {"a": levels[-1], "b": leaf(f"x{k}", 0.30)} if rng.random() < 0.5 else {"a": levels[-1]}
+        levels.append(joined(f"d{k}", parts, [round(float(g), 4) for g in rng.uniform(0.2, 0.4, len(parts) + 1)]))
+        paths.append(f"a.{paths[-1]}")
+    write_decks(tmp_path, levels[-1])
+    write_logs(tmp_path, levels[1:], seed=seed)
+    tables = [record_table(one, accuracy="0.1 [K]") for one in levels[1:]]
+
+    def top(how: str, error: str) -> Store:
+        (tmp_path / "hand.toml").write_text(f'"g.conductance" = {{ value = "{tuned} [W/K]"{error} }}\n')
+        stages = ['[[stages]]\nname = "d0"\nmodel = "d0.toml"\nvalues = "hand.toml"\n']
+        for below, one, path in zip(levels, levels[1:], paths, strict=False):
+            way = f'as = "prior", move = ["{path}"]' if how == "prior" else 'as = "fixed"'
+            free = [f"{n}.conductance" for n in one.truth]
+            stages.append(stage_table(one.definition, one, free, f'a = {{ stage = "{below.definition}", {way} }}'))
+        (tmp_path / "campaign.toml").write_text("\n".join(['title = "Limit"', *tables, *stages]))
+        return run_stages(tmp_path / "campaign.toml")[levels[-1].definition].store
+
+    small = 1e-6
+    fixed, prior, exact = top("fixed", f', sd = "{small * tuned} [W/K]"'), top("prior", f', sd = "{small * tuned} [W/K]"'), top("prior", "")
+    (name,) = [s.name for s in fixed.sources if s.words.startswith("g.conductance, tuned by hand")]
+    assert exact[paths[-1]].value == fixed[paths[-1]].value == tuned
+    assert set(fixed.states) == set(prior.states) == set(exact.states)
+    for path in fixed.states:
+        sure = fixed.error(path)
+        for other in (prior, exact):
+            assert abs(other[path].value - fixed[path].value) < 0.01 * sure, path
+            assert path == paths[-1] or other.error(path) == pytest.approx(sure, rel=1e-3)
+        rows = [s.rows([path])[0, [x.name for x in s.sources].index(name)] / small for s in (fixed, prior)]
+        assert rows[1] == pytest.approx(rows[0], rel=0.01, abs=1e-3), path  # change of the value, or of its logarithm, per unit of ln g
+    answers = [fixed.rows([p])[0, [x.name for x in fixed.sources].index(name)] / small for p in fixed.parameters]
+    assert sum(abs(a) > 0.01 for a in answers) > 1

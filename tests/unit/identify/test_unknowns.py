@@ -14,6 +14,8 @@ from thermid.identify.calibrate import calibrate, fit
 from thermid.identify.gather import problem_for
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.unknowns import Prior, Unknown, parameter_unknown
+from thermid.knowledge.sources import Normal, Source
+from thermid.knowledge.store import Origin, State, Store
 from thermid.measure import Record
 from thermid.model.modelfile import model_from_dict
 from thermid.model.parameter import parameter
@@ -248,10 +250,12 @@ class TestReadings:
         assert found["lift"].value == pytest.approx(-2.0, abs=0.01)
 
     def test_bias_is_taken_off(self) -> None:
-        # with the bias known to 1 mK the start is what it was, and not what the sensor said
+        # with the bias known to 1 mK from a stage below the start is what it was, and not what the sensor said
         model = box()
         data = log(model, {}, {"T": "case"}, noise=1e-3, bias={"T": 1.0}, accuracy=0.5, swing=0.0)
-        request = Request(model, (data,), (MASS,), readings={"initial.case": Reading("T")}, bias_priors={"T": (1.0, 1e-3)})
+        state = State("sensor T", 1.0, False, "K", (-5.0, 5.0), Origin("fit", "below"), "sensor")
+        below = Store({"sensor T": state}, (Source("below:0", "data", Normal()),), np.array([[1e-3]]))
+        request = Request(model, (data,), (MASS,), readings={"initial.case": Reading("T")}, store=below)
         found = fit(request)
         assert found[MASS].value == pytest.approx(1.5, rel=2e-3)
         assert found.sensors["T"].bias == pytest.approx(1.0, abs=3e-3)

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from thermid.errors import RecordError
 from thermid.measure import Record, read_record
 
 PLAIN = "time_s,T1,Q1\n0,20.5,50\n1,21.25,50\n2,22,0\n"
@@ -203,3 +204,11 @@ def test_reading_loads_no_heavy_package(log):
     code = f"import sys; {read}; print(sorted(sys.modules))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env={"PYTHONPATH": ":".join(sys.path)})
     assert not {"'pandas'", "'scipy'", "'pint'", "'xarray'"} & set(found.stdout.strip("[]\n").split(", "))
+
+
+def test_a_packed_file_that_would_fill_the_memory(tmp_path):
+    path = tmp_path / "bomb.csv.gz"
+    path.write_bytes(gzip.compress(bytes(300_000_000), 1))
+    assert path.stat().st_size < 2_000_000
+    with pytest.raises(RecordError, match=r"bomb\.csv\.gz: it unpacks to more than 200 MB\. If that is right, unpack it"):
+        read_record(path, {"case": "T"})

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from thermid.errors import DeckError, OutputError
-from thermid.files import unsealed
 from thermid.model.flat import flatten
 from thermid.model.kinds import KINDS
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, model_from_dict, save_model, to_dict
 from thermid.network.network import compile_network
+from thermid.seals import unsealed
 
 Decks = Callable[..., Model]
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -100,12 +100,28 @@ def test_what_is_left_out_does_not_depend_on_the_route() -> None:
     runs = td.uncertain_runs(model, BENCH, spread={"air": "0.1 [K]"}, n=50, nodes=["plate"])
     seen = foresee(known, BENCH, spread={"air": "0.1 [K]"}).prediction
     words = [x.what for x in told.left_out]
-    assert words == ["the model's own error: nothing was fitted, so no log says it", "1 assumed value that no spread names ('skin.area')"]
+    assert words == [
+        "the model's own error: nothing was fitted, so no log says it",
+        "1 assumed value that no spread names ('skin.area')",
+        "inputs that nobody spread ('heat', 'start')",
+    ]
     assert [x.what for x in runs.left_out] == [x.what for x in seen.left_out] == words
     # settled, the rise is P/(h A): a rectangular 0.03 to 0.07 m^2 moves it by a quarter
     assert told.left_out[1].kelvin == pytest.approx(2.5 / (5.0 * 0.05) * (0.04 / 12**0.5 / 0.05), rel=1e-3)
     named = td.predict(known, BENCH, spread={"air": "0.1 [K]", "skin.area": "range"})
-    assert [x.what for x in named.left_out] == words[:1]
+    assert [x.what for x in named.left_out] == [words[0], words[2]]
+    every = td.predict(known, BENCH, spread={"air": "0.1 [K]", "scale.heat": "5 [%]", "initial.plate": "0.1 [K]", "skin.area": "range"})
+    assert [x.what for x in every.left_out] == words[:1]
+
+
+def test_values_of_one_record_are_listed_and_no_headline() -> None:
+    case = CASES["natural"]()
+    told = td.predict(case.fit, case.inside, nodes=[case.node])
+    once, given = (x.what for x in told.left_out if x.listed)
+    assert once == "how values fitted to one record differ from one test to the next ('skin.htc.coefficient', 'plate.capacitance')"
+    assert given == "inputs that nobody spread ('air', 'heat', 'start')"
+    assert "one record" not in str(told)
+    assert "nobody spread" not in str(told)
 
 
 def test_a_small_omission_is_no_headline() -> None:
@@ -196,3 +212,11 @@ def test_constants_that_decide_the_width_of_a_band() -> None:
 )
 def test_from_where_a_coefficient_is_far_from_its_fit(ratio: float, level: float, far: bool) -> None:
     assert predict._far(Conditions(10.0, 300.0), Conditions(10.0 * ratio, 300.0 + level)) is far
+
+
+def test_a_member_depends_on_its_number_alone() -> None:
+    case = CASES["constant"]()
+    budget = budget_of(case.fit, case.outside, STATED)
+    every, some = budget.members(4, 0, 9), budget.members(4, 3, 5)
+    assert set(every) == set(budget.targets)
+    assert all(np.array_equal(some[t], every[t][3:8]) for t in every)

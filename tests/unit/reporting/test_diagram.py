@@ -12,7 +12,8 @@ import pytest
 import thermid as td
 from thermid.errors import NameNotFoundError
 from thermid.model.flat import flatten
-from thermid.reporting.diagram import diagram
+from thermid.model.kinds import KINDS
+from thermid.reporting.diagram import STYLES, diagram
 from thermid.reporting.diagram_values import quantity
 from thermid.reporting.layout import arrange, clipped, width_of
 
@@ -234,3 +235,11 @@ def test_a_long_text_is_cut_to_its_room() -> None:
     cut = clipped("a_name_that_is_far_too_long_for_its_box", 80.0)
     assert cut.endswith("…")
     assert width_of(cut) <= 80.0
+
+
+def test_every_kind_of_conductor_has_a_line() -> None:
+    assert set(STYLES) == set(KINDS)
+    lead = {"kind": "lead", "between": ["hot", "air"], "conductivity": "390 [W/(m K)]", "diameter": "0.5 [mm]", "length": "80 [cm]"}
+    lead |= {"count": 6, "htc": "20 [W/(m^2 K)]", "to": "air"}
+    deck = {"title": "d", "needs": ["air"], "nodes": {"hot": {"capacitance": "1 [J/K]"}}, "conductors": {"wire": lead}}
+    assert ">lead<" in diagram(td.model_from_dict(deck))

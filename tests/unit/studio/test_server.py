@@ -158,3 +158,10 @@ def test_a_fit_without_logs_ends_with_its_reason(port: int) -> None:
 def test_a_taken_port_is_said(port: int) -> None:
     with pytest.raises(DeckError, match=f"port {port} is taken"):
         serve(Project(EXAMPLES / "01_accelerometer" / "accelerometer.toml"), port)
+
+
+def test_a_body_beyond_measure_is_not_read(port: int) -> None:
+    status, _, text = asked(port, "/api/fit", '{"stage": "' + "x" * 2_000_000 + '"}')
+    assert (status, json.loads(text)["error"]) == (413, "the body has more than 1 MB.")
+    status, _, text = asked(port, "/api/fit", "[" * 100_000)
+    assert (status, json.loads(text)["error"]) == (400, "the body is no JSON.")
