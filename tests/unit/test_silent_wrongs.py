@@ -334,3 +334,26 @@ def test_a_delivery_with_two_scenarios_of_one_file_name_is_refused(tmp_path: Pat
     with pytest.raises(DeckError, match=r"two scenario files are named 'case.toml'"):
         deliver(host(), files, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+# two schedules ------------------------------------------------------------------------------------------------------------------------
+
+
+def test_two_streams_with_schedules_of_which_one_starts_at_zero() -> None:
+    """They were refused where no sample has both streams: "the coefficient vanishes at the reference of its schedule"."""
+    stream = {"kind": "flow", "mass_flow": "1 [g/s]", "specific_heat": "1000 [J/(kg K)]"}
+    conductors = {"in_a": stream | {"between": ["air", "a"]}, "in_b": stream | {"between": ["air", "b"]}}
+    model = deck(conductors)
+    schedule = {
+        "in_a.mass_flow": {"times": ["0 [s]", "200 [s]"], "values": ["0 [g/s]", "1 [g/s]"], "hold": True},
+        "in_b.mass_flow": {"times": ["0 [s]", "200 [s]"], "values": ["2 [g/s]", "0 [g/s]"], "hold": True},
+    }
+    about = {"boundaries": {"air": "0 [degC]", "walls": "0 [degC]"}, "start": "100 [degC]", "duration": "400 [s]"}
+    scenario = td.Scenario("swap", schedule=schedule, **about)
+    run = td.simulate(model, scenario, times=[0.0, 200.0, 300.0, 400.0])
+    assert run["a"].celsius == pytest.approx([100.0, 100.0, 100.0 * np.exp(-1.0), 100.0 * np.exp(-2.0)], abs=1e-3)
+    assert run["b"].celsius == pytest.approx([100.0] + 3 * [100.0 * np.exp(-8.0)], abs=1e-3)
+    free = td.prepare(model, scenario, ("in_a.specific_heat", "in_b.specific_heat"), times=[0.0, 200.0, 400.0]).run(sensitivities=True)
+    slopes = free.slopes("a")[-1], free.slopes("b")[-1]
+    assert slopes[0] == pytest.approx([-2.0e-3 * 100.0 * np.exp(-2.0), 0.0], abs=1e-6)
+    assert slopes[1] == pytest.approx([0.0, -8.0e-3 * 100.0 * np.exp(-8.0)], abs=1e-6)

@@ -58,13 +58,14 @@ def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.Pat
     if unit is not None:
         set_here = [p for p in map(model.canonical, model.settings) if p.startswith(f"{at}.")]  # what the host says of any unit in it
         model = model.replace(at, unit if isinstance(unit, Model) else load_model(unit), set_here)
+    shapes = own_tables(model)
     bare = [v.path for v in host_values(model, at) if not v.source]
     if bare:
         few = ", ".join(f"'{p}'" for p in bare[:12]) + (f" and {len(bare) - 12} more" if len(bare) > 12 else "")
         raise DeckError(
             f"{_count(len(bare))} no source: {few}. Say of each where it comes from: "
-            '{ value = ..., source = "measured", "datasheet", "published", "derived" or "assumed", basis = "..." }, '
-            "with source and basis beside the points of a table.",
+            '{ value = ..., source = "measured", "datasheet", "published", "derived" or "assumed", basis = "..." }'
+            f"{', with source and basis beside the points of a table' if any(p in shapes for p in bare) else ''}.",
             model.file or model.title,
         )
     return model

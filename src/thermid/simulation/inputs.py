@@ -208,7 +208,8 @@ def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) 
     """Return the numbers at the reference sample, and which coefficient follows which signal.
 
     Keys of the second are (row's name, position among the rows of that name, coefficient). A coefficient that changes is its value at the
-    reference sample times a signal; its derivatives must then scale with it, which holds for every product.
+    reference sample times a signal; its derivatives must then scale with it, which holds for every product. One that vanishes there has
+    the sample at which it is largest for its own reference.
 
     Raises
     ------
@@ -228,17 +229,23 @@ def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) 
     out: dict[tuple[str, int, int], Signal] = {}
     every: list[tuple[ConductorRow | LoadRow, ...]] = [(*s.conductors, *s.loads) for s in sets]
     seen: dict[str, int] = {}
+    kept: list[tuple[Number, ...]] = []
     for r, row in enumerate(every[reference]):
         position = seen.get(row.name, 0)
         seen[row.name] = position + 1
-        for c, mine in enumerate(row.coefficients):
-            ratio = _ratios(mine, [rows[r].coefficients[c] for rows in every], row.name, network.title)
+        several = [[rows[r].coefficients[c] for rows in every] for c in range(len(row.coefficients))]
+        kept.append(tuple(own[reference] if value_of(own[reference]) else max(own, key=lambda v: abs(value_of(v))) for own in several))
+        for c, (mine, own) in enumerate(zip(kept[r], several, strict=True)):
+            ratio = _ratios(mine, own, row.name, network.title)
             if ratio is not None:
                 moving = (
                     Table(schedule.times, ratio[schedule.index], schedule.hold) if schedule.times.size > 1 else Constant(float(ratio[0]))
                 )
                 out[row.name, position, c] = moving
-    return base, out
+    count = len(base.conductors)
+    conductors = tuple(replace(row, coefficients=own) for row, own in zip(base.conductors, kept[:count], strict=True))
+    loads = tuple(replace(row, coefficients=own) for row, own in zip(base.loads, kept[count:], strict=True))
+    return replace(base, conductors=conductors, loads=loads), out
 
 
 def _magnitude(numbers: Numbers) -> float:
@@ -253,10 +260,6 @@ def _ratios(mine: Number, values: list[Number], name: str, title: str) -> Array 
     base = value_of(mine)
     if (plain == base).all():
         return None
-    if base == 0.0:
-        raise ScenarioError(
-            f"the coefficient of '{name}' vanishes at the reference of its schedule. Schedule one parameter at a time.", title
-        )
     ratio = plain / base
     if isinstance(mine, Dual):
         for r, v in zip(ratio, values, strict=True):
