@@ -39,6 +39,7 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
         "record": record,
         "channel": record["T"],
         "calibration": fit,
+        "identity": next(iter(td.identities(model).values())),
         "campaign": campaign,
         "joint": campaign.joint,
         "verdict": campaign.verdicts[0],
