@@ -2,7 +2,7 @@
 
 A file that thermid writes carries a seal: a comment with the kind of the file and a checksum of what stands before it (tables carry
 theirs in the header, netCDF files in an attribute). A file may be replaced by one of its own kind while its seal is unbroken.
-Decision 117 says why.
+Decision 109 says why.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The seal at the end of a file that thermid wrote: its kind, and a checksum of what stands before it. Decision 117 says why."""
+"""The seal at the end of a file that thermid wrote: its kind, and a checksum of what stands before it. Decision 109 says why."""
 
 from __future__ import annotations
 
