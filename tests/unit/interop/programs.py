@@ -22,7 +22,7 @@ def octave(file: Path, times: Array, p: str = "") -> Array:
     name = file.stem
     code = f"p = {name}('parameters'); {p} [t, T] = {name}(load('times.txt'), p); save('-ascii', '-double', 'found.txt', 'T');"
     done = subprocess.run(
-        [program, "--quiet", "--no-init-file", "--eval", code], cwd=file.parent, capture_output=True, text=True, check=False
+        [program, "--quiet", "--no-init-file", "--no-history", "--eval", code], cwd=file.parent, capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (0, ""), done.stderr
     return np.loadtxt(file.parent / "found.txt", ndmin=2)
