@@ -56,6 +56,11 @@ class Store:
         """Return the file, open."""
         if not self.path.absolute().parent.is_dir():
             raise RecordError(f"there is no folder '{self.path.parent}'. Make it first.", str(self.path))
+        # an empty file is taken for a new log; thermid.toml, which marks the root of a project, may be empty too, under any name
+        linked = self.path.exists() and self.path.stat().st_size == 0 and self.path.stat().st_nlink > 1
+        if self.path.resolve().suffix == ".toml" or linked:
+            why = "it has another name too, so it is no new log" if linked else "a log is no TOML file"
+            raise RecordError(f"{why}. Give another name, such as bench.csv; nothing was written.", str(self.path))
         try:
             return os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
         except OSError as error:
