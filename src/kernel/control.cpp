@@ -59,7 +59,7 @@ bool Integrator::attempt(Outputs& out, double& next) {
         if (t_ + next == t_ || next < 1e-14 * std::fabs(t_)) underflow(STEP_UNDERFLOW);
         return false;
     }
-    if (p_.knees && !clear_of_knees(next)) {
+    if (p_.knees() && !clear_of_knees(next)) {
         pending_ = -1;
         return false;
     }

@@ -89,13 +89,32 @@ bool Group::clear_of_knees(const double* tolerance, double& next) const {
     double most = 1.0, wanted = 0.0;
     for (int l = 0; l < LANES; ++l) {
         Knee knee;
+        auto sweep = [&](int i) -> Sweep {
+            const int s = i * LANES + l;
+            if (i >= p.n) {
+                const double t0 = outer_[s - p.n * LANES], move = g_.T[s] - t0;
+                return {t0, g_.T[s], move, move};
+            }
+            return {g_.Tn[s], g_.T1[s], g_.h * g_.d0[s], g_.h * g_.icap[s] * last[s]};
+        };
+        auto felt = [&](int i) {
+            const int s = i * LANES + l;
+            return i >= 0 && i < p.n ? g_.h / (g_.cap[s] + g_.h * std::fabs(g_.J0[s])) : 0.0;
+        };
         for (int r = 0; r < p.nloads; ++r) {
             const LaneLoad& x = p.loads[r];
-            if (x.kind != PROPORTIONAL || x.sensor >= p.n) continue;
-            const int i = x.node * LANES + l, s = x.sensor * LANES + l;
-            const Sweep sweep{g_.Tn[s], g_.T1[s], g_.h * g_.d0[s], g_.h * g_.icap[s] * last[s]};
+            if (x.kind != PROPORTIONAL && x.kind != TABLE) continue;
             auto c = [&](int k) { return g_.ceff[x.c[k] * LANES + l]; };
-            knee.heater(sweep, c(0), c(1), c(2), g_.h, g_.cap[i] + g_.h * std::fabs(g_.J0[i]));
+            if (x.kind == TABLE) knee.table(sweep(x.sensor), s_.p.tables[x.table], [&] { return std::fabs(c(0)) * felt(x.node); });
+            else if (x.sensor < p.n) knee.heater(sweep(x.sensor), c(0), c(1), c(2), [&] { return felt(x.node); });
+        }
+        for (int r = p.kind_begin[TABLE_MEAN]; r < p.kind_begin[GAS]; ++r) {
+            const LaneRow& x = p.rows[r];
+            const Sweep a = sweep(x.a), b = sweep(x.b);
+            const double u = x.kind == TABLE_MEAN ? 0.5 : 1.0, v = x.kind == TABLE_MEAN ? 0.5 : -1.0;
+            const Sweep seen{u * a.t0 + v * b.t0, u * a.t1 + v * b.t1, u * a.a + v * b.a, u * a.b + v * b.b};
+            const double apart = std::max(std::fabs(a.t0 - b.t0), std::fabs(a.t1 - b.t1));
+            knee.table(seen, s_.p.tables[x.table], [&] { return std::fabs(g_.ceff[x.c0 * LANES + l]) * apart * std::max(felt(x.from), felt(x.to)); });
         }
         if (!(knee.error > most * tolerance[l])) continue;
         most = knee.error / tolerance[l];
@@ -117,6 +136,7 @@ bool Group::attempt(double& next) {
         bends_[k] = sampled ? 2.0 * in_[k].p2 : 0.0;
     }
     code.start(g_);
+    if (s_.p.knees()) outer_.assign(g_.T + g_.plan->n * LANES, g_.T + (g_.plan->n + g_.plan->nb) * LANES);
     if (g_.bad) {
         drop(g_.bad);
         return false;
@@ -154,7 +174,7 @@ bool Group::attempt(double& next) {
         err = e <= err ? err : e;
     }
     if (guilty) return failed(guilty, next, std::isfinite(err) ? std::max(0.2, 0.9 * std::pow(err, -0.25)) : 0.2);
-    if (s_.p.knees && !clear_of_knees(tolerance, next)) return false;
+    if (s_.p.knees() && !clear_of_knees(tolerance, next)) return false;
     if (leftover_) code.improve(g_);
     if (const unsigned bad = check_state()) {
         drop(bad);

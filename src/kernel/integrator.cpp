@@ -37,7 +37,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
             inv_cap_[i] = 1.0 / cap_[i];
             if (d.any(p.capacity[i])) sought_.push_back(i);
         }
-    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &bend_, &drift_, &drift_next_, &guess_, &err_, &shed_[0], &shed_[1], &g_, &dir_, &bb_, &xa_, &weight_}) v->assign(n, 0.0);
+    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &bend_, &drift_, &drift_next_, &guess_, &err_, &shed_[0], &shed_[1], &g_, &dir_, &bb_, &xa_, &weight_, &felt_}) v->assign(n, 0.0);
     for (auto* v : {&S_, &S1_, &CS_, &comb_, &sd0_, &sd1_, &sdd0_, &sdd1_, &G_, &dirS_, &fp_, &SO_}) v->assign(m, 0.0);
     delta_.assign(p.nodes(), 0.0);  // boundaries stay where they are
     for (auto* v : {&F_, &beyond_}) v->assign(STAGES * n, 0.0);

@@ -125,7 +125,9 @@ class Integrator {
 
     // errors.cpp
     double error();
-    bool clear_of_knees(double& next) const;
+    bool clear_of_knees(double& next);
+    double felt(int from, int to);
+    std::vector<double> felt_;
     double slope_tolerance() const;
     double sensitivity_error();
     void filter_sensitivity(const double* e, double* G);

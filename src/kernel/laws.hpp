@@ -34,23 +34,27 @@ inline Dual power(Dual e, Dual m) {
     return {g, g * (m.v * e.e / e.v + (m.e != 0.0 ? m.e * std::log(e.v) : 0.0))};
 }
 
-// Cubic Hermite table g(x): knots, values, slopes; constant outside. Knots may lie as close together as a law needs them; equal buckets
+// Table g(x): straight lines between knots, or cubic Hermite where slopes are given; constant outside. Knots may lie as close together as a law needs them; equal buckets
 // lead to them, most of which hold at most one, so that a look-up costs about as much as a power.
 struct Table {
     std::vector<double> x, y, d;
+    struct Bend { double x, jump; };  // a knot where the slope jumps, and by how much
+    std::vector<Bend> bends;
 
     Table(std::vector<double> knots, std::vector<double> values, std::vector<double> slopes)
         : x(std::move(knots)), y(std::move(values)), d(std::move(slopes)) {
         const int m = static_cast<int>(x.size()), buckets = std::min(2 * m, 4096);
-        if (m < 1 || y.size() != x.size() || d.size() != x.size()) throw std::invalid_argument("tables: knots, values and slopes differ in length");
+        if (m < 1 || y.size() != x.size() || (!d.empty() && d.size() != x.size())) throw std::invalid_argument("tables: knots, values and slopes differ in length");
         if (!std::isfinite(x.back() - x.front())) throw std::invalid_argument("tables: knots must be finite");
         for (int i = 1; i < m; ++i) {
             if (!(x[i] > x[i - 1])) throw std::invalid_argument("tables: knots must increase");
             const double w = x[i] - x[i - 1], jump = (y[i] - y[i - 1]) / w;
-            pieces_.push_back({x[i - 1], y[i - 1], d[i - 1], (3.0 * jump - 2.0 * d[i - 1] - d[i]) / w, (d[i - 1] + d[i] - 2.0 * jump) / (w * w)});
+            if (d.empty()) pieces_.push_back({x[i - 1], y[i - 1], jump, 0.0, 0.0});
+            else pieces_.push_back({x[i - 1], y[i - 1], d[i - 1], (3.0 * jump - 2.0 * d[i - 1] - d[i]) / w, (d[i - 1] + d[i] - 2.0 * jump) / (w * w)});
         }
         pieces_.push_back({x.back(), y.back(), 0.0, 0.0, 0.0});  // beyond the last knot, and before the first
         pieces_.push_back({x.front(), y.front(), 0.0, 0.0, 0.0});
+        find_bends();
         if (m > 1) per_kelvin_ = buckets / (x.back() - x.front());
         if (!std::isfinite(per_kelvin_)) per_kelvin_ = 0.0;  // knots so close that one bucket serves
         first_.assign(buckets + 2, 0);
@@ -95,6 +99,20 @@ struct Table {
     std::vector<LanePiece> pieces_;
     std::vector<int> first_;  // bucket -> knots in the buckets before it
     double per_kelvin_ = 0.0;
+
+    // Where a table has no values it has no bends. Rounding of cubic pieces leaves a little of a jump.
+    void find_bends() {
+        const int m = static_cast<int>(x.size());
+        auto slope = [&](int piece, double at) {
+            const LanePiece& p = pieces_[piece];
+            const double t = at - p.x;
+            return p.c1 + t * (2.0 * p.c2 + 3.0 * t * p.c3);
+        };
+        for (int i = 0; i < m; ++i) {
+            const double before = i > 0 ? slope(i - 1, x[i]) : 0.0, after = i < m - 1 ? slope(i, x[i]) : 0.0;
+            if (std::fabs(after - before) > 1e-9 * (std::fabs(before) + std::fabs(after))) bends.push_back({x[i], after - before});
+        }
+    }
 
     int find(double at) const {  // between the first knot and the last
         const int k = bucket(at);

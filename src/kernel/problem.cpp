@@ -42,7 +42,6 @@ void Problem::prepare() {
         require(!wanted || (con.table[r] >= 0 && con.table[r] + wanted <= static_cast<int>(tables.size())), where + ": no such table");
         slot(con.c0[r], nc, where);
         slot(con.c1[r], nc, where);
-        knees = knees || is_hinge(con.kind[r]);
     }
     std::vector<int> order(m);
     std::iota(order.begin(), order.end(), 0);
@@ -56,6 +55,13 @@ void Problem::prepare() {
     con.original = order;
     for (int k = 0; k <= CONDUCTOR_KINDS; ++k)
         kind_begin[k] = static_cast<int>(std::lower_bound(con.kind.begin(), con.kind.end(), k) - con.kind.begin());
+
+    auto bent = [&](int table) { return !tables[table].bends.empty(); };
+    for (int r = 0; r < m; ++r) {
+        const int k = con.kind[r], t = con.table[r];
+        const bool one = (k == TABLE_MEAN || k == TABLE_DIFF) && bent(t), two = k == POTENTIAL && (bent(t) || bent(t + 1));
+        if (is_hinge(k) || one || two) bent_conductors.push_back(r);
+    }
 
     // Rows that meet at each node, in the order of rows: counted, then filled.
     auto meets = [&](int r, int i) { return i < n && (con.b[r] == i || con.kind[r] != FLOW); };
@@ -95,7 +101,7 @@ void Problem::prepare() {
         }
         boundary_entries(load_entry, r, load.sensor[r], 4);
         if (load.kind[r] == THERMOSTAT) thermostats.push_back(r);
-        knees = knees || load.kind[r] == PROPORTIONAL;
+        if (load.kind[r] == PROPORTIONAL || (load.kind[r] == TABLE && bent(load.table[r]))) bent_loads.push_back(r);
     }
     for (int j = 0; j < nc; ++j)
         if (coef_input[j] >= 0) {

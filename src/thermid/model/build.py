@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import DeckError, nearest
-from thermid.model.curves import Curve, curve
+from thermid.model.curves import INTERPOLATIONS, OUTSIDE, Curve, curve
 from thermid.model.elements import LOAD_SLOTS, Conductor, HeatLoad, Joint, Node, Surface
 from thermid.model.enclosures import enclosure_from
 from thermid.model.facing import facing_from
 from thermid.model.kinds import KINDS
 from thermid.model.parameter import Parameter, parameter
 from thermid.model.signal import literal
-from thermid.model.stores import TABULATED, tabulated
+from thermid.model.stores import HOTTEST, TABULATED, refuse_falling, tabulated
 from thermid.physics.finishes import finish
 
 __all__ = ["elements_from", "finish_emissivity", "slope_unit"]
@@ -76,13 +76,15 @@ def _property(table: Mapping[str, Any], name: str, where: str) -> tuple[dict[str
         return dict(table), None
     slot = TABULATED[name]
     slots = ("temperature", slot, slope_unit(slot))
-    return {k: v for k, v in table.items() if k != name}, tabulated(name, _curve(given, "temperature", slots, where), where)
+    shape = _curve(given, "temperature", slots, where, steps=name == "enthalpy")
+    return {k: v for k, v in table.items() if k != name}, tabulated(name, shape, where)
 
 
-def _curve(given: Mapping[str, Any], over: str, slots: tuple[str, ...], where: str) -> Curve:
+def _curve(given: Mapping[str, Any], over: str, slots: tuple[str, ...], where: str, steps: bool = False) -> Curve:
     """Return the curve of a table of points, each a text for every slot or for the first two."""
     points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in given["points"]]
-    return curve(over, points, where, given.get("source") or "", given.get("basis") or "")
+    kind, outside = given.get("interpolation") or INTERPOLATIONS[0], given.get("outside") or OUTSIDE[0]
+    return curve(over, points, where, given.get("source") or "", given.get("basis") or "", kind, outside, steps)
 
 
 def slope_unit(slot: str) -> str:
@@ -172,6 +174,8 @@ def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
         raise DeckError(
             f"the table gives {points.y[k]:g} W/K at {points.x[k]:.9g} K; with a negative conductance heat would flow uphill.", where(key)
         )
+    if points is not None and points.outside == "linear":
+        refuse_falling("the conductance", points, -HOTTEST if points.over == "difference" else 0.0, HOTTEST, where(key))
     if table["between"][0] == table["between"][1]:
         raise DeckError("both ends are the same node.", where(key))
     if table["takes"] and "area" not in given:

@@ -50,15 +50,17 @@ def load_places(form: str) -> tuple[int, ...]:
     return PLACES.get(form, (0, 1, 2, 3))
 
 
-def row_form(form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False) -> tuple[int, list[int], int]:
-    """Return the kernel's kind, coefficient places and table of a row."""
+def row_form(
+    form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False, refuse: bool = True
+) -> tuple[int, list[int], int]:
+    """Return the kernel's kind, coefficient places and table of a row; without `refuse` tables are held where they would be refused."""
     four = [-1, -1, -1, -1]
     for place, coefficient in zip(load_places(form), places, strict=False):
         four[place] = coefficient
     table = -1
     if curve is not None:
         table = len(tables)
-        tables += [curve_arrays(each) for each in (curve, *curve.film)]
+        tables += [curve_arrays(each, refuse) for each in (curve, *curve.film)]
     if load:
         return LOADS[form], four, table
     if form == "table" and curve is not None:

@@ -161,7 +161,7 @@ class SparseNetwork:
 
         def table(curve: Curve | None) -> int:
             if curve is not None:
-                tables.extend(curve_arrays(each) for each in (curve, *curve.film))
+                tables.extend(curve_arrays(each, refuse=True) for each in (curve, *curve.film))
             return len(tables) - 1 - len(curve.film) if curve is not None else NONE
 
         rows, done = [], 0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import ScenarioError, nearest
-from thermid.model.curves import Curve, slopes
+from thermid.model.curves import FAR, Curve, whole
 from thermid.model.kinds import law_conductance
 from thermid.model.signal import Constant, Signal, literal
 from thermid.model.stores import Store
@@ -365,6 +365,21 @@ def _numbered(rows: Sequence[Row]) -> Iterator[tuple[Row, int]]:
         yield row, position
 
 
-def curve_arrays(given: Curve) -> tuple[Array, Array, Array]:
-    """Return knots, values and slopes of a table for the kernel."""
-    return given.x, given.y, slopes(given)
+EDGE = 1e-9
+"""How far outside its points a table that is refused there may still be read: what rounding makes of a boundary at its end. [K]"""
+
+
+def curve_arrays(given: Curve, refuse: bool = False) -> tuple[Array, Array, Array]:
+    """Return knots, values and slopes of a table for the kernel, no slopes for straight lines.
+
+    With `refuse` a table that is refused outside its points has no values there, so that a run that leaves it ends; else it is held.
+    """
+    x, y, d = whole(given)
+    if refuse and given.outside == "refuse":
+        low, high = given.limits or (x[0], x[-1])
+        inside = (x >= low) & (x <= high)
+        x, y, d = x[inside], y[inside], None if d is None else d[inside]
+        far = np.array([FAR, EDGE])
+        x, y = np.r_[x[0] - far, x, x[-1] + far[::-1]], np.r_[np.nan, y[0], y, y[-1], np.nan]
+        d = None if d is None else np.r_[0.0, 0.0, d, 0.0, 0.0]
+    return x, y, np.zeros(0) if d is None else d
