@@ -30,7 +30,7 @@ double Integrator::error() {
 double Integrator::felt(int from, int to) {
     std::fill(felt_.begin(), felt_.end(), 0.0);
     for (int i : {from, to})
-        if (i >= 0 && i < n_) felt_[i] += (i == to ? 1.0 : -1.0) * (cap_[i] > 0.0 ? h_ : 1.0 / GAMMA);
+        if (i >= 0 && i < n_) felt_[i] += (i == to ? h_ : -h_);
     lu_.solve(felt_.data());
     double worst = 0.0;
     for (int i = 0; i < n_; ++i)
