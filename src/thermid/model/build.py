@@ -15,13 +15,15 @@ from thermid.model.facing import facing_from
 from thermid.model.kinds import KINDS
 from thermid.model.parameter import Parameter, parameter
 from thermid.model.signal import literal
-from thermid.model.stores import HOTTEST, TABULATED, refuse_falling, tabulated
+from thermid.model.stores import HOTTEST, TABULATED, melting, refuse_falling, tabulated
 from thermid.physics.finishes import finish
 
 __all__ = ["elements_from", "finish_emissivity", "slope_unit"]
 
 Where = Callable[[str], str]
 NODE_FIELDS = ("mass", "specific_heat", "capacitance")
+MELTING = {"latent_heat": "J/kg", "melts_from": "temperature", "melts_to": "temperature", "liquid_specific_heat": "J/(kg K)"}
+"""Fields of a node that melts, beside its mass and specific heat, with their units."""
 SURFACE_FIELDS = ("area", "htc", "effective_htc", "emissivity", "absorptance")
 JOINT_FIELDS = ("area", "contact_conductance", "conductivity", "thickness", "gap")
 LOAD_FIELDS = tuple(dict.fromkeys(slot.partition(".")[0] for slot in LOAD_SLOTS))
@@ -111,6 +113,7 @@ def elements_from(deck: Mapping[str, Any], where: Where) -> dict[str, dict[str, 
 
 def _node(name: str, table: Mapping[str, Any], where: Where) -> Node:
     key = f"nodes.{name}"
+    table = _melting(table, where(key))
     table, heat = _property(table, "specific_heat", where(f"{key}.specific_heat"))
     table, enthalpy = _property(table, "enthalpy", where(f"{key}.enthalpy"))
     fields = _fields(table, NODE_FIELDS, where, key)
@@ -122,6 +125,28 @@ def _node(name: str, table: Mapping[str, Any], where: Where) -> Node:
     if set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
         raise DeckError("a node has mass and specific_heat, or capacitance, or nothing (a massless node).", where(f"nodes.{name}"))
     return Node(fields, table["reference_point"], table["test_only"])
+
+
+def _melting(table: Mapping[str, Any], where: str) -> Mapping[str, Any]:
+    """Return a node's table with an enthalpy in place of a specific heat and a latent heat."""
+    given = {k: table[k] for k in MELTING if table.get(k)}
+    if not given:
+        return table
+    if table.get("enthalpy") or not {"latent_heat", "melts_from"} <= set(given) or not isinstance(table.get("specific_heat"), str):
+        raise DeckError(
+            "a node that melts has mass, specific_heat, latent_heat and melts_from as plain quantities, and may have melts_to and"
+            " liquid_specific_heat; or it has a table of enthalpy.",
+            where,
+        )
+    heat = literal(table["specific_heat"], "J/(kg K)", f"{where}.specific_heat")
+    values = {k: literal(v, MELTING[k], f"{where}.{k}") for k, v in given.items()}
+    begins = values["melts_from"]
+    shape = melting(
+        heat, values.get("liquid_specific_heat", heat), values["latent_heat"], begins, values.get("melts_to", begins), where
+    )
+    points = [[f"{x!r} [K]", f"{y!r} [J/kg]"] for x, y in zip(shape.x.tolist(), shape.y.tolist(), strict=True)]
+    left = {k: v for k, v in table.items() if k not in MELTING and k != "specific_heat"}
+    return left | {"enthalpy": {"points": points}}
 
 
 def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:

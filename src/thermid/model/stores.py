@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError
-from thermid.model.curves import Curve, ends, hermite, slopes, value_and_slope
+from thermid.model.curves import Curve, curve, ends, hermite, slopes, value_and_slope
 
-__all__ = ["TABULATED", "Store", "potential", "refuse_falling", "store", "tabulated"]
+__all__ = ["TABULATED", "Store", "melting", "potential", "refuse_falling", "store", "tabulated"]
 
 Array = NDArray[np.float64]
 
@@ -94,6 +94,32 @@ def tabulated(name: str, given: Curve, where: str) -> Curve:
     if name != "enthalpy" and given.outside == "linear":
         refuse_falling(name, given, COLDEST, HOTTEST, where)
     return given
+
+
+def melting(heat: float, liquid: float, latent: float, begins: float, ends: float, where: str) -> Curve:
+    """Return the enthalpy over temperature of a material that melts: one straight line each for solid, melting and liquid.
+
+    Between `begins` and `ends` it takes up its latent heat beside the mean of both specific heats.
+
+    Parameters
+    ----------
+    heat, liquid : float    Specific heat of the solid and of the liquid. [J/(kg K)]
+    latent : float          Latent heat. [J/kg]
+    begins, ends : float    Temperatures at which melting begins and ends; equal ones melt at one temperature. [K]
+    where : str             The node, for messages.
+
+    Raises
+    ------
+    DeckError   When a heat is not above zero, or melting ends below where it begins.
+    """
+    if not (heat > 0.0 and liquid > 0.0 and latent > 0.0):
+        raise DeckError("specific heats and the latent heat of a node that melts must be above zero.", where)
+    low, high = 1.5 * COLDEST, HOTTEST - 1.0
+    if not low < begins <= ends < high:
+        raise DeckError(f"melting from {begins:.6g} to {ends:.6g} K cannot be; melts_to lies at or above melts_from.", where)
+    solid = heat * (begins - low)
+    molten = solid + latent + 0.5 * (heat + liquid) * (ends - begins)
+    return curve("temperature", [(low, 0.0), (begins, solid), (ends, molten), (high, molten + liquid * (high - ends))], where, steps=True)
 
 
 def refuse_falling(name: str, given: Curve, low: float, high: float, where: str) -> None:

@@ -60,7 +60,8 @@ def row_form(
     table = -1
     if curve is not None:
         table = len(tables)
-        tables += [curve_arrays(each, refuse) for each in (curve, *curve.film)]
+        behind = curve.film[:1] if form == "potential" else curve.film  # of a potential the table as written stands last
+        tables += [curve_arrays(each, refuse) for each in (curve, *behind)]
     if load:
         return LOADS[form], four, table
     if form == "table" and curve is not None:

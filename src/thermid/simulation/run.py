@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import value_of
 from thermid.network.network import Network
+from thermid.simulation.beyond import left_tables
 from thermid.simulation.engine import Answer, Engine
 from thermid.simulation.ranges import outside
 from thermid.simulation.solution import HeatBalance
@@ -65,28 +66,9 @@ class Run:
         return self.engine.powers(self.assembled, self._columns(temperatures), times, self.answer.states(times))
 
     def out_of_range(self) -> tuple[str, ...]:
-        """Return a sentence for each law of the user that was asked for values beyond its range at a stored time."""
-        out = []
-        at = self.traces.temperature
-        numbers = self.assembled.numbers
-        plain = {r.name for r in numbers.conductors if r.form == "table"} | {r.name for r in numbers.loads}
-        rows = [(r.name, r.curve, r.ends) for r in numbers.conductors] + [(r.name, r.curve, (r.sensor, r.sensor)) for r in numbers.loads]
-        rows += [
-            (c.path, c.curve.film[1], (e, e)) for c in self.network.flat.conductors if c.curve is not None and c.curve.film for e in c.ends
-        ]
-        rows += [(node, store.given, (node, node)) for node, store in self.network.stores.items()]
-        for name, curve, (a, b) in rows:
-            if curve is None or curve.film or (curve.d is None and name in plain):
-                continue
-            seen = at(a) - at(b) if curve.over == "difference" else 0.5 * (at(a) + at(b))
-            beyond = (seen < curve.x[0]) | (seen > curve.x[-1])
-            if beyond.any():
-                first, low, high = self.times[beyond.argmax()], float(seen.min()), float(seen.max())
-                out.append(
-                    f"'{name}' left the range of its law, {curve.x[0]:.6g} to {curve.x[-1]:.6g} K, at {first:.6g} s: it saw {low:.6g} to"
-                    f" {high:.6g} K; beyond its range a law stays constant"
-                )
-        return (*out, *outside(self))
+        """Return a sentence for each table that was asked for values outside its points at a stored time, and for each correlation."""
+        left = left_tables(self.network, self.assembled.numbers, self.traces.temperature, self.times)
+        return (*left, *outside(self))
 
     def _columns(self, temperatures: Array) -> Array:
         by_node = dict(zip(self.all_nodes(), temperatures.T, strict=True))
