@@ -34,15 +34,16 @@ struct Knee {
     // felt: by how much the step's end is off for each kelvin past the knee [K/K].
     void pass(const Sweep& s, double turn, double level, double felt) {
         const double before = s.t0 - level, end = turn < 1.0 ? s.at(turn) : s.t1;
-        if ((before > 0.0) == (s.t1 > level) && (before > 0.0) == (end > level)) return;
-        double low = 0.0, high = (before > 0.0) == (end > level) ? 1.0 : turn;
-        if (before == 0.0) return;
-        for (int k = 0; k < 40; ++k) {
+        const bool above = before >= 0.0;  // as a table has it: at a knot stands the piece after it
+        if (above == (s.t1 >= level) && above == (end >= level)) return;
+        double low = 0.0, high = above == (end >= level) ? 1.0 : turn;
+        for (int k = 0; k < 40 && before != 0.0; ++k) {
             const double x = 0.5 * (low + high);
             ((s.at(x) - level) * before > 0.0 ? low : high) = x;
         }
         const double whole = felt * std::max(std::fabs(s.t1 - s.t0), std::fabs(end - level));
-        const double here = whole * std::min(0.041, 0.25 * std::min(low, 1.0 - low));
+        // A step that falls from a knee begins with the slopes of the other side, and its dense output bends by them.
+        const double here = before == 0.0 ? 0.041 * whole : whole * std::min(0.041, 0.25 * std::min(low, 1.0 - low));
         if (here <= error) return;
         error = here;
         least = 0.041 * whole;

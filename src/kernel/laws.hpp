@@ -68,7 +68,7 @@ struct Table {
 
     void eval(double at, double& g, double& g1, double& g2) const {
         g1 = g2 = 0.0;
-        if (!(at > x.front())) { g = y.front(); return; }
+        if (!(at >= x.front())) { g = y.front(); return; }  // at a knot stands the piece after it
         if (at >= x.back()) { g = y.back(); return; }
         const LanePiece& p = pieces_[find(at)];
         const double t = at - p.x;

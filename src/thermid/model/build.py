@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import DeckError, nearest
-from thermid.model.curves import INTERPOLATIONS, OUTSIDE, Curve, curve
+from thermid.model.curves import INTERPOLATIONS, OUTSIDE, Curve, curve, limited
 from thermid.model.elements import LOAD_SLOTS, Conductor, HeatLoad, Joint, Node, Surface
 from thermid.model.enclosures import enclosure_from
 from thermid.model.facing import facing_from
 from thermid.model.kinds import KINDS
 from thermid.model.parameter import Parameter, parameter
 from thermid.model.signal import literal
-from thermid.model.stores import HOTTEST, TABULATED, melting, refuse_falling, tabulated
+from thermid.model.stores import TABULATED, melting, tabulated
 from thermid.physics.finishes import finish
 
 __all__ = ["elements_from", "finish_emissivity", "slope_unit"]
@@ -199,8 +199,7 @@ def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
         raise DeckError(
             f"the table gives {points.y[k]:g} W/K at {points.x[k]:.9g} K; with a negative conductance heat would flow uphill.", where(key)
         )
-    if points is not None and points.outside == "linear":
-        refuse_falling("the conductance", points, -HOTTEST if points.over == "difference" else 0.0, HOTTEST, where(key))
+    points = points and limited(points)
     if table["between"][0] == table["between"][1]:
         raise DeckError("both ends are the same node.", where(key))
     if table["takes"] and "area" not in given:
@@ -224,6 +223,7 @@ def _load(name: str, table: Mapping[str, Any], where: Where) -> HeatLoad:
     key = f"loads.{name}"
     fields = _fields(table, LOAD_FIELDS, where, key)
     shape = _points(table, "W", where(key))
+    shape = shape and limited(shape, positive=False)
     if ("power" in fields) == (shape is not None):
         raise DeckError("a load has power, or a table of power over temperature; one of them.", where(key))
     controls = [c for c in ("periodic", "sine", "thermostat", "proportional") if c in table]

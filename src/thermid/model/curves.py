@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
 
@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 
 from thermid.errors import DeckError
 
-__all__ = ["INTERPOLATIONS", "FAR", "OUTSIDE", "Curve", "curve", "ends", "evaluate", "hermite", "slopes", "value_and_slope", "whole"]
+__all__ = ["INTERPOLATIONS", "FAR", "OUTSIDE", "Curve", "curve", "ends", "evaluate", "hermite", "limited", "slopes", "value_and_slope", "whole"]
 
 INTERPOLATIONS: Final = ("linear", "smooth")
 """How a table runs between its points; the first is the default."""
 OUTSIDE: Final = ("hold", "linear", "refuse")
 """What a table is outside its points; the first is the default."""
+LEAST: Final = 0.01
+"""Part of its last value down to which a quantity above zero goes on as a straight line; beyond, the run is refused. [-]"""
 FAR: Final = 1e5
 """How far a table goes on as a straight line; no temperature of a run is that high. [K]"""
 
@@ -43,7 +45,7 @@ class Curve:
     source, basis : str     Of a table that an author gives: kind of source, and what it rests on.
     interpolation : str     'linear', straight lines, or 'smooth', a monotone cubic; a table with slopes is smooth.
     outside : str           Outside the points: 'hold' the last value, go on as a straight line ('linear'), or 'refuse' the run.
-    limits : (low, high)    Where a table that is refused outside ends; None where that is at its outer points. [K]
+    limits : (low, high)    Outside these a run is refused; see `limited`. [K]
     """
 
     over: str
@@ -137,14 +139,31 @@ def ends(given: Curve) -> tuple[float, float]:
     return float(d[0]), float(d[-1])
 
 
+def limited(given: Curve, positive: bool = True) -> Curve:
+    """Return a table with the limits outside which a run is refused: its outer points, or where a straight line that goes on nears zero.
+
+    A quantity that must be above zero (`positive`) goes on as far as the LEAST part of its last value.
+    """
+    low, high = -math.inf, math.inf
+    if given.outside == "refuse":
+        low, high = float(given.x[0]), float(given.x[-1])
+    elif given.outside == "linear" and positive:
+        first, last = ends(given)
+        low = float(given.x[0] - (1.0 - LEAST) * given.y[0] / first) if first > 0.0 else low
+        high = float(given.x[-1] - (1.0 - LEAST) * given.y[-1] / last) if last < 0.0 else high
+    return given if low == -math.inf and high == math.inf else replace(given, limits=(low, high))
+
+
 def whole(given: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]:
     """Return points, values and slopes (points,), with what lies outside where the table goes on; no slopes for straight lines."""
     x, y, d = given.x, given.y, None if given.straight else slopes(given)
     if given.outside != "linear":
         return x, y, d
-    low, high = ends(given)
-    x, y = np.r_[x[0] - FAR, x, x[-1] + FAR], np.r_[y[0] - FAR * low, y, y[-1] + FAR * high]
-    return x, y, None if d is None else np.r_[d[0], d, d[-1]]
+    first, last = ends(given)
+    low, high = given.limits or (-math.inf, math.inf)
+    low, high = max(low, x[0] - FAR), min(high, x[-1] + FAR)
+    y = np.r_[y[0] - (x[0] - low) * first, y, y[-1] + (high - x[-1]) * last]
+    return np.r_[low, x, high], y, None if d is None else np.r_[d[0], d, d[-1]]
 
 
 def hermite(

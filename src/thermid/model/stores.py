@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError
-from thermid.model.curves import Curve, curve, ends, hermite, slopes, value_and_slope
+from thermid.model.curves import Curve, curve, ends, hermite, limited, slopes, value_and_slope
 
-__all__ = ["TABULATED", "Store", "melting", "potential", "refuse_falling", "store", "tabulated"]
+__all__ = ["TABULATED", "Store", "melting", "potential", "store", "tabulated"]
 
 Array = NDArray[np.float64]
 
@@ -91,9 +91,7 @@ def tabulated(name: str, given: Curve, where: str) -> Curve:
     if name != "enthalpy" and (given.y <= 0.0).any():
         k = int(np.argmax(given.y <= 0.0))
         raise DeckError(f"{name} must be above zero; it is {given.y[k]:g} {TABULATED[name]} at {given.x[k]:.6g} K.", where)
-    if name != "enthalpy" and given.outside == "linear":
-        refuse_falling(name, given, COLDEST, HOTTEST, where)
-    return given
+    return limited(given, positive=name != "enthalpy")
 
 
 def melting(heat: float, liquid: float, latent: float, begins: float, ends: float, where: str) -> Curve:
@@ -122,31 +120,23 @@ def melting(heat: float, liquid: float, latent: float, begins: float, ends: floa
     return curve("temperature", [(low, 0.0), (begins, solid), (ends, molten), (high, molten + liquid * (high - ends))], where, steps=True)
 
 
-def refuse_falling(name: str, given: Curve, low: float, high: float, where: str) -> None:
-    """Refuse a quantity above zero whose table goes on as a straight line that reaches zero between `low` and `high`. [K]"""
-    for x, y, slope, far in zip(given.x[[0, -1]], given.y[[0, -1]], ends(given), (low, high), strict=True):
-        if y + slope * (far - x) <= 0.0:
-            raise DeckError(
-                f"outside its points {name} would go on as a straight line and reach zero at {x - y / slope:.6g} K."
-                ' Add a point, or choose outside = "hold" or "refuse".',
-                where,
+def _extended(x: Array, y: Array, d: Array, given: Curve) -> tuple[Array, Array, Array]:
+    """Return points, integral and integrand carried on to the coldest and hottest temperature: as a straight line to its limits, or held."""
+    if given.outside == "linear":
+        low, high = given.limits or (COLDEST, HOTTEST)
+        for k, far, slope in zip((0, -1), (max(low, COLDEST), min(high, HOTTEST)), ends(given), strict=True):
+            step = far - x[k]
+            last = d[k] + slope * step
+            x, y, d = (
+                np.r_[(new, old) if k == 0 else (old, new)]
+                for new, old in ((far, x), (y[k] + 0.5 * (d[k] + last) * step, y), (last, d))
             )
-
-
-def _extended(x: Array, y: Array, d: Array, slope: tuple[float, float]) -> tuple[Array, Array, Array]:
-    """Return points, values and slopes with the integral carried on to the coldest and hottest temperature.
-
-    `slope` is how the integrand goes on at either end, zero where it is held. [SI/K]
-    """
-    below, above = x[0] - COLDEST, HOTTEST - x[-1]
-    low = y[0] - below * (d[0] - 0.5 * slope[0] * below)
-    high = y[-1] + above * (d[-1] + 0.5 * slope[1] * above)
-    return np.r_[COLDEST, x, HOTTEST], np.r_[low, y, high], np.r_[d[0] - slope[0] * below, d, d[-1] + slope[1] * above]
-
-
-def _beyond(given: Curve) -> tuple[float, float]:
-    """Return the slopes at which a property goes on outside its points."""
-    return ends(given) if given.outside == "linear" else (0.0, 0.0)
+    below, above = x[0] > COLDEST, x[-1] < HOTTEST
+    if below:
+        x, y, d = np.r_[COLDEST, x], np.r_[y[0] - d[0] * (x[0] - COLDEST), y], np.r_[d[0], d]
+    if above:
+        x, y, d = np.r_[x, HOTTEST], np.r_[y, y[-1] + d[-1] * (HOTTEST - x[-1])], np.r_[d, d[-1]]
+    return x, y, d
 
 
 def _integral(given: Curve) -> tuple[Array, Array, Array]:
@@ -164,24 +154,21 @@ def _integral(given: Curve) -> tuple[Array, Array, Array]:
     return x, np.concatenate(([0.0], np.cumsum(area))), value
 
 
-def _refused(given: Curve) -> str:
-    """Return what a table made of another is outside: it reaches as far as temperatures do, unless the other is refused there."""
-    return "refuse" if given.outside == "refuse" else "hold"
-
-
 def _inverse(given: Curve, x: Array, y: Array, d: Array | None) -> Curve:
     """Return the temperatures x over the levels y, and behind them the identity and the table as written; d: slopes over the levels."""
     identity = Curve("temperature", np.array([0.5 * COLDEST, 2.0 * HOTTEST]), np.array([0.5 * COLDEST, 2.0 * HOTTEST]), np.ones(2))
-    first, last = int(np.searchsorted(x, given.x[0])), int(np.searchsorted(x, given.x[-1], side="right")) - 1
-    limits = (float(y[first]), float(y[last]))
-    return Curve("temperature", y, x, d, (identity, given), outside=_refused(given), limits=limits)
+    limits = None
+    if given.limits is not None:
+        low, high = max(given.limits[0], COLDEST), min(given.limits[1], HOTTEST)
+        limits = (float(y[np.searchsorted(x, low)]), float(y[np.searchsorted(x, high, side="right") - 1]))
+    return Curve("temperature", y, x, d, (identity, given), limits=limits)
 
 
 @lru_cache(maxsize=64)
 def potential(given: Curve) -> Curve:
     """Return the integral of a property over temperature, for both ends of a conductor; the property itself stands behind. [W/m]"""
-    x, y, d = _extended(*_integral(given), _beyond(given))
-    plain = Curve("temperature", x, y, d, outside=_refused(given), limits=(float(given.x[0]), float(given.x[-1])))
+    x, y, d = _extended(*_integral(given), given)
+    plain = Curve("temperature", x, y, d, limits=given.limits)
     return replace(plain, film=(plain, given))
 
 
@@ -190,7 +177,7 @@ def store(name: str, given: Curve) -> Store:
     """Return how a node with a table of specific heat or of enthalpy stores heat."""
     if name == "enthalpy" and given.straight:
         reference = ends(given)[0]
-        x, y, _ = _extended(given.x, given.y, np.array(ends(given)), (0.0, 0.0))
+        x, y, _ = _extended(given.x, given.y, np.array(ends(given)), replace(given, outside="hold"))
         y = COLDEST + (y - y[0]) / reference
         return Store(reference, given, Curve("temperature", x, y), _inverse(given, x, y, None))
     if name == "enthalpy":
@@ -201,7 +188,7 @@ def store(name: str, given: Curve) -> Store:
         reference = float(value_and_slope(given, np.clip([ROOM], x[0], x[-1]))[0][0])
     if not (d > 0.0).all():
         raise DeckError(f"the specific heat falls to zero at {x[np.argmin(d)]:.6g} K; a temperature has no enthalpy of its own there.")
-    x, y, d = _extended(x, y, d, _beyond(given) if name != "enthalpy" else (0.0, 0.0))
+    x, y, d = _extended(x, y, d, replace(given, outside="hold") if name == "enthalpy" else given)
     y, d = COLDEST + (y - y[0]) / reference, d / reference
     rise = Curve("temperature", x, y, d)
     x, y, d = _divided(x, y, d)

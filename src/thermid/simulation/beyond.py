@@ -34,7 +34,7 @@ def _ranged(network: Network, numbers: Numbers) -> list[tuple[str, Curve, tuple[
 
 def refuses(network: Network, numbers: Numbers) -> bool:
     """Return whether some table is refused outside its points."""
-    return any(curve.outside == "refuse" for _, curve, _ in _ranged(network, numbers))
+    return any(curve.limits is not None for _, curve, _ in _ranged(network, numbers))
 
 
 def _seen(curve: Curve, a: Array, b: Array) -> Array:
@@ -61,11 +61,12 @@ def refused_tables(network: Network, numbers: Numbers, temperatures: Mapping[str
     """Return which tables that are refused outside their points are left, or left next, at temperatures [K]; empty where none is."""
     out = []
     for name, curve, (a, b) in _ranged(network, numbers):
-        if curve.outside != "refuse":
+        if curve.limits is None:
             continue
+        low, high = curve.limits
         seen = float(_seen(curve, np.array(temperatures[a]), np.array(temperatures[b])))
-        if not curve.x[0] + near <= seen <= curve.x[-1] - near:
-            out.append(f"'{name}' leaves its table of {curve.x[0]:.6g} to {curve.x[-1]:.6g} K")
+        if not low + near <= seen <= high - near:
+            out.append(f"'{name}' leaves the range of its table, {low:.6g} to {high:.6g} K")
     if not out:
         return ""
-    return f"{' and '.join(dict.fromkeys(out))}, outside which it is refused. Add points, or choose outside = \"hold\" or \"linear\"."
+    return f"{' and '.join(dict.fromkeys(out))}, outside which it is refused. Add points, or choose outside = \"hold\"."

@@ -83,8 +83,9 @@ class Answer:
         return out
 
 
-UNSOLVED: Final = (_kernel.NEWTON_FAILED, _kernel.NON_FINITE, _kernel.STEP_UNDERFLOW)
+UNSOLVED: Final = (_kernel.NEWTON_FAILED, _kernel.NON_FINITE, _kernel.STEP_UNDERFLOW, _kernel.RUN_AWAY)
 """How a run ends that reaches where a table has no values."""
+MAY_HAVE_LEFT: Final = " A table that is refused outside its points may have been left; add points to it, or choose outside = \"hold\"."
 
 
 class Engine:
@@ -317,8 +318,9 @@ class Engine:
         if self.refuses and found.status in UNSOLVED:
             final = getattr(found, "final_temperatures", None)
             left = self.left(a, found.time, final, NEAR) if a is not None and final is not None else ""
-            left = left or 'a table with outside = "refuse" is left, or a law jumps. Add points to the table, or choose outside = "hold".'
-            return f"at {found.time:.6g} s of {end:.6g} s {left}"
+            if left:
+                return f"at {found.time:.6g} s of {end:.6g} s {left}"
+            return ending(found, (*self.nodes, *network.boundaries), options.max_steps, end, follows) + MAY_HAVE_LEFT
         return ending(found, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
 
     def left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:

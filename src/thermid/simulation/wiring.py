@@ -372,14 +372,17 @@ EDGE = 1e-9
 def curve_arrays(given: Curve, refuse: bool = False) -> tuple[Array, Array, Array]:
     """Return knots, values and slopes of a table for the kernel, no slopes for straight lines.
 
-    With `refuse` a table that is refused outside its points has no values there, so that a run that leaves it ends; else it is held.
+    With `refuse` a table has no values outside its limits, so that a run that leaves them ends; else it is held there.
     """
     x, y, d = whole(given)
-    if refuse and given.outside == "refuse":
-        low, high = given.limits or (x[0], x[-1])
-        inside = (x >= low) & (x <= high)
+    if refuse and given.limits is not None:
+        inside = (x >= given.limits[0]) & (x <= given.limits[1])
         x, y, d = x[inside], y[inside], None if d is None else d[inside]
-        far = np.array([FAR, EDGE])
-        x, y = np.r_[x[0] - far, x, x[-1] + far[::-1]], np.r_[np.nan, y[0], y, y[-1], np.nan]
-        d = None if d is None else np.r_[0.0, 0.0, d, 0.0, 0.0]
+        first, last = (0.0, 0.0) if d is None else (d[0], d[-1])
+        if np.isfinite(given.limits[0]):
+            x, y = np.r_[x[0] - (FAR, EDGE), x], np.r_[np.nan, y[0] - EDGE * first, y]
+            d = None if d is None else np.r_[0.0, first, d]
+        if np.isfinite(given.limits[1]):
+            x, y = np.r_[x, x[-1] + (EDGE, FAR)], np.r_[y, y[-1] + EDGE * last, np.nan]
+            d = None if d is None else np.r_[d, last, 0.0]
     return x, y, np.zeros(0) if d is None else d
