@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from thermid.errors import IdentificationError, RecordError, nearest
 from thermid.identify.experiment import Experiment, meet
-from thermid.identify.inherit import known_before
+from thermid.identify.known_before import known_before
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem
 from thermid.identify.sensor_parts import gain_of, instruments

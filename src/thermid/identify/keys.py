@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, is_dataclass
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from thermid.identify.cache import in_full
+import numpy as np
+
 from thermid.identify.request import Request
 from thermid.measure import Channel, Record
 from thermid.model.identity import definition_of
 
-if TYPE_CHECKING:
-    from thermid.identify.campaign_schema import StageTable
-
-__all__ = ["ingredients_of", "key_for", "key_of", "keyed"]
+__all__ = ["digest", "in_full", "ingredients_of", "key_for", "key_of"]
 
 
 def _channel_key(c: Channel) -> list[Any]:
@@ -64,25 +61,18 @@ def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
         "below": below,
         "version": version("thermid"),
     }
-    return {name: _digest(x) for name, x in content.items()}
+    return {name: digest(x) for name, x in content.items()}
 
 
 def key_of(request: Request, below: list[str]) -> str:
     """Return the hash of all ingredients of a stage's result."""
-    return _digest(ingredients_of(request, below))
+    return digest(ingredients_of(request, below))
 
 
 def key_for(request: Request) -> str:
     """Return the key of a request; of one made in Python, that of all it says, of values laid over its model, and of earlier fits."""
     below = sorted({s.origin.key for s in request.store.states.values()})
-    return request.key or _digest([key_of(request, below), request.model.identity()])
-
-
-def keyed(request: Request, stage: StageTable, keys: Mapping[str, str]) -> tuple[Request, dict[str, str]]:
-    """Return a stage's request with its key, and the ingredients of that; `keys` are those of the stages below."""
-    below = [keys[name] for i in stage.inherit.values() for name in i.stages]
-    made = ingredients_of(request, below)
-    return replace(request, key=_digest(made)), made
+    return request.key or digest([key_of(request, below), request.model.identity()])
 
 
 def _by_hand(request: Request) -> list[str]:
@@ -91,5 +81,15 @@ def _by_hand(request: Request) -> list[str]:
     return [repr(list(request.hand.states.values())), repr(request.hand.root.tolist())]
 
 
-def _digest(content: object) -> str:
+def in_full(value: Any) -> Any:
+    """Return what JSON cannot hold in a form that it can, every digit of every sample kept."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: getattr(value, f.name) for f in fields(value)}
+    return str(value)
+
+
+def digest(content: object) -> str:
+    """Return the hash of what JSON can hold, `in_full` helping."""
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, SolverError
-from thermid.identify.inherit import form, known_before
+from thermid.identify.known_before import form, known_before
 from thermid.identify.moves import MOVED, NOT_REJECTED, Group, Move, Moves
 from thermid.identify.opened import Opened, opened_at
 from thermid.identify.responses import covering

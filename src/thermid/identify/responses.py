@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.inherit import form, known_before
 from thermid.identify.keys import key_for
+from thermid.identify.known_before import form, known_before
 from thermid.identify.opened import opened_at, opened_jacobian
 from thermid.identify.request import Request
 from thermid.identify.residuals import Problem

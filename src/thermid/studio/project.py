@@ -15,11 +15,10 @@ from thermid.identify.calibrate import fit, fit_problem
 from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.gather import problem_for
-from thermid.identify.keys import keyed
 from thermid.identify.request import Request
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
-from thermid.identify.staging import request_of
+from thermid.identify.staging import keyed, request_of
 from thermid.identify.swap import plan_retune
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import Origin, State, Store

@@ -13,9 +13,8 @@ import pytest
 
 from studio.large import wide_campaign
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
-from thermid.identify.cache import in_full
 from thermid.identify.campaignfile import read_campaign
-from thermid.identify.keys import key_of
+from thermid.identify.keys import in_full, key_of
 from thermid.identify.stages import Campaign, run_stages
 from thermid.identify.staging import request_of
 from thermid.identify.values import load_values

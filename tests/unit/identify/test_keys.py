@@ -12,10 +12,10 @@ import pytest
 from thermid.identify import keys as room
 from thermid.identify.cache import changed_since, remember
 from thermid.identify.campaignfile import read_campaign
-from thermid.identify.keys import ingredients_of, key_for, keyed
+from thermid.identify.keys import ingredients_of, key_for
 from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.stages import run_stages
-from thermid.identify.staging import request_of
+from thermid.identify.staging import keyed, request_of
 from thermid.knowledge.store import Origin, State, Store
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario

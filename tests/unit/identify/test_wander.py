@@ -9,7 +9,7 @@ import pytest
 
 from thermid.identify.calibrate import calibrate, fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.inherit import known_before
+from thermid.identify.known_before import known_before
 from thermid.identify.request import Request
 from thermid.identify.solve import covariances, ended
 from thermid.identify.unknowns import Unknown
