@@ -57,7 +57,6 @@ if TYPE_CHECKING:
     from thermid.identify.validate import validate as validate
     from thermid.identify.valley import Valley as Valley
     from thermid.identify.valley import valley as valley
-    from thermid.identify.values import load_values as load_values
     from thermid.interop.equations import Equations as Equations
     from thermid.interop.equations import equations as equations
     from thermid.interop.initfcn import InitFcn as InitFcn
@@ -65,6 +64,7 @@ if TYPE_CHECKING:
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
     from thermid.knowledge.standing import Standing as Standing
+    from thermid.knowledge.values import load_values as load_values
     from thermid.measure import Channel as Channel
     from thermid.measure import Record as Record
     from thermid.measure import SensorCertificate as SensorCertificate
@@ -241,7 +241,7 @@ _PUBLIC = {
     "Action": "identify.actions",
     "Aim": "identify.actions",
     "Advice": "identify.ranking",
-    "load_values": "identify.values",
+    "load_values": "knowledge.values",
     "power_history": "identify.inverse",
     "PowerHistory": "identify.power_history",
     "PowerLaw": "identify.power_laws",

@@ -14,7 +14,8 @@ from .source import Module, room_of, within
 
 FOUNDATION = {"arguments", "errors", "files", "seals", "memo", "_units_table", "units", "expression", "dual"}
 
-# Package: the packages it may import; of a room with packages inside, each has its own line. `thermid/__init__.py` offers the public names of all of them and stands outside.
+# Package: the packages it may import; of a room with packages inside, each has its own line. `thermid/__init__.py` offers the public names
+# of all of them and stands outside.
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
     "arguments": {"errors"},

@@ -15,9 +15,9 @@ from thermid.identify.moves import Moves
 from thermid.identify.residuals import Block, Predictions, Problem
 from thermid.identify.sensors import instrument_shares, sensor_shares
 from thermid.identify.statistics import SensorStatistics, Sums, pooled
-from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import State, Store
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.knowledge.values_file import save_store
 from thermid.measure.amounts import digits, short
 from thermid.model.identity import cuts_of

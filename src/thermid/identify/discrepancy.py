@@ -25,8 +25,8 @@ from thermid.identify.joint_gas import separated
 from thermid.identify.residuals import Problem
 from thermid.identify.solve import covariances, ended
 from thermid.identify.unknowns import Target, Unknown
-from thermid.identify.values import FittedValues
 from thermid.identify.wander import binned
+from thermid.knowledge.values import FittedValues
 
 if TYPE_CHECKING:
     from thermid.identify.calibration import Calibration

@@ -24,10 +24,10 @@ from thermid.identify.residuals import Problem
 from thermid.identify.selection import is_glob, matching
 from thermid.identify.sharing import Level, Shared, shared_parameters
 from thermid.identify.unknowns import Prior, Target, Unknown
-from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import Store
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.model import Model
 
 if TYPE_CHECKING:

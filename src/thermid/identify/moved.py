@@ -18,15 +18,15 @@ from thermid.identify.responses import covering
 from thermid.identify.shifts import Shift, Test, Together, estimate, holm, normal_shifts, normal_together, shifts, together
 from thermid.identify.trace_noise import weighed
 from thermid.identify.unknowns import Unknown
-from thermid.identify.values import FittedValue
 from thermid.identify.wander import binned
 from thermid.knowledge.store import State
+from thermid.knowledge.values import FittedValue
 
 if TYPE_CHECKING:
     from thermid.identify.request import Request
     from thermid.identify.residuals import Problem
     from thermid.identify.solve import Fit
-    from thermid.identify.values import FittedValues
+    from thermid.knowledge.values import FittedValues
     from thermid.model.model import Model
 
 __all__ = ["moves_above", "moves_from"]

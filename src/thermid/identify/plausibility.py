@@ -13,7 +13,7 @@ from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.identify.calibration import Calibration
 from thermid.identify.driven import power_while_on
-from thermid.identify.values import FittedValue
+from thermid.knowledge.values import FittedValue
 from thermid.model.flat import FlatConductor
 from thermid.model.signal import literal
 from thermid.network.network import Network

@@ -18,7 +18,7 @@ from thermid.identify.placing import known_below, placed
 from thermid.identify.request import Request
 from thermid.identify.stages import Campaign
 from thermid.identify.staging import request_of
-from thermid.identify.values import view
+from thermid.knowledge.values import view
 from thermid.model.identity import definition_of, inside, instances
 from thermid.model.model import Model
 

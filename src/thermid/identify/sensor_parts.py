@@ -18,7 +18,7 @@ from thermid.model.names import Names
 
 if TYPE_CHECKING:
     from thermid.identify.experiment import Experiment
-    from thermid.identify.values import FittedValue
+    from thermid.knowledge.values import FittedValue
 
 __all__ = ["Seat", "as_found", "at_their_seats", "attached", "gain_of", "instruments", "lag_of", "sensor_model"]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from thermid.identify.contradicted import contradicted
 from thermid.identify.solve import Fit
 from thermid.identify.unknowns import Unknown
-from thermid.identify.values import FittedValues
 from thermid.knowledge.standing import CREDIBLE, Standing, worst
+from thermid.knowledge.values import FittedValues
 from thermid.measure.amounts import short
 from thermid.model.resolve import parameter_table
 from thermid.units import counted

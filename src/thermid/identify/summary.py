@@ -18,8 +18,8 @@ from thermid.identify.solve import Fit
 from thermid.identify.standings import at_bounds, own_standing, rests_on
 from thermid.identify.stored import stored
 from thermid.identify.unknowns import Unknown
-from thermid.identify.values import FittedValue, FittedValues, view
 from thermid.knowledge.standing import worst
+from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure.amounts import short
 
 if TYPE_CHECKING:

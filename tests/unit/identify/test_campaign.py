@@ -17,7 +17,7 @@ from thermid.identify.campaignfile import read_campaign
 from thermid.identify.keys import in_full, key_of
 from thermid.identify.stages import Campaign, run_stages
 from thermid.identify.staging import request_of
-from thermid.identify.values import load_values
+from thermid.knowledge.values import load_values
 from thermid.model.signal import Table
 from unit.identify.bench import HTC, MASS
 from unit.identify.project import CAMPAIGN, make_project

@@ -15,8 +15,8 @@ from thermid.identify.moved import moves_from
 from thermid.identify.moves import UNDECIDED, Move, Moves
 from thermid.identify.request import Request
 from thermid.identify.stages import run_stages
-from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.store import Store
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure import Record
 from thermid.model.model import Model
 from unit.identify.bench import HTC, MASS, box, log, pair

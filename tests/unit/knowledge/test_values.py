@@ -12,7 +12,7 @@ from thermid.errors import DeckError, NameNotFoundError
 from thermid.identify.calibrate import calibrate
 from thermid.identify.calibration import Calibration
 from thermid.identify.credibility import CredibilityRecord
-from thermid.identify.values import FittedValue, FittedValues, load_values
+from thermid.knowledge.values import FittedValue, FittedValues, load_values
 from thermid.model.modelfile import load_model, save_model
 from unit.identify.bench import HTC, MASS, box, log, metered, pair
 
