@@ -9,9 +9,9 @@ import pytest
 
 import thermid as td
 from recovery.cases import draw, stack_interfaces
-from thermid.identify.gather import problem_for
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import Request
 from thermid.identify.population import Population
-from thermid.identify.request import Request
 from thermid.identify.search import evolved
 
 pytestmark = pytest.mark.recovery

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from thermid.errors import ThermidError
+from thermid.fit.problem.sensor_parts import attached
 from thermid.identify.calibrate import calibrate
 from thermid.identify.calibration import Calibration
-from thermid.identify.sensor_parts import attached
 from thermid.identify.solve import covariances, ended
 from thermid.identify.validate import Criteria, validate
 from thermid.measure import Channel, Record

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, ScenarioError, SolverError
+from thermid.fit.problem.statistics import loss_of
+from thermid.fit.problem.ticks import OFFSET, clock_at
 from thermid.identify.solve import Fit, minimise
-from thermid.identify.statistics import loss_of
-from thermid.identify.ticks import OFFSET, clock_at
 
 if TYPE_CHECKING:
-    from thermid.identify.residuals import Problem
-    from thermid.identify.ticks import Ticks
+    from thermid.fit.problem.residuals import Problem
+    from thermid.fit.problem.ticks import Ticks
 
 __all__ = ["at_clocks", "in_turns", "with_clocks"]
 

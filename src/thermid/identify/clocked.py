@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import RecordError, SolverError
-from thermid.identify.blocks import Block, Compressed
-from thermid.identify.gather import problem_for
-from thermid.identify.request import LocalSpec, Request
-from thermid.identify.residuals import Problem
-from thermid.identify.ticks import SHIFT, as_triangle
-from thermid.identify.unknowns import Unknown
+from thermid.fit.problem.blocks import Block, Compressed
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import LocalSpec, Request
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.ticks import SHIFT, as_triangle
+from thermid.fit.problem.unknowns import Unknown
 from thermid.identify.wander import BINS, Binned
 from thermid.measure import Record
 from thermid.memo import Memo

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, RecordError, ScenarioError, SolverError
-from thermid.identify.blocks import Block
+from thermid.fit.problem.blocks import Block
 from thermid.identify.clocked import Clocked
 from thermid.identify.solve import Fit, covariances, minimise
 from thermid.identify.wander import wandering

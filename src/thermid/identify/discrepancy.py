@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.identify.coefficients import (
     Conditions,
     coefficient_path,
@@ -22,9 +24,7 @@ from thermid.identify.coefficients import (
     with_patterns,
 )
 from thermid.identify.joint_gas import separated
-from thermid.identify.residuals import Problem
 from thermid.identify.solve import covariances, ended
-from thermid.identify.unknowns import Target, Unknown
 from thermid.identify.wander import binned
 from thermid.knowledge.values import FittedValues
 

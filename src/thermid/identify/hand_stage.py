@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from thermid.fit.problem.request import Request
 from thermid.identify.calibration import Calibration
-from thermid.identify.request import Request
 from thermid.identify.standings import rests_on
 from thermid.identify.stored import in_place
 from thermid.knowledge.standing import UNJUDGED

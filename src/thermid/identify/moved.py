@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, SolverError
-from thermid.identify.known_before import form, known_before
+from thermid.fit.problem.known_before import form, known_before
+from thermid.fit.problem.unknowns import Unknown
 from thermid.identify.moves import MOVED, NOT_REJECTED, Group, Move, Moves
 from thermid.identify.opened import Opened, opened_at
 from thermid.identify.responses import covering
 from thermid.identify.shifts import Shift, Test, Together, estimate, holm, normal_shifts, normal_together, shifts, together
 from thermid.identify.trace_noise import weighed
-from thermid.identify.unknowns import Unknown
 from thermid.identify.wander import binned
 from thermid.knowledge.store import State
 from thermid.knowledge.values import FittedValue
 
 if TYPE_CHECKING:
-    from thermid.identify.request import Request
-    from thermid.identify.residuals import Problem
+    from thermid.fit.problem.request import Request
+    from thermid.fit.problem.residuals import Problem
     from thermid.identify.solve import Fit
     from thermid.knowledge.values import FittedValues
     from thermid.model.model import Model

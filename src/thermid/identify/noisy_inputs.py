@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.experiment import SCALE, Experiment
-from thermid.identify.residuals import Problem
-from thermid.identify.wired import Bench
+from thermid.fit.problem.experiment import SCALE, Experiment
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.wired import Bench
 from thermid.model.flat import FlatLoad
 from thermid.model.signal import Constant, Signal, Table
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.gather import problem_for, problem_of
-from thermid.identify.residuals import Problem
+from thermid.fit.problem.gather import problem_for, problem_of
+from thermid.fit.problem.residuals import Problem
 from thermid.identify.solve import ended
 
 if TYPE_CHECKING:
-    from thermid.identify.request import Request
+    from thermid.fit.problem.request import Request
     from thermid.model.resolve import ParameterSet
 
 __all__ = ["Opened", "opened_at", "opened_jacobian"]

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.residuals import Problem
-from thermid.identify.statistics import loss_of
-from thermid.identify.unknowns import Unknown
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.statistics import loss_of
+from thermid.fit.problem.unknowns import Unknown
 from thermid.simulation.members import run_members
 
 __all__ = ["Population", "box_of"]

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.keys import key_for
-from thermid.identify.known_before import form, known_before
+from thermid.fit.problem.keys import key_for
+from thermid.fit.problem.known_before import form, known_before
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import Unknown
 from thermid.identify.opened import opened_at, opened_jacobian
-from thermid.identify.request import Request
-from thermid.identify.residuals import Problem
 from thermid.identify.solve import Fit
-from thermid.identify.unknowns import Unknown
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
 from thermid.knowledge.values_file import rooted

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, SolverError
-from thermid.identify.residuals import FAILED, Compressed
-from thermid.identify.statistics import Sums
-from thermid.identify.unknowns import Unknown
+from thermid.fit.problem.residuals import FAILED, Compressed
+from thermid.fit.problem.statistics import Sums
+from thermid.fit.problem.unknowns import Unknown
 
 __all__ = ["Fit", "LeastSquares", "at_least_square", "covariances", "ended", "minimise"]
 

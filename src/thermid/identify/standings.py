@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.fit.problem.unknowns import Unknown
 from thermid.identify.contradicted import contradicted
 from thermid.identify.solve import Fit
-from thermid.identify.unknowns import Unknown
 from thermid.knowledge.standing import CREDIBLE, Standing, worst
 from thermid.knowledge.values import FittedValues
 from thermid.measure.amounts import short
@@ -18,8 +18,8 @@ from thermid.model.resolve import parameter_table
 from thermid.units import counted
 
 if TYPE_CHECKING:
-    from thermid.identify.request import Request
-    from thermid.identify.residuals import Problem
+    from thermid.fit.problem.request import Request
+    from thermid.fit.problem.residuals import Problem
     from thermid.identify.wander import Wander
 
 __all__ = ["at_bounds", "own_standing", "rests_on"]

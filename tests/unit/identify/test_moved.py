@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from thermid.fit.problem.request import Request
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
 from thermid.identify.moved import moves_from
 from thermid.identify.moves import UNDECIDED, Move, Moves
-from thermid.identify.request import Request
 from thermid.identify.stages import run_stages
 from thermid.knowledge.store import Store
 from thermid.knowledge.values import FittedValue, FittedValues

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.identify.blocks import Block, Compressed
-from thermid.identify.experiment import Experiment, Observation
-from thermid.identify.statistics import Sums
-from thermid.identify.ticks import OFFSET, RATE, clock_at, compressed_in_full, slopes_of_clock
-from thermid.identify.unknowns import Target, Unknown
-from thermid.identify.wired import Bench
+from thermid.fit.problem.blocks import Block, Compressed
+from thermid.fit.problem.experiment import Experiment, Observation
+from thermid.fit.problem.statistics import Sums
+from thermid.fit.problem.ticks import OFFSET, RATE, clock_at, compressed_in_full, slopes_of_clock
+from thermid.fit.problem.unknowns import Target, Unknown
+from thermid.fit.problem.wired import Bench
 from thermid.memo import Memo
 from thermid.simulation.engine import Options
 from thermid.simulation.squares import Weighing

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.identify.request import Request
+from thermid.fit.problem.request import Request
 from thermid.measure import Channel, Record
 from thermid.model.identity import definition_of
 

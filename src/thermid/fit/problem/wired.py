@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
-from thermid.identify.experiment import Experiment
+from thermid.fit.problem.experiment import Experiment
 from thermid.memo import Memo
 from thermid.simulation.engine import Engine, Options
 from thermid.simulation.squares import Squares, Weighing

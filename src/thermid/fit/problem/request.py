@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from thermid.errors import IdentificationError, ThermidError, nearest
-from thermid.identify.starts import first_reading
+from thermid.fit.problem.starts import first_reading
 from thermid.knowledge.store import Store
 from thermid.measure import Record
 from thermid.model.identity import local_identities

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.request import Request
-from thermid.identify.unknowns import Unknown
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.sources import Source
 from thermid.knowledge.store import State, Store
 

@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from thermid.errors import IdentificationError, RecordError, nearest
-from thermid.identify.experiment import Experiment, meet
-from thermid.identify.known_before import known_before
-from thermid.identify.request import Request
-from thermid.identify.residuals import Problem
-from thermid.identify.sensor_parts import gain_of, instruments
-from thermid.identify.starts import first_reading
-from thermid.identify.ticks import clock_unknowns
-from thermid.identify.unknowns import Prior, Target, Unknown, parameter_unknown
+from thermid.fit.problem.experiment import Experiment, meet
+from thermid.fit.problem.known_before import known_before
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.sensor_parts import gain_of, instruments
+from thermid.fit.problem.starts import first_reading
+from thermid.fit.problem.ticks import clock_unknowns
+from thermid.fit.problem.unknowns import Prior, Target, Unknown, parameter_unknown
 from thermid.knowledge.sources import read_spread
 from thermid.model.signal import Constant, Table
 from thermid.physics.finishes import finish

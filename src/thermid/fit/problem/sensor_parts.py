@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from thermid.errors import NameNotFoundError, RecordError
-from thermid.identify.unknowns import Prior, Target, Unknown
+from thermid.fit.problem.unknowns import Prior, Target, Unknown
 from thermid.measure import Channel, Record
 from thermid.measure.part import SensorPart
 from thermid.model.model import Model, Submodel
@@ -17,7 +17,7 @@ from thermid.model.modelfile import model_from_dict
 from thermid.model.names import Names
 
 if TYPE_CHECKING:
-    from thermid.identify.experiment import Experiment
+    from thermid.fit.problem.experiment import Experiment
     from thermid.knowledge.values import FittedValue
 
 __all__ = ["Seat", "as_found", "at_their_seats", "attached", "gain_of", "instruments", "lag_of", "sensor_model"]

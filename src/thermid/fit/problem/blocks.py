@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.statistics import Sums
+from thermid.fit.problem.statistics import Sums
 
 __all__ = ["Block", "Compressed"]
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import RecordError, nearest
-from thermid.identify.driven import Inputs, on_the_clock_of, signal_of
-from thermid.identify.sensor_parts import Seat, attached
-from thermid.identify.starts import first_reading, starts_of
-from thermid.identify.ticks import Ticks
+from thermid.fit.problem.driven import Inputs, on_the_clock_of, signal_of
+from thermid.fit.problem.sensor_parts import Seat, attached
+from thermid.fit.problem.starts import first_reading, starts_of
+from thermid.fit.problem.ticks import Ticks
 from thermid.measure import Channel, Record
 from thermid.measure.join import SecondClock
 from thermid.measure.part import SensorPart

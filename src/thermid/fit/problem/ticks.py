@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.statistics import Sums, loss_of
-from thermid.identify.unknowns import Target, Unknown
+from thermid.fit.problem.statistics import Sums, loss_of
+from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.measure.join import SecondClock
 from thermid.model.signal import Signal, Table
 
 if TYPE_CHECKING:
-    from thermid.identify.blocks import Block
-    from thermid.identify.experiment import Experiment
-    from thermid.identify.residuals import Problem
+    from thermid.fit.problem.blocks import Block
+    from thermid.fit.problem.experiment import Experiment
+    from thermid.fit.problem.residuals import Problem
 
 __all__ = ["OFFSET", "RATE", "Ticks", "as_triangle", "clock_at", "clock_unknowns", "compressed_in_full", "slopes_of_clock"]
 
