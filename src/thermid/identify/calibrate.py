@@ -11,6 +11,8 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
+from thermid.fit.least_squares.search import searched
+from thermid.fit.least_squares.solve import Fit, covariances, ended, minimise
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import Problem
@@ -23,8 +25,6 @@ from thermid.identify.hand_stage import tuned_by_hand
 from thermid.identify.mistakes import mistakes, strange_powers
 from thermid.identify.refusals import refuse_after, refuse_before
 from thermid.identify.responses import responses
-from thermid.identify.search import searched
-from thermid.identify.solve import Fit, covariances, ended, minimise
 from thermid.identify.summary import summarise
 from thermid.identify.wander import wander
 from thermid.measure import Record

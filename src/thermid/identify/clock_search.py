@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, ScenarioError, SolverError
+from thermid.fit.least_squares.solve import Fit, minimise
 from thermid.fit.problem.statistics import loss_of
 from thermid.fit.problem.ticks import OFFSET, clock_at
-from thermid.identify.solve import Fit, minimise
 
 if TYPE_CHECKING:
     from thermid.fit.problem.residuals import Problem

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, RecordError, ScenarioError, SolverError
+from thermid.fit.least_squares.solve import Fit, covariances, minimise
 from thermid.fit.problem.blocks import Block
 from thermid.identify.clocked import Clocked
-from thermid.identify.solve import Fit, covariances, minimise
 from thermid.identify.wander import wandering
 from thermid.measure import Record
 from thermid.model.model import Model

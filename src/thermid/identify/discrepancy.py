@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
+from thermid.fit.least_squares.solve import covariances, ended
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.identify.coefficients import (
@@ -24,7 +25,6 @@ from thermid.identify.coefficients import (
     with_patterns,
 )
 from thermid.identify.joint_gas import separated
-from thermid.identify.solve import covariances, ended
 from thermid.identify.wander import binned
 from thermid.knowledge.values import FittedValues
 

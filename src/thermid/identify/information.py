@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
+from thermid.fit.least_squares.solve import at_least_square
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
-from thermid.identify.solve import at_least_square
 from thermid.simulation.engine import Options
 
 __all__ = ["EXACT", "RANK_TOLERANCE", "Information", "elsewhere", "inverse", "null_space"]

@@ -23,9 +23,9 @@ from thermid.knowledge.store import State
 from thermid.knowledge.values import FittedValue
 
 if TYPE_CHECKING:
+    from thermid.fit.least_squares.solve import Fit
     from thermid.fit.problem.request import Request
     from thermid.fit.problem.residuals import Problem
-    from thermid.identify.solve import Fit
     from thermid.knowledge.values import FittedValues
     from thermid.model.model import Model
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.fit.least_squares.solve import ended
 from thermid.fit.problem.gather import problem_for, problem_of
 from thermid.fit.problem.residuals import Problem
-from thermid.identify.solve import ended
 
 if TYPE_CHECKING:
     from thermid.fit.problem.request import Request

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError
+from thermid.fit.least_squares.solve import Fit
 from thermid.fit.problem.residuals import Problem
 from thermid.identify.grouping import Group, listed, percent, together
 from thermid.identify.groups import SHARE, structural_groups
 from thermid.identify.information import Information, elsewhere, null_space
-from thermid.identify.solve import Fit
 from thermid.measure.amounts import short
 from thermid.units import unit
 

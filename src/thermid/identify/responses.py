@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.fit.least_squares.solve import Fit
 from thermid.fit.problem.keys import key_for
 from thermid.fit.problem.known_before import form, known_before
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.identify.opened import opened_at, opened_jacobian
-from thermid.identify.solve import Fit
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
 from thermid.knowledge.values_file import rooted

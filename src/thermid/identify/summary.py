@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.fit.least_squares.solve import Fit
 from thermid.fit.problem.residuals import Predictions, Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.identify.calibration import Calibration, Local
 from thermid.identify.contradicted import FAR, loudly
 from thermid.identify.moved import moves_above
 from thermid.identify.responses import Responses
-from thermid.identify.solve import Fit
 from thermid.identify.standings import at_bounds, own_standing, rests_on
 from thermid.identify.stored import stored
 from thermid.knowledge.standing import worst

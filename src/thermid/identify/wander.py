@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.fit.least_squares.solve import Fit, covariances
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.statistics import loss_of
 from thermid.identify.noisy_inputs import excess_of_inputs
-from thermid.identify.solve import Fit, covariances
 
 __all__ = ["BINS", "Binned", "Trace", "Wander", "binned", "correlation", "wander", "wandering"]
 

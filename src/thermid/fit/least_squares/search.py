@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, SolverError, nearest
+from thermid.fit.least_squares.extras import package
+from thermid.fit.least_squares.population import Population
+from thermid.fit.least_squares.solve import Fit, minimise
 from thermid.fit.problem.residuals import Problem
-from thermid.identify.extras import package
-from thermid.identify.population import Population
-from thermid.identify.solve import Fit, minimise
 
 __all__ = ["SEARCHES", "Evolved", "evolved", "searched"]
 
