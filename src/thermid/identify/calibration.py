@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from thermid.fit.problem.residuals import Block, Predictions, Problem
 from thermid.fit.problem.statistics import SensorStatistics, Sums, pooled
+from thermid.fit.uncertainty.moves import Moves
 from thermid.identify.contradicted import BLAME, LOUD, contradicted
-from thermid.identify.moves import Moves
 from thermid.identify.sensors import instrument_shares, sensor_shares
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import State, Store
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from thermid.fit.problem.experiment import Experiment
     from thermid.fit.problem.request import Request
     from thermid.fit.problem.residuals import Problem
-    from thermid.identify.wander import Wander
+    from thermid.fit.uncertainty.wander import Wander
 
 __all__ = ["Calibration", "Local"]
 

@@ -16,7 +16,7 @@ from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.ticks import SHIFT, as_triangle
 from thermid.fit.problem.unknowns import Unknown
-from thermid.identify.wander import BINS, Binned
+from thermid.fit.uncertainty.wander import BINS, Binned
 from thermid.measure import Record
 from thermid.memo import Memo
 from thermid.model.model import Model

@@ -18,11 +18,11 @@ from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.selection import is_glob, matching
 from thermid.fit.problem.unknowns import Prior, Target, Unknown
+from thermid.fit.uncertainty.moved import moves_from, part_of
+from thermid.fit.uncertainty.moves import Moves
 from thermid.identify.cache import recall, remember
 from thermid.identify.calibrate import fit_problem
 from thermid.identify.calibration import Calibration
-from thermid.identify.moved import moves_from, part_of
-from thermid.identify.moves import Moves
 from thermid.identify.sharing import Level, Shared, shared_parameters
 from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import LeftOut

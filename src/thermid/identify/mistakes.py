@@ -8,7 +8,7 @@ from itertools import combinations, islice
 from typing import TYPE_CHECKING
 
 from thermid.errors import ThermidError
-from thermid.identify.grouping import listed
+from thermid.fit.uncertainty.grouping import listed
 from thermid.knowledge.store import Store
 from thermid.measure import Channel, Record
 from thermid.measure.amounts import short

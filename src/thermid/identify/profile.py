@@ -12,8 +12,8 @@ from thermid.errors import IdentificationError, NameNotFoundError, SolverError, 
 from thermid.fit.least_squares.solve import minimise
 from thermid.fit.problem.residuals import Compressed, Problem
 from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.uncertainty.information import inverse
 from thermid.identify.calibration import Calibration
-from thermid.identify.information import inverse
 from thermid.units import unit
 
 __all__ = ["Held", "Profile", "asked", "profile", "spread_of"]

@@ -20,7 +20,7 @@ from thermid.units import counted
 if TYPE_CHECKING:
     from thermid.fit.problem.request import Request
     from thermid.fit.problem.residuals import Problem
-    from thermid.identify.wander import Wander
+    from thermid.fit.uncertainty.wander import Wander
 
 __all__ = ["at_bounds", "own_standing", "rests_on"]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.fit.problem.keys import key_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
-from thermid.identify.responses import Responses
+from thermid.fit.uncertainty.responses import Responses
 from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.resolve import deck_text, parameter_table

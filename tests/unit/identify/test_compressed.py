@@ -11,8 +11,8 @@ from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import Predictions, Problem
 from thermid.fit.problem.statistics import Sums, pooled
+from thermid.fit.uncertainty.information import EXACT
 from thermid.identify.calibrate import calibrate
-from thermid.identify.information import EXACT
 from thermid.measure import Record
 from thermid.model.modelfile import model_from_dict
 from thermid.simulation.scenario import Scenario

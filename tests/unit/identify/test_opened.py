@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from thermid.fit.problem.request import Request
+from thermid.fit.uncertainty.opened import opened_at, opened_jacobian
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.opened import opened_at, opened_jacobian
 from unit.identify.bench import HTC, MASS, box, log, pair
 
 

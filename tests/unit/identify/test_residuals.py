@@ -12,7 +12,7 @@ from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import FAILED, Problem
 from thermid.fit.problem.statistics import loss_of
 from thermid.fit.problem.unknowns import Unknown
-from thermid.identify.information import Information
+from thermid.fit.uncertainty.information import Information
 from thermid.measure import Channel
 from thermid.model.modelfile import model_from_dict
 from thermid.simulation.engine import Options

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from thermid.identify.shifts import ALPHA
+from thermid.fit.uncertainty.shifts import ALPHA
 from thermid.measure.amounts import digits, short
 from thermid.units import counted, unit
 

@@ -14,7 +14,7 @@ from thermid.fit.problem.known_before import form, known_before
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
-from thermid.identify.opened import opened_at, opened_jacobian
+from thermid.fit.uncertainty.opened import opened_at, opened_jacobian
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
 from thermid.knowledge.values_file import rooted

@@ -16,7 +16,7 @@ from thermid.model.flat import FlatLoad
 from thermid.model.signal import Constant, Signal, Table
 
 if TYPE_CHECKING:
-    from thermid.identify.wander import Binned
+    from thermid.fit.uncertainty.wander import Binned
 
 __all__ = ["excess_of_inputs"]
 

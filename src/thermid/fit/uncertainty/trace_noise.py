@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.wander import FEWEST, Binned, correlation
+from thermid.fit.uncertainty.wander import FEWEST, Binned, correlation
 
 __all__ = ["Weighed", "correlation_of_means", "weighed"]
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from thermid.errors import ScenarioError, SolverError
 from thermid.fit.problem.known_before import form, known_before
 from thermid.fit.problem.unknowns import Unknown
-from thermid.identify.moves import MOVED, NOT_REJECTED, Group, Move, Moves
-from thermid.identify.opened import Opened, opened_at
-from thermid.identify.responses import covering
-from thermid.identify.shifts import Shift, Test, Together, estimate, holm, normal_shifts, normal_together, shifts, together
-from thermid.identify.trace_noise import weighed
-from thermid.identify.wander import binned
+from thermid.fit.uncertainty.moves import MOVED, NOT_REJECTED, Group, Move, Moves
+from thermid.fit.uncertainty.opened import Opened, opened_at
+from thermid.fit.uncertainty.responses import covering
+from thermid.fit.uncertainty.shifts import Shift, Test, Together, estimate, holm, normal_shifts, normal_together, shifts, together
+from thermid.fit.uncertainty.trace_noise import weighed
+from thermid.fit.uncertainty.wander import binned
 from thermid.knowledge.store import State
 from thermid.knowledge.values import FittedValue
 

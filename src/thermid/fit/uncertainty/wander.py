@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.fit.least_squares.solve import Fit, covariances
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.statistics import loss_of
-from thermid.identify.noisy_inputs import excess_of_inputs
+from thermid.fit.uncertainty.noisy_inputs import excess_of_inputs
 
 __all__ = ["BINS", "Binned", "Trace", "Wander", "binned", "correlation", "wander", "wandering"]
 

@@ -9,8 +9,8 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.grouping import SAME, Combination, Group
-from thermid.identify.information import Information, null_space
+from thermid.fit.uncertainty.grouping import SAME, Combination, Group
+from thermid.fit.uncertainty.information import Information, null_space
 from thermid.units import NAMES, unit
 
 __all__ = ["SHARE", "practical_groups", "structural_groups"]
