@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
+    from thermid.fit.clocks.alignment import Alignment as Alignment
+    from thermid.fit.clocks.alignment import align as align
     from thermid.identify.actions import Action as Action
     from thermid.identify.actions import Aim as Aim
     from thermid.identify.balance import EnergyBalance as EnergyBalance
     from thermid.identify.balance import energy_balance as energy_balance
     from thermid.identify.calibrate import calibrate as calibrate
     from thermid.identify.calibration import Calibration as Calibration
-    from thermid.identify.clocks import Alignment as Alignment
-    from thermid.identify.clocks import align as align
     from thermid.identify.compare import compare as compare
     from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
     from thermid.identify.credibility import credibility as credibility
@@ -219,8 +219,8 @@ _PUBLIC = {
     "Record": "measure",
     "read_record": "measure",
     "compare": "identify.compare",
-    "align": "identify.clocks",
-    "Alignment": "identify.clocks",
+    "align": "fit.clocks.alignment",
+    "Alignment": "fit.clocks.alignment",
     "calibrate": "identify.calibrate",
     "Calibration": "identify.calibration",
     "split": "identify.split",

@@ -11,6 +11,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
+from thermid.fit.clocks.search import at_clocks, in_turns, with_clocks
 from thermid.fit.least_squares.search import searched
 from thermid.fit.least_squares.solve import Fit, covariances, ended, minimise
 from thermid.fit.problem.gather import problem_for
@@ -21,7 +22,6 @@ from thermid.fit.problem.statistics import pooled
 from thermid.fit.uncertainty.responses import responses
 from thermid.fit.uncertainty.wander import wander
 from thermid.identify.calibration import Calibration
-from thermid.identify.clock_search import at_clocks, in_turns, with_clocks
 from thermid.identify.discrepancy import with_discrepancy
 from thermid.identify.hand_stage import tuned_by_hand
 from thermid.identify.mistakes import mistakes, strange_powers

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, RecordError, ScenarioError, SolverError
+from thermid.fit.clocks.clocked import Clocked
 from thermid.fit.least_squares.solve import Fit, covariances, minimise
 from thermid.fit.problem.blocks import Block
 from thermid.fit.uncertainty.wander import wandering
-from thermid.identify.clocked import Clocked
 from thermid.measure import Record
 from thermid.model.model import Model
 from thermid.simulation.scenario import Scenario
