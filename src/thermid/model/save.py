@@ -64,7 +64,7 @@ def _collect(model: Model, path: Path, files: dict[Path, Model]) -> None:
 def _text(model: Model, like: Path | None) -> str:
     """Return the TOML of one deck; layers laid over it become its [set] or its values."""
     data = to_dict(model)
-    data["submodels"] = {n: {"use": _file_name(s.model.title), "bind": dict(s.bind)} for n, s in model.submodels.items()}
+    data["submodels"] = {n: {"use": _file_name(s.model.title), "bind": s.bound()} for n, s in model.submodels.items()}
     data.pop("layers", None)
     for layer in model.layers:
         for name, given in layer.values.items():
