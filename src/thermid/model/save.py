@@ -123,6 +123,8 @@ def _update(target: Container | Table | InlineTable | tomlkit.TOMLDocument, data
     """Change what differs, add what is new, drop what is gone; comments stay."""
     if "points" in target and "over" not in target:
         data = {k: v for k, v in data.items() if (k, v) != ("over", "temperature")}
+    if "radiates_to" in target:  # the older name of `sees` stays where a deck has it
+        data = {"radiates_to" if k == "sees" else k: v for k, v in data.items()}
     for key in [k for k in target if k not in data]:
         target.remove(key)
     for key, value in data.items():

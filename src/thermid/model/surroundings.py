@@ -55,11 +55,11 @@ def into_gas(flat: Flat, values: Mapping[str, Any]) -> dict[str, list[str]]:
 
 def radiates_into(gas: str, radiating: list[str]) -> str:
     """Return what is said of what radiates into a gas."""
-    several = len(radiating) > 1
+    radiates, sees = ("radiate", "they see") if len(radiating) > 1 else ("radiates", "it sees")
     return (
-        f"{quoted(radiating)} {'radiate' if several else 'radiates'} to '{gas}', which is gas, and gas takes no radiation from a wall. Name the "
-        f"wall that {'they see' if several else 'it sees'}: sees = ...; make an enclosure; bind a part's need apart, "
-        f'bind = {{ need = {{ to = "{gas}", sees = "..." }} }}; or, where \'{gas}\' is one node for the air and the walls around it, say so: '
+        f"{quoted(radiating)} {radiates} to '{gas}', which is gas, and gas takes no radiation from a wall. Name the wall that {sees}, "
+        "sees = ...; make an enclosure; bind a part's need apart, "
+        f'bind = {{ need = {{ to = "{gas}", sees = "..." }} }}; or, where \'{gas}\' is one node for the air and the walls around it, '
         'stands_for = "air and walls" (a solid: stands_for = "walls").'
     )
 

@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
 THIN = 0.01 * ATMOSPHERE
-"""Pressure at which natural convection is a tenth of that on the ground, (p/p0)^(1/2); below it radiation decides. [Pa]"""
+"""Pressure at which natural convection is a tenth of that on the ground, (p/p0)^(1/2): radiation is most of what a surface gives. [Pa]"""
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
 
@@ -150,14 +150,14 @@ class Media:
 
         Raises
         ------
-        ScenarioError   When a surface or lead has a convection alone and its gas falls below `THIN`, or radiation alone in a gas.
+        ScenarioError   When a surface or lead has a convection alone and its gas is gone at any time, or radiation alone in a gas.
         """
 
         def place(path: str) -> str:
             face = flat.faces.get(path)
             return face.where if face else next(c.where for c in flat.conductors if c.path.startswith(path))
 
-        thin = [] if self.as_printed else [(path, gas) for path, gas in bare(flat).items() if self._lowest(gas) < THIN]
+        thin = [] if self.as_printed else [(path, gas) for path, gas in bare(flat).items() if self._lowest(gas) <= VACUUM_LIMIT]
         if thin:
             which, several = quoted([path for path, _ in thin]), len(thin) > 1
             raise ScenarioError(
