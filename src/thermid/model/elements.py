@@ -43,12 +43,14 @@ class Node:
     reference_point : bool  Whether limits apply here.
     test_only : bool        Whether it exists on the bench only (a sensor, a lead).
     table : tuple           ('specific_heat' or 'enthalpy', Curve) over temperature beside a mass; None without.
+    stands_for : str        air, walls, or air and walls; what its surroundings show where empty, see `surroundings.gas_nodes`.
     """
 
     fields: Fields = field(default_factory=dict)
     reference_point: bool = False
     test_only: bool = False
     table: tuple[str, Curve] | None = None
+    stands_for: str = ""
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class Surface:
     of : str            The node it belongs to.
     to : str            The gas node or surroundings.
     fields : dict       area [m^2]; htc (or htc.coefficient and htc.exponent) or effective_htc; emissivity and absorptance [-].
-    radiates_to : str   Where it radiates to; `to` when empty.
+    sees : str          What it radiates to; `to` when empty.
     finish : str        Finish that the emissivity comes from; empty where it is given itself.
     words : dict        Correlation and orientation, where the coefficient comes from one.
     facing : Facing     Where it looks, for sun and sky; None where nobody said.
@@ -93,7 +95,7 @@ class Surface:
     of: str
     to: str
     fields: Fields
-    radiates_to: str = ""
+    sees: str = ""
     test_only: bool = False
     finish: str = ""
     words: Mapping[str, str] = field(default_factory=dict)

@@ -50,7 +50,8 @@ class Law:
     coefficients : tuple of Number  What the form needs, the conductance-like one first.
     medium : str                    'solid', 'radiation' or 'gas' (falls with pressure) or 'mixed' (an effective value, gas and radiation);
                                     'rest' (gas in a gap) and 'correlation' are written out where the gas is known; 'fin' has conductances
-                                    in air, bare, and with radiation alone where that is known.
+                                    in air, bare, and with radiation alone where that is known; 'left' is the radiation that an effective
+                                    coefficient holds and that is on its own only where its gas is gone.
     points : tuple                  Of a table that follows values: temperature [K] and conductance [W/K] of each point, joined by straight
                                     lines, constant beyond both ends. A table that an author gives stands in the deck.
     over : str                      What such a table is over: 'temperature', the mean of both ends, or 'difference'.

@@ -33,11 +33,17 @@ class Submodel:
     model : Model       The part.
     bind : dict         Need of the part -> path of a node of the user.
     definition : str    Hash of its deck as it was read, see `definition_of`; instances of one definition share their values.
+    sees : dict         Need -> path of the node that the part's surfaces see there, where that is not the one it is bound to.
     """
 
     model: Model
     bind: Mapping[str, str] = field(default_factory=dict)
     definition: str = ""
+    sees: Mapping[str, str] = field(default_factory=dict)
+
+    def bound(self) -> dict[str, str | dict[str, str]]:
+        """Return the bindings as a deck writes them."""
+        return {need: {"to": to, "sees": self.sees[need]} if need in self.sees else to for need, to in self.bind.items()}
 
 
 @dataclass(frozen=True)

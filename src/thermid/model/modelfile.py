@@ -178,7 +178,9 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
             raise DeckError("a file can be used from a deck only; give a Model here.", where(f"submodels.{name}.use"))
         else:
             part, definition = use(table["use"], where(f"submodels.{name}.use"))
-        submodels[name] = Submodel(part, table["bind"], definition)
+        bind = {need: given if isinstance(given, str) else given["to"] for need, given in table["bind"].items()}
+        apart = {need: given["sees"] for need, given in table["bind"].items() if not isinstance(given, str)}
+        submodels[name] = Submodel(part, bind, definition, apart)
     elements: dict[str, Any] = elements_from(deck, where)
     model = Model(
         title=deck["title"],
@@ -277,7 +279,7 @@ def to_dict(model: Model, bare: bool = False) -> dict[str, Any]:
             out[key] = value
     out["parameters"] = {n: value_to(p) for n, p in model.parameters.items()}
     out |= elements_to(model)
-    out["submodels"] = {n: {"use": to_dict(s.model, bare), "bind": dict(s.bind)} for n, s in model.submodels.items()}
+    out["submodels"] = {n: {"use": to_dict(s.model, bare), "bind": s.bound()} for n, s in model.submodels.items()}
     out["set"] = {n: value_to(p) for n, p in model.settings.items()}
     if not bare:
         out["layers"] = [_layer_to(layer) for layer in model.layers]

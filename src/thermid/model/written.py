@@ -94,7 +94,11 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
     """Return the element tables of a deck."""
     flag: Callable[[Any], dict[str, bool]] = lambda e: {"test_only": True} if e.test_only else {}  # noqa: E731
     nodes = {
-        n: _grouped(e.fields) | _heat_to(e) | ({"reference_point": True} if e.reference_point else {}) | flag(e)
+        n: _grouped(e.fields)
+        | _heat_to(e)
+        | ({"stands_for": e.stands_for} if e.stands_for else {})
+        | ({"reference_point": True} if e.reference_point else {})
+        | flag(e)
         for n, e in model.nodes.items()
     }
     surfaces = {
@@ -105,7 +109,7 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
         )
         | ({"finish": e.finish} if e.finish else {})
         | ({"facing": facing_to(e.facing)} if e.facing else {})
-        | ({"radiates_to": e.radiates_to} if e.radiates_to else {})
+        | ({"sees": e.sees} if e.sees else {})
         | flag(e)
         for n, e in model.surfaces.items()
     }

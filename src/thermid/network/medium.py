@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Number
-from thermid.errors import ScenarioError
+from thermid.errors import ScenarioError, quoted
 from thermid.memo import Memo
-from thermid.model.flat import FlatConductor
+from thermid.model.flat import Flat, FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Signal, Table
+from thermid.model.surroundings import bare, still
 from thermid.network.environment import GROUND, Environment, extremes
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.pressure import levels_of, sampled, shares, stream, vented
@@ -32,6 +33,8 @@ Array = NDArray[np.float64]
 
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
+THIN = 0.01 * ATMOSPHERE
+"""Pressure at which natural convection is a tenth of that on the ground, (p/p0)^(1/2): radiation is most of what a surface gives. [Pa]"""
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
 
@@ -150,6 +153,42 @@ class Media:
         """Return whether there is no gas at a gas node at any time."""
         return self._state(gas) == "vacuum"
 
+    def refuse(self, flat: Flat) -> None:
+        """Refuse surfaces that say nothing of what is left to them in the gas of a run, or without.
+
+        Raises
+        ------
+        ScenarioError   When a surface or lead has a convection alone and its gas is gone at any time, or radiation alone in a gas.
+        """
+
+        def place(path: str) -> str:
+            face = flat.faces.get(path)
+            return face.where if face else next(c.where for c in flat.conductors if c.path.startswith(path))
+
+        thin = [] if self.as_printed else [(path, gas) for path, gas in bare(flat).items() if self._lowest(gas) <= VACUUM_LIMIT]
+        if thin:
+            which, several = quoted([path for path, _ in thin]), len(thin) > 1
+            raise ScenarioError(
+                f"{which} {'have' if several else 'has'} htc and no emissivity: without gas in {quoted(_each(thin))} nothing would leave "
+                f"{'them' if several else 'it'}. Give an emissivity or a finish; emissivity = 0 where nothing radiates on purpose.",
+                place(thin[0][0]),
+            )
+        filled = [(path, gas) for path, gas in still(flat).items() if not self.empty(gas)]
+        if filled:
+            which, several = quoted([path for path, _ in filled]), len(filled) > 1
+            raise ScenarioError(
+                f"{which} {'have' if several else 'has'} an emissivity and no htc: in the gas of {quoted(_each(filled))} "
+                f"{'they' if several else 'it'} would have no convection. Give htc, as a value or from a correlation, "
+                "htc = { length = ... }; htc = 0 where nothing convects on purpose. "
+                "Where no gas is, say so: environment, pressure = '0 [Pa]' (--vacuum).",
+                place(filled[0][0]),
+            )
+
+    def _lowest(self, gas: str) -> float:
+        """Return the lowest pressure that a gas node has. [Pa]"""
+        key = self._key(gas)
+        return float(extremes(self._pressure(key, self._environment(key))).min())
+
     def changed(self, gas: str) -> bool:
         """Return whether a gas is at any time another than air on the ground."""
         return self._state(gas) != "air" or self._environment(gas).gas != "air"
@@ -195,6 +234,8 @@ class Media:
         if law.medium in ("solid", "radiation"):
             return (row(law.form, law.coefficients),)
         state = self._state(c.gas)
+        if law.medium == "left":
+            return self._left(c, law, state)
         if law.medium == "fin":
             return self._fin(c, law, state)
         if law.medium in ("rest", "correlation"):
@@ -210,7 +251,7 @@ class Media:
         if self.as_printed and state == "jumping":
             return (row(law.form, law.coefficients, f"gas {self._key(c.gas)}"),)
         if state == "vacuum":
-            return (row("radiation", self._kept(c, fields, emissivity)),)
+            return gone if c.sees else (row("radiation", self._kept(c, fields, emissivity)),)
         return self._changed(c, law, fields, emissivity, state)
 
     def _changed(
@@ -223,7 +264,7 @@ class Media:
                 f"the coefficient of '{c.path}' was found in air and does not hold in {own.gas}; give a correlation, or a gap.", c.where
             )
         radiation: tuple[ConductorRow, ...] = ()
-        kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not self.as_printed else ()
+        kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not (self.as_printed or c.sees) else ()
         if state == "jumping":
             key = self._key(c.gas)
             present = ConductorRow(c.path, law.form, c.ends, law.coefficients, c.curve, f"gas {key}")
@@ -233,6 +274,14 @@ class Media:
             share = 1.0 if at.key else 1.0 - at.natural
             radiation = (ConductorRow(c.path, "radiation", c.ends, (share * kept[0],), None, at.named("rest")),)
         return *thinned(c, law, fields["area"], at), *radiation
+
+    def _left(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
+        """Return the row of the radiation that an effective coefficient leaves to what its surface sees, for the gas that is gone."""
+        share, signal = {"air": (0.0, ""), "vacuum": (1.0, ""), "jumping": (1.0, f"no gas {self._key(c.gas)}")}.get(state, (0.0, "thin"))
+        if signal == "thin":
+            at = self._gas(c.gas, c.where)
+            share, signal = (1.0 if at.key else 1.0 - at.natural), at.named("rest")
+        return (ConductorRow(c.path, law.form, c.ends, ((0.0 if self.as_printed else share) * law.coefficients[0],), None, signal),)
 
     def _fin(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
         """Return the rows of a lead's conductance: that in air, and that without, each for its share of the gas."""
@@ -275,3 +324,8 @@ class Media:
         if emissivity is None:
             raise self._unknown_share(c)
         return (radiation_coefficient(emissivity, fields["area"]),)
+
+
+def _each(pairs: list[tuple[str, str]]) -> list[str]:
+    """Return each gas once."""
+    return list(dict.fromkeys(gas for _, gas in pairs))

@@ -156,7 +156,10 @@ def test_a_vented_volume_follows_the_outside() -> None:
 
 def test_no_vapour_in_vacuum() -> None:
     """A gas that is gone has no dew point."""
-    space = BOX.with_values({"skin.htc": "5 [W/(m^2 K)]"})
+    skin = {"of": "case", "to": "air", "area": "0.08 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0}
+    space = td.model_from_dict(
+        {"title": "box", "needs": ["air"], "nodes": {"case": {"capacitance": "700 [J/K]"}}, "surfaces": {"skin": skin}}
+    )
     found = td.moisture(space, TRANSFER.vacuum().with_(start="20 [degC]"), {"air": 0.9})
     assert found.dew_points["air"] == pytest.approx(0.0)
     assert found["skin"].film.max() == 0.0
