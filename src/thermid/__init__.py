@@ -168,6 +168,7 @@ if TYPE_CHECKING:
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.transient import simulate as simulate
     from thermid.simulation.vapour import Volume as Volume
+    from thermid.simulation.vapour import WaterBalance as WaterBalance
 
 # in reading order: what the hardware is, what is done to it, what was measured, what a fit says, what is shown
 _PUBLIC = {
@@ -212,6 +213,7 @@ _PUBLIC = {
     "BlockSolution": "simulation.block_solution",
     "moisture": "simulation.moisture",
     "Volume": "simulation.vapour",
+    "WaterBalance": "simulation.vapour",
     "Moisture": "simulation.moisture",
     "Channel": "measure",
     "SensorPart": "measure",

@@ -86,6 +86,14 @@ class Media:
         outside = self._environment(environment.vented).pressure
         return vented(own, outside, environment.time_constant, f"environment.{gas}")
 
+    def pressure(self, gas: str) -> Signal:
+        """Return the pressure of a gas node in time. [Pa]"""
+        return self._pressure(self._key(gas), self._environment(gas))
+
+    def gas(self, gas: str) -> str:
+        """Return which gas a gas node is."""
+        return self._environment(gas).gas
+
     def _key(self, gas: str) -> str:
         return gas if gas in self.environments else "*"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -252,6 +252,13 @@ class Wiring:
 
     def conductor_flows(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array) -> dict[str, Array]:
         """Return conductor -> heat flow (times,) for temperatures by node; rows of one conductor are summed. [W]"""
+        return self._summed(numbers, temperatures, times, heat)
+
+    def conductor_conductances(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array) -> dict[str, Array]:
+        """Return conductor -> heat flow over the difference of its ends (times,), rows of one conductor summed. [W/K]"""
+        return self._summed(numbers, temperatures, times, conductance)
+
+    def _summed(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, law: Callable[..., Array]) -> dict[str, Array]:
         out: dict[str, Array] = {}
         for row, position in _numbered(numbers.conductors):
             a, b = (temperatures[end] for end in row.ends)
@@ -259,8 +266,7 @@ class Wiring:
             for c, number in enumerate(row.coefficients):
                 signal = self._conductor_signal(row, position, c)
                 coefficients.append(value_of(number) * (self.signals[signal].at(times) if signal else np.ones(times.shape)))
-            flow = heat(row.form, coefficients, row.curve, a, b)
-            out[row.name] = out.get(row.name, 0.0) + flow
+            out[row.name] = out.get(row.name, 0.0) + law(row.form, coefficients, row.curve, a, b)
         return out
 
     def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], given: Mapping[str, Number]) -> list[Any]:
