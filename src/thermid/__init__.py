@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
+    from thermid.fit.clocks.alignment import Alignment as Alignment
+    from thermid.fit.clocks.alignment import align as align
     from thermid.identify.actions import Action as Action
     from thermid.identify.actions import Aim as Aim
     from thermid.identify.balance import EnergyBalance as EnergyBalance
     from thermid.identify.balance import energy_balance as energy_balance
     from thermid.identify.calibrate import calibrate as calibrate
     from thermid.identify.calibration import Calibration as Calibration
-    from thermid.identify.clocks import Alignment as Alignment
-    from thermid.identify.clocks import align as align
     from thermid.identify.compare import compare as compare
     from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
     from thermid.identify.credibility import credibility as credibility
@@ -57,7 +57,6 @@ if TYPE_CHECKING:
     from thermid.identify.validate import validate as validate
     from thermid.identify.valley import Valley as Valley
     from thermid.identify.valley import valley as valley
-    from thermid.identify.values import load_values as load_values
     from thermid.interop.equations import Equations as Equations
     from thermid.interop.equations import equations as equations
     from thermid.interop.initfcn import InitFcn as InitFcn
@@ -65,6 +64,7 @@ if TYPE_CHECKING:
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
     from thermid.knowledge.standing import Standing as Standing
+    from thermid.knowledge.values import load_values as load_values
     from thermid.measure import Channel as Channel
     from thermid.measure import Record as Record
     from thermid.measure import SensorCertificate as SensorCertificate
@@ -219,8 +219,8 @@ _PUBLIC = {
     "Record": "measure",
     "read_record": "measure",
     "compare": "identify.compare",
-    "align": "identify.clocks",
-    "Alignment": "identify.clocks",
+    "align": "fit.clocks.alignment",
+    "Alignment": "fit.clocks.alignment",
     "calibrate": "identify.calibrate",
     "Calibration": "identify.calibration",
     "split": "identify.split",
@@ -241,7 +241,7 @@ _PUBLIC = {
     "Action": "identify.actions",
     "Aim": "identify.actions",
     "Advice": "identify.ranking",
-    "load_values": "identify.values",
+    "load_values": "knowledge.values",
     "power_history": "identify.inverse",
     "PowerHistory": "identify.power_history",
     "PowerLaw": "identify.power_laws",

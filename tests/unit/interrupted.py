@@ -57,7 +57,7 @@ def plan() -> None:
 def values() -> None:
     import numpy as np
 
-    from thermid.identify.values import FittedValue, FittedValues
+    from thermid.knowledge.values import FittedValue, FittedValues
 
     v = 6.0 if Path("new").exists() else 5.0
     item = FittedValue("skin.htc", v, 0.1, 0.1, True, "W/(m^2 K)", 5.0, (2.0, 12.0), "by hand")

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.fit.problem.residuals import Block, Predictions, Problem
+from thermid.fit.problem.statistics import SensorStatistics, Sums, pooled
+from thermid.fit.uncertainty.moves import Moves
 from thermid.identify.contradicted import BLAME, LOUD, contradicted
-from thermid.identify.moves import Moves
-from thermid.identify.residuals import Block, Predictions, Problem
 from thermid.identify.sensors import instrument_shares, sensor_shares
-from thermid.identify.statistics import SensorStatistics, Sums, pooled
-from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import State, Store
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.knowledge.values_file import save_store
 from thermid.measure.amounts import digits, short
 from thermid.model.identity import cuts_of
@@ -25,10 +25,10 @@ from thermid.model.model import Model
 from thermid.units import counted, unit
 
 if TYPE_CHECKING:
-    from thermid.identify.experiment import Experiment
-    from thermid.identify.request import Request
-    from thermid.identify.residuals import Problem
-    from thermid.identify.wander import Wander
+    from thermid.fit.problem.experiment import Experiment
+    from thermid.fit.problem.request import Request
+    from thermid.fit.problem.residuals import Problem
+    from thermid.fit.uncertainty.wander import Wander
 
 __all__ = ["Calibration", "Local"]
 

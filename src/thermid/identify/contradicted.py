@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from thermid.measure.amounts import short
 
 if TYPE_CHECKING:
-    from thermid.identify.values import FittedValue, FittedValues
+    from thermid.knowledge.values import FittedValue, FittedValues
 
 __all__ = ["BLAME", "FAR", "LOUD", "contradicted", "loudly"]
 

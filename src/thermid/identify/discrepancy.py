@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
+from thermid.fit.least_squares.solve import covariances, ended
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import Target, Unknown
+from thermid.fit.uncertainty.wander import binned
 from thermid.identify.coefficients import (
     Conditions,
     coefficient_path,
@@ -22,16 +26,12 @@ from thermid.identify.coefficients import (
     with_patterns,
 )
 from thermid.identify.joint_gas import separated
-from thermid.identify.residuals import Problem
-from thermid.identify.solve import covariances, ended
-from thermid.identify.unknowns import Target, Unknown
-from thermid.identify.values import FittedValues
-from thermid.identify.wander import binned
+from thermid.knowledge.values import FittedValues
 
 if TYPE_CHECKING:
+    from thermid.fit.uncertainty.wander import Wander
     from thermid.identify.calibration import Calibration
     from thermid.identify.coefficients import Course, Pattern
-    from thermid.identify.wander import Wander
 
 __all__ = ["Discrepancy", "discrepancy", "discrepancy_kept", "kept_in", "misfit_kept", "with_discrepancy"]
 

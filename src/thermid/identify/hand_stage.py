@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from thermid.fit.problem.request import Request
 from thermid.identify.calibration import Calibration
-from thermid.identify.request import Request
 from thermid.identify.standings import rests_on
 from thermid.identify.stored import in_place
-from thermid.identify.values import view
 from thermid.knowledge.standing import UNJUDGED
 from thermid.knowledge.store import Store
+from thermid.knowledge.values import view
 
 __all__ = ["tuned_by_hand"]
 

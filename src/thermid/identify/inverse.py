@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
-from thermid.identify.gather import problem_for
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.selection import priors_of
+from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.identify.power_history import PowerHistory
 from thermid.identify.regularised import ROUNDS, Pins, Solved, solved
-from thermid.identify.request import Request
-from thermid.identify.residuals import Problem
-from thermid.identify.selection import priors_of
-from thermid.identify.unknowns import Target, Unknown
 from thermid.measure import Record
 from thermid.model.elements import HeatLoad
 from thermid.model.model import Model

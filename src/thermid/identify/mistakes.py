@@ -8,14 +8,14 @@ from itertools import combinations, islice
 from typing import TYPE_CHECKING
 
 from thermid.errors import ThermidError
-from thermid.identify.grouping import listed
+from thermid.fit.uncertainty.grouping import listed
 from thermid.knowledge.store import Store
 from thermid.measure import Channel, Record
 from thermid.measure.amounts import short
 
 if TYPE_CHECKING:
-    from thermid.identify.request import Request
-    from thermid.identify.residuals import Problem
+    from thermid.fit.problem.request import Request
+    from thermid.fit.problem.residuals import Problem
 
 __all__ = ["mistakes", "strange_powers"]
 

@@ -11,9 +11,9 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.fit.problem.driven import power_while_on
 from thermid.identify.calibration import Calibration
-from thermid.identify.driven import power_while_on
-from thermid.identify.values import FittedValue
+from thermid.knowledge.values import FittedValue
 from thermid.model.flat import FlatConductor
 from thermid.model.signal import literal
 from thermid.network.network import Network

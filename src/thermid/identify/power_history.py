@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError
-from thermid.identify.residuals import Block
+from thermid.fit.problem.residuals import Block
 from thermid.model.signal import literal
 
 if TYPE_CHECKING:

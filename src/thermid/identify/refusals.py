@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError
-from thermid.identify.grouping import Group, listed, percent, together
-from thermid.identify.groups import SHARE, structural_groups
-from thermid.identify.information import Information, elsewhere, null_space
-from thermid.identify.residuals import Problem
-from thermid.identify.solve import Fit
+from thermid.fit.least_squares.solve import Fit
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.uncertainty.grouping import Group, listed, percent, together
+from thermid.fit.uncertainty.groups import SHARE, structural_groups
+from thermid.fit.uncertainty.information import Information, elsewhere, null_space
 from thermid.measure.amounts import short
 from thermid.units import unit
 
 if TYPE_CHECKING:
+    from thermid.fit.problem.request import Request
     from thermid.identify.calibration import Calibration
-    from thermid.identify.request import Request
 
 __all__ = ["refuse_after", "refuse_before"]
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.residuals import Problem
+from thermid.fit.problem.residuals import Problem
 
 __all__ = ["ROUNDS", "Pins", "Solved", "solved"]
 

@@ -21,8 +21,8 @@ from thermid.identify.calibration import Calibration
 from thermid.identify.discrepancy import discrepancy_kept
 from thermid.identify.split_priors import Part, parts_of
 from thermid.identify.split_surface import Split, SplitSurface
-from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.standing import Standing, of_model, worst
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.model import Model
 from thermid.network.network import compile_network
 from thermid.simulation.scenario import Scenario

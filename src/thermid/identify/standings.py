@@ -1,31 +1,28 @@
-"""What a fit is worth by itself, what it rests on, and what verdicts make of a campaign's stages."""
+"""What a fit is worth by itself, and what it rests on."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.fit.least_squares.solve import Fit
+from thermid.fit.problem.unknowns import Unknown
 from thermid.identify.contradicted import contradicted
-from thermid.identify.solve import Fit
-from thermid.identify.unknowns import Unknown
-from thermid.identify.values import FittedValues
 from thermid.knowledge.standing import CREDIBLE, Standing, worst
+from thermid.knowledge.values import FittedValues
 from thermid.measure.amounts import short
 from thermid.model.resolve import parameter_table
 from thermid.units import counted
 
 if TYPE_CHECKING:
-    from thermid.identify.calibration import Calibration
-    from thermid.identify.request import Request
-    from thermid.identify.residuals import Problem
-    from thermid.identify.validate import Verdict
-    from thermid.identify.wander import Wander
+    from thermid.fit.problem.request import Request
+    from thermid.fit.problem.residuals import Problem
+    from thermid.fit.uncertainty.wander import Wander
 
-__all__ = ["as_now", "at_bounds", "judged", "own_standing", "rests_on", "verdict_standing"]
+__all__ = ["at_bounds", "own_standing", "rests_on"]
 
 Array = NDArray[np.float64]
 NOISES, SHARE = 3.0, 0.02
@@ -92,29 +89,3 @@ def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
         if s.kind != "parameter" and s.path in values:
             out.setdefault(str(s.origin), []).append(s.standing)
     return {who: worst(several) for who, several in out.items()}
-
-
-def judged(stages: Mapping[str, Calibration], verdicts: tuple[Verdict, ...], accepted: tuple[str, ...]) -> dict[str, Calibration]:
-    """Return the stages of a campaign with what its verdicts make of them and of all that rests on them."""
-    out: dict[str, Calibration] = {}
-    for name, fit in stages.items():
-        failed = [v for v in verdicts if v.model == fit.stage and v.passed is False]
-        out[name] = fit.judged(as_now(fit.rests, out), verdict_standing(failed, name in accepted))
-    return out
-
-
-def as_now(rests: Mapping[str, Standing], stages: Mapping[str, Calibration]) -> dict[str, Standing]:
-    """Return what a fit rests on with the standing that stages have now."""
-    now = {f"stage '{name}'": fit.standing for name, fit in stages.items()}
-    return {who: now.get(who, standing) for who, standing in rests.items()}
-
-
-def verdict_standing(failed: list[Verdict], accepted: bool) -> Standing | None:
-    """Return what failed verdicts on one stage make of it; None without any."""
-    if not failed:
-        return None
-    missed = [c for v in failed for c in v.checks if not c.passed]
-    first = max(missed, key=lambda c: c.found / c.limit)
-    records = ", ".join(dict.fromkeys(v.record for v in failed))
-    words = f"verdict on {records}: {first.sensor} {first.criterion.replace('_', ' ')} {first.found:.3g} K, limit {first.limit:.3g} K"
-    return Standing("failed", words, failed[0].model, accepted)

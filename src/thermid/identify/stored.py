@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.keys import key_for
-from thermid.identify.request import Request
-from thermid.identify.residuals import Problem
-from thermid.identify.responses import Responses
-from thermid.identify.values import FittedValue, FittedValues
+from thermid.fit.problem.keys import key_for
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.uncertainty.responses import Responses
 from thermid.knowledge.store import Origin, State, Store
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.resolve import deck_text, parameter_table
 
 __all__ = ["in_place", "state_of", "stored"]

@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.fit.least_squares.solve import Fit
+from thermid.fit.problem.residuals import Predictions, Problem
+from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.uncertainty.moved import moves_above
+from thermid.fit.uncertainty.responses import Responses
 from thermid.identify.calibration import Calibration, Local
 from thermid.identify.contradicted import FAR, loudly
-from thermid.identify.moved import moves_above
-from thermid.identify.residuals import Predictions, Problem
-from thermid.identify.responses import Responses
-from thermid.identify.solve import Fit
 from thermid.identify.standings import at_bounds, own_standing, rests_on
 from thermid.identify.stored import stored
-from thermid.identify.unknowns import Unknown
-from thermid.identify.values import FittedValue, FittedValues, view
 from thermid.knowledge.standing import worst
+from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure.amounts import short
 
 if TYPE_CHECKING:
-    from thermid.identify.request import Request
-    from thermid.identify.wander import Wander
+    from thermid.fit.problem.request import Request
+    from thermid.fit.uncertainty.wander import Wander
 
 __all__ = ["correlations_of", "summarise"]
 

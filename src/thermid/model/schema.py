@@ -192,7 +192,7 @@ class LoadTable(_Strict):
     test_only: bool = False
 
 
-class Apart(_Strict):
+class AirAndSees(_Strict):
     """A need bound to two nodes: what its surfaces convect to, and what they see."""
 
     to: str
@@ -212,7 +212,7 @@ class SubmodelTable(_Strict):
     """A deck used inside this one."""
 
     use: str
-    bind: dict[str, str | Apart] = {}
+    bind: dict[str, str | AirAndSees] = {}
 
 
 def _conductor_table() -> type[BaseModel]:

@@ -23,7 +23,7 @@ from thermid.reporting.glance import glance, tightest
 from thermid.reporting.trust_section import trust
 
 if TYPE_CHECKING:
-    from thermid.identify.residuals import Block
+    from thermid.fit.problem.residuals import Block
     from thermid.model.model import Model
     from thermid.simulation.solution import Solution
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from thermid.identify.values import load_values
+from thermid.knowledge.values import load_values
 from unit.cli.conftest import Call
 
 JOINT = "stack.contact_conductance"

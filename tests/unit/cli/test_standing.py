@@ -99,7 +99,7 @@ def test_plan_and_qualify(tmp_path: Path, call: Call) -> None:
     import numpy as np
 
     import thermid as td
-    from thermid.identify.values import FittedValue, FittedValues
+    from thermid.knowledge.values import FittedValue, FittedValues
     from unit.qualify.project import PLAN, project
     from unit.qualify.things import unit
 

@@ -10,8 +10,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, IdentificationError, RecordError
-from thermid.identify.gather import problem_for
-from thermid.identify.request import Request
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import Request
 from thermid.model.signal import Table
 
 BOX = td.model_from_dict(

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import LocalSpec, Reading, Request
+from thermid.fit.problem.residuals import Predictions, Problem
+from thermid.fit.problem.statistics import Sums, pooled
+from thermid.fit.uncertainty.information import EXACT
 from thermid.identify.calibrate import calibrate
-from thermid.identify.gather import problem_for
-from thermid.identify.information import EXACT
-from thermid.identify.request import LocalSpec, Reading, Request
-from thermid.identify.residuals import Predictions, Problem
-from thermid.identify.statistics import Sums, pooled
 from thermid.measure import Record
 from thermid.model.modelfile import model_from_dict
 from thermid.simulation.scenario import Scenario

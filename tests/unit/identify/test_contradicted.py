@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.cli.app import app
 from thermid.identify.contradicted import FAR, contradicted
-from thermid.identify.values import FittedValue, FittedValues
+from thermid.knowledge.values import FittedValue, FittedValues
 from unit.identify.bench import HTC, box, log
 from unit.identify.project import make_project, write_log
 

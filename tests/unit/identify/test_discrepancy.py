@@ -12,7 +12,7 @@ from thermid.identify.calibrate import calibrate
 from thermid.identify.calibration import Calibration
 from thermid.identify.coefficients import EXPONENT
 from thermid.identify.discrepancy import Discrepancy, discrepancy, found_at
-from thermid.identify.values import load_values
+from thermid.knowledge.values import load_values
 from thermid.measure import Channel, Record
 from thermid.model.model import Model
 from thermid.prediction.known import values_at

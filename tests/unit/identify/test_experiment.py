@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
+from thermid.fit.problem.experiment import meet
+from thermid.fit.problem.starts import first_reading
 from thermid.identify.calibrate import calibrate
-from thermid.identify.experiment import meet
-from thermid.identify.starts import first_reading
 from thermid.measure import Channel, Record, read_record
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Table

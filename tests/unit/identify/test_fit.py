@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from thermid.errors import IdentificationError, RecordError, SolverError
+from thermid.fit.least_squares.solve import covariances, ended, minimise
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import Request
+from thermid.fit.uncertainty.responses import responses
 from thermid.identify.calibrate import calibrate, fit
 from thermid.identify.compare import compare
-from thermid.identify.gather import problem_for
 from thermid.identify.refusals import refuse_after
-from thermid.identify.request import Request
-from thermid.identify.responses import responses
-from thermid.identify.solve import covariances, ended, minimise
 from thermid.identify.summary import summarise
 from thermid.measure import Record
 from thermid.simulation.engine import Options

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from thermid.errors import NameNotFoundError
+from thermid.fit.problem.known_before import known_before
+from thermid.fit.problem.request import Request
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.inherit import counted_twice, known_before
-from thermid.identify.request import Request
+from thermid.identify.staging import counted_twice
 from thermid.measure import Record
 from thermid.model.model import Model
 from unit.identify.bench import box, log, pair

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.identify import keys as room
+from thermid.fit.problem import keys as room
+from thermid.fit.problem.keys import ingredients_of, key_for
+from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.identify.cache import changed_since, remember
 from thermid.identify.campaignfile import read_campaign
-from thermid.identify.keys import ingredients_of, key_for, keyed
-from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.stages import run_stages
-from thermid.identify.staging import request_of
+from thermid.identify.staging import keyed, request_of
 from thermid.knowledge.store import Origin, State, Store
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from thermid.fit.problem.request import Request
+from thermid.fit.uncertainty.moved import moves_from
+from thermid.fit.uncertainty.moves import UNDECIDED, Move, Moves
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.moved import moves_from
-from thermid.identify.moves import UNDECIDED, Move, Moves
-from thermid.identify.request import Request
 from thermid.identify.stages import run_stages
-from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.store import Store
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure import Record
 from thermid.model.model import Model
 from unit.identify.bench import HTC, MASS, box, log, pair

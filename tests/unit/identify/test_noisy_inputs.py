@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.identify.noisy_inputs import excess_of_inputs
-from thermid.identify.wander import binned
+from thermid.fit.uncertainty.noisy_inputs import excess_of_inputs
+from thermid.fit.uncertainty.wander import binned
 
 DECK = """
 title = "heated plate under a cover"

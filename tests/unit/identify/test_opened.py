@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thermid.fit.problem.request import Request
+from thermid.fit.uncertainty.opened import opened_at, opened_jacobian
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.opened import opened_at, opened_jacobian
-from thermid.identify.request import Request
 from unit.identify.bench import HTC, MASS, box, log, pair
 
 

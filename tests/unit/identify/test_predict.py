@@ -11,9 +11,9 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError
+from thermid.fit.problem.request import Request
 from thermid.identify.calibrate import calibrate, fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.request import Request
 from thermid.identify.spread import Spread
 from thermid.prediction.predict import predict
 from thermid.prediction.prediction import Prediction

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.identify.gather import problem_for
-from thermid.identify.information import Information
-from thermid.identify.request import LocalSpec, Reading, Request
-from thermid.identify.residuals import FAILED, Problem
-from thermid.identify.statistics import loss_of
-from thermid.identify.unknowns import Unknown
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import LocalSpec, Reading, Request
+from thermid.fit.problem.residuals import FAILED, Problem
+from thermid.fit.problem.statistics import loss_of
+from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.uncertainty.information import Information
 from thermid.measure import Channel
 from thermid.model.modelfile import model_from_dict
 from thermid.simulation.engine import Options

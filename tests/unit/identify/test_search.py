@@ -11,13 +11,13 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError
-from thermid.identify import extras
-from thermid.identify.gather import problem_for
-from thermid.identify.population import Population, box_of
-from thermid.identify.request import Request
-from thermid.identify.search import evolved
-from thermid.identify.solve import LOSSES
-from thermid.identify.unknowns import Prior, Unknown
+from thermid.fit.least_squares import extras
+from thermid.fit.least_squares.population import Population, box_of
+from thermid.fit.least_squares.search import evolved
+from thermid.fit.least_squares.solve import LOSSES
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.unknowns import Prior, Unknown
 
 TIMES = np.linspace(0.0, 6000.0, 201)
 BENCH = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="6000 [s]")

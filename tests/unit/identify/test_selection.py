@@ -10,9 +10,9 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.selection import freed, priors_of
 from thermid.identify.calibrate import fit
-from thermid.identify.request import Request
-from thermid.identify.selection import freed, priors_of
 from thermid.model.model import Model
 from unit.identify.bench import HTC, MASS, box, log, pair
 

@@ -19,8 +19,8 @@ from thermid.identify.campaignfile import read_campaign
 from thermid.identify.stages import Campaign, run_stages
 from thermid.identify.staging import request_of
 from thermid.identify.standings import rests_on
-from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing, State, of_model, worst
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.modelfile import load_model
 from unit.identify.planted import BOX_VALUES, CAMPAIGN, planted
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, UnitError
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import LocalSpec, Reading, Request
+from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
 from thermid.identify.calibrate import calibrate, fit
-from thermid.identify.gather import problem_for
-from thermid.identify.request import LocalSpec, Reading, Request
-from thermid.identify.unknowns import Prior, Unknown, parameter_unknown
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import Origin, State, Store
 from thermid.measure import Record

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thermid.fit.least_squares.solve import covariances, ended
+from thermid.fit.problem.known_before import known_before
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.uncertainty.wander import _beside, _leaning, binned, correlation
 from thermid.identify.calibrate import calibrate, fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.inherit import known_before
-from thermid.identify.request import Request
-from thermid.identify.solve import covariances, ended
-from thermid.identify.unknowns import Unknown
-from thermid.identify.wander import _beside, _leaning, binned, correlation
 from thermid.measure import Channel, Record
 from thermid.model.modelfile import load_model
 from thermid.simulation import simulate

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.fit.problem.request import Request
 from thermid.identify.calibrate import fit
 from thermid.identify.calibration import Calibration
-from thermid.identify.request import Request
 from unit.identify.bench import box, log, pair
 
 BLACK = {"surfaces/skin/emissivity": {"value": "0.85", "min": 0.7, "max": 0.95}}
