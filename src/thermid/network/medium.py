@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from thermid.dual import Number
 from thermid.errors import ScenarioError, quoted
 from thermid.memo import Memo
+from thermid.model.elements import MadeIn
 from thermid.model.flat import Flat, FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Signal, Table
@@ -183,6 +184,32 @@ class Media:
                 "Where no gas is, say so: environment, pressure = '0 [Pa]' (--vacuum).",
                 place(filled[0][0]),
             )
+
+        for title, gas, state, where in flat.made_in:
+            for key in dict.fromkeys((*self.environments, "*")) if gas == "*" else (self._key(gas),):
+                if not self._as_made(key, state):
+                    raise ScenarioError(
+                        f"'{title}' was reduced in {state}, and its conductances hold the gas of that state; the gas of '{gas}' is another "
+                        "here. Reduce the full model in the state of this run.",
+                        where,
+                    )
+
+    def made_in(self, gas: str) -> MadeIn:
+        """Return the state of a gas that stays, for a model that is reduced in it."""
+        environment = self._environment(gas)
+        wind = float(extremes(environment.wind).max())
+        return MadeIn(self._lowest(gas), environment.gravity, environment.gas, wind)
+
+    def _as_made(self, key: str, made: MadeIn) -> bool:
+        """Return whether a gas is at all times in the state in which a model was reduced, as far as conductances go."""
+        environment = self._environment(key)
+        pressures = extremes(self._pressure(key, environment))
+        if made.pressure <= VACUUM_LIMIT:
+            return bool((pressures <= VACUUM_LIMIT).all())
+        low, high = AIR_RANGE if AIR_RANGE[0] <= made.pressure <= AIR_RANGE[1] else (0.99 * made.pressure, 1.01 * made.pressure)
+        alike = abs(environment.gravity - made.gravity) <= 0.01 * STANDARD_GRAVITY and environment.gas == made.gas
+        winds = extremes(environment.wind)
+        return alike and bool(((pressures >= low) & (pressures <= high)).all() and (np.abs(winds - made.wind) <= 0.01 * made.wind).all())
 
     def _lowest(self, gas: str) -> float:
         """Return the lowest pressure that a gas node has. [Pa]"""
