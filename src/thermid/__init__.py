@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
+    from thermid.fit.calibrate import calibrate as calibrate
+    from thermid.fit.calibration import Calibration as Calibration
     from thermid.fit.clocks.alignment import Alignment as Alignment
     from thermid.fit.clocks.alignment import align as align
+    from thermid.fit.discrepancy import Discrepancy as Discrepancy
+    from thermid.fit.discrepancy import discrepancy as discrepancy
     from thermid.identify.actions import Action as Action
     from thermid.identify.actions import Aim as Aim
     from thermid.identify.balance import EnergyBalance as EnergyBalance
     from thermid.identify.balance import energy_balance as energy_balance
-    from thermid.identify.calibrate import calibrate as calibrate
-    from thermid.identify.calibration import Calibration as Calibration
     from thermid.identify.compare import compare as compare
     from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
     from thermid.identify.credibility import credibility as credibility
@@ -26,8 +28,6 @@ if TYPE_CHECKING:
     from thermid.identify.criticism import criticise as criticise
     from thermid.identify.difference import Difference as Difference
     from thermid.identify.difference import difference as difference
-    from thermid.identify.discrepancy import Discrepancy as Discrepancy
-    from thermid.identify.discrepancy import discrepancy as discrepancy
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
     from thermid.identify.inverse import power_history as power_history
@@ -221,8 +221,8 @@ _PUBLIC = {
     "compare": "identify.compare",
     "align": "fit.clocks.alignment",
     "Alignment": "fit.clocks.alignment",
-    "calibrate": "identify.calibrate",
-    "Calibration": "identify.calibration",
+    "calibrate": "fit.calibrate",
+    "Calibration": "fit.calibration",
     "split": "identify.split",
     "Split": "identify.split_surface",
     "energy_balance": "identify.balance",
@@ -253,8 +253,8 @@ _PUBLIC = {
     "run_stages": "identify.stages",
     "joint": "identify.stages",
     "predict": "prediction.predict",
-    "discrepancy": "identify.discrepancy",
-    "Discrepancy": "identify.discrepancy",
+    "discrepancy": "fit.discrepancy",
+    "Discrepancy": "fit.discrepancy",
     "Prediction": "prediction.prediction",
     "Spread": "identify.spread",
     "plan_retune": "identify.swap",

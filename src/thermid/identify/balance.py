@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import RecordError
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import _bound, meet
 from thermid.fit.problem.sensor_parts import at_their_seats, attached
-from thermid.identify.calibration import Calibration
 from thermid.measure import Record
 from thermid.measure.amounts import short
 from thermid.measure.steady import SteadyPoint

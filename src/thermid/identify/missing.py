@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from thermid.dual import value_of
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.request import LocalSpec, Request
-from thermid.identify.calibration import Calibration
 from thermid.measure.amounts import short
 from thermid.model.elements import Conductor, HeatLoad, Node
 from thermid.model.model import Model

@@ -11,8 +11,8 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.driven import power_while_on
-from thermid.identify.calibration import Calibration
 from thermid.knowledge.values import FittedValue
 from thermid.model.flat import FlatConductor
 from thermid.model.signal import literal

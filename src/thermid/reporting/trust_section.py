@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from thermid.errors import ThermidError
+from thermid.fit.calibration import Calibration
 from thermid.identify.balance import energy_balance
-from thermid.identify.calibration import Calibration
 from thermid.identify.criticism import criticise
 from thermid.identify.identifiability import identifiability
 from thermid.identify.joint import Joint

@@ -7,7 +7,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import RecordError
-from unit.identify.bench import HTC, MASS, box, log, metered, pair
+from unit.fit.bench import HTC, MASS, box, log, metered, pair
 
 TRUE = {HTC: "5 [W/(m^2 K)]"}
 JOINT = "stack.contact_conductance"

@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError
 from thermid.identify.plausibility import Finding
-from unit.identify.bench import AREA, HTC, MASS, box, log, metered, pair
+from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 JOINT = "stack.contact_conductance"

@@ -8,7 +8,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError
-from unit.identify.bench import HTC, box, log, metered
+from unit.fit.bench import HTC, box, log, metered
 
 
 def test_a_power_that_is_logged_is_not_looked_for() -> None:

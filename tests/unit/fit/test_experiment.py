@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
+from thermid.fit.calibrate import calibrate
 from thermid.fit.problem.experiment import meet
 from thermid.fit.problem.starts import first_reading
-from thermid.identify.calibrate import calibrate
 from thermid.measure import Channel, Record, read_record
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Table
 from thermid.simulation.scenario import Scenario
-from unit.identify.bench import HTC, ICE, MASS, box, log, metered, pair, room
+from unit.fit.bench import HTC, ICE, MASS, box, log, metered, pair, room
 
 
 @pytest.fixture(scope="module")

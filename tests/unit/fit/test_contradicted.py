@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.cli.app import app
-from thermid.identify.contradicted import FAR, contradicted
+from thermid.fit.contradicted import FAR, contradicted
 from thermid.knowledge.values import FittedValue, FittedValues
-from unit.identify.bench import HTC, box, log
-from unit.identify.project import make_project, write_log
+from unit.fit.bench import HTC, box, log
+from unit.fit.project import make_project, write_log
 
 CAMPAIGN = """title = "box"
 

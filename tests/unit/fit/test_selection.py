@@ -10,11 +10,11 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError
+from thermid.fit.calibrate import fit
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.selection import freed, priors_of
-from thermid.identify.calibrate import fit
 from thermid.model.model import Model
-from unit.identify.bench import HTC, MASS, box, log, pair
+from unit.fit.bench import HTC, MASS, box, log, pair
 
 SHEET = {"nodes/case/mass": {"value": "1.5 [kg]", "min": 1.2, "max": 2.0, "source": "datasheet"}}
 

@@ -19,8 +19,8 @@ from thermid.measure.amounts import short
 from thermid.units import unit
 
 if TYPE_CHECKING:
+    from thermid.fit.calibration import Calibration
     from thermid.fit.problem.request import Request
-    from thermid.identify.calibration import Calibration
 
 __all__ = ["refuse_after", "refuse_before"]
 

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, UnitError
+from thermid.fit.calibrate import calibrate, fit
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
-from thermid.identify.calibrate import calibrate, fit
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import Origin, State, Store
 from thermid.measure import Record
 from thermid.model.modelfile import model_from_dict
 from thermid.model.parameter import parameter
 from thermid.units import unit
-from unit.identify.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
+from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
 
 
 def unknown(value: Any, text: str) -> Unknown:

@@ -9,11 +9,11 @@ import pytest
 
 import thermid as td
 from thermid.errors import ThermidError
+from thermid.fit.calibrate import calibrate
 from thermid.fit.problem.sensor_parts import Seat, attached, sensor_model
-from thermid.identify.calibrate import calibrate
-from thermid.identify.sensors import instrument_shares
+from thermid.fit.sensors import instrument_shares
 from thermid.measure import Record
-from unit.identify.bench import HTC, box, log
+from unit.fit.bench import HTC, box, log
 
 
 def worn(**keys: object) -> Record:

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
 from thermid.fit.uncertainty.opened import opened_at, opened_jacobian
-from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration
-from unit.identify.bench import HTC, MASS, box, log, pair
+from unit.fit.bench import HTC, MASS, box, log, pair
 
 
 def ended(found: Calibration) -> np.ndarray:

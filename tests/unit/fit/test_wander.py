@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thermid.fit.calibrate import calibrate, fit
+from thermid.fit.calibration import Calibration
 from thermid.fit.least_squares.solve import covariances, ended
 from thermid.fit.problem.known_before import known_before
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.wander import _beside, _leaning, binned, correlation
-from thermid.identify.calibrate import calibrate, fit
-from thermid.identify.calibration import Calibration
 from thermid.measure import Channel, Record
 from thermid.model.modelfile import load_model
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
-from unit.identify.bench import HTC, MASS, box, log, room
+from unit.fit.bench import HTC, MASS, box, log, room
 
 NOISE, SLOW, TIME = 0.05, 0.15, 900.0
 TRUTH = {HTC: 5.0, MASS: 1.7}

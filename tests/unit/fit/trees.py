@@ -13,7 +13,7 @@ from thermid.model.model import Model
 from thermid.model.modelfile import load_model
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
-from unit.identify.project import write_log
+from unit.fit.project import write_log
 
 DECK = "0.30 [W/K]"
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.fit.contradicted import BLAME, LOUD, contradicted
 from thermid.fit.problem.residuals import Block, Predictions, Problem
 from thermid.fit.problem.statistics import SensorStatistics, Sums, pooled
+from thermid.fit.sensors import instrument_shares, sensor_shares
 from thermid.fit.uncertainty.moves import Moves
-from thermid.identify.contradicted import BLAME, LOUD, contradicted
-from thermid.identify.sensors import instrument_shares, sensor_shares
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import State, Store
 from thermid.knowledge.values import FittedValue, FittedValues

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.identify.calibrate import calibrate
-from thermid.identify.sensors import sensor_shares
+from thermid.fit.calibrate import calibrate
+from thermid.fit.sensors import sensor_shares
 from thermid.measure import Record
-from unit.identify.bench import HTC, box, log
+from unit.fit.bench import HTC, box, log
 
 
 def test_half_a_kelvin_on_nine_is_five_and_a_half_per_cent() -> None:

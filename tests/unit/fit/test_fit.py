@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 from thermid.errors import IdentificationError, RecordError, SolverError
+from thermid.fit.calibrate import calibrate, fit
 from thermid.fit.least_squares.solve import covariances, ended, minimise
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
+from thermid.fit.refusals import refuse_after
+from thermid.fit.summary import summarise
 from thermid.fit.uncertainty.responses import responses
-from thermid.identify.calibrate import calibrate, fit
 from thermid.identify.compare import compare
-from thermid.identify.refusals import refuse_after
-from thermid.identify.summary import summarise
 from thermid.measure import Record
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
-from unit.identify.bench import AREA, HTC, MASS, box, log, metered, pair
+from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
 """Without bounds, so that no bound refuses before the reason under test does."""

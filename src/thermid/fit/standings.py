@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.fit.contradicted import contradicted
 from thermid.fit.least_squares.solve import Fit
 from thermid.fit.problem.unknowns import Unknown
-from thermid.identify.contradicted import contradicted
 from thermid.knowledge.standing import CREDIBLE, Standing, worst
 from thermid.knowledge.values import FittedValues
 from thermid.measure.amounts import short

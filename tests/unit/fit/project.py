@@ -8,7 +8,7 @@ import numpy as np
 
 from thermid.measure import Record
 from thermid.model.modelfile import save_model
-from unit.identify.bench import HTC, MASS, box, log, pair
+from unit.fit.bench import HTC, MASS, box, log, pair
 
 PAIR_DECK = """
 title  = "Pair"

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
 from thermid.fit.uncertainty.moved import moves_from
 from thermid.fit.uncertainty.moves import UNDECIDED, Move, Moves
-from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration
 from thermid.identify.stages import run_stages
 from thermid.knowledge.store import Store
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure import Record
 from thermid.model.model import Model
-from unit.identify.bench import HTC, MASS, box, log, pair
-from unit.identify.project import make_project, write_log
+from unit.fit.bench import HTC, MASS, box, log, pair
+from unit.fit.project import make_project, write_log
 
 FREE = ("a.power", "b.power")
 LINEAR = {"parameters/power/min": 0}

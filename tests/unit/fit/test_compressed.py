@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thermid.fit.calibrate import calibrate
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import Predictions, Problem
 from thermid.fit.problem.statistics import Sums, pooled
 from thermid.fit.uncertainty.information import EXACT
-from thermid.identify.calibrate import calibrate
 from thermid.measure import Record
 from thermid.model.modelfile import model_from_dict
 from thermid.simulation.scenario import Scenario
-from unit.identify.bench import HTC, MASS, box, deck, log, metered, pair
+from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 
 def in_full(problem: Problem, at: np.ndarray) -> np.ndarray:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
-from thermid.identify.calibration import Calibration
-from thermid.identify.standings import rests_on
-from thermid.identify.stored import in_place
+from thermid.fit.standings import rests_on
+from thermid.fit.stored import in_place
 from thermid.knowledge.standing import UNJUDGED
 from thermid.knowledge.store import Store
 from thermid.knowledge.values import view

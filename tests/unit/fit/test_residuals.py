@@ -17,7 +17,7 @@ from thermid.measure import Channel
 from thermid.model.modelfile import model_from_dict
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
-from unit.identify.bench import HTC, MASS, box, deck, log, metered, pair
+from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 STEP = 3e-5
 EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-7)

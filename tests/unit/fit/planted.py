@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from thermid.model.modelfile import load_model, save_model
-from unit.identify.bench import HTC, MASS, box, log
-from unit.identify.project import COOL, PAIR_DECK, TRUTH, write_log
+from unit.fit.bench import HTC, MASS, box, log
+from unit.fit.project import COOL, PAIR_DECK, TRUTH, write_log
 
 WHOLE_DECK = """
 title = "Whole"

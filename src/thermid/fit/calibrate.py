@@ -11,22 +11,22 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
+from thermid.fit.calibration import Calibration
 from thermid.fit.clocks.search import at_clocks, in_turns, with_clocks
+from thermid.fit.discrepancy import with_discrepancy
+from thermid.fit.hand_stage import tuned_by_hand
 from thermid.fit.least_squares.search import searched
 from thermid.fit.least_squares.solve import Fit, covariances, ended, minimise
+from thermid.fit.mistakes import mistakes, strange_powers
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.selection import freed, priors_of
 from thermid.fit.problem.statistics import pooled
+from thermid.fit.refusals import refuse_after, refuse_before
+from thermid.fit.summary import summarise
 from thermid.fit.uncertainty.responses import responses
 from thermid.fit.uncertainty.wander import wander
-from thermid.identify.calibration import Calibration
-from thermid.identify.discrepancy import with_discrepancy
-from thermid.identify.hand_stage import tuned_by_hand
-from thermid.identify.mistakes import mistakes, strange_powers
-from thermid.identify.refusals import refuse_after, refuse_before
-from thermid.identify.summary import summarise
 from thermid.measure import Record
 from thermid.model.model import Model
 from thermid.simulation.scenario import Scenario

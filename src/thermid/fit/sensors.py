@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from thermid.identify.calibration import Calibration
+    from thermid.fit.calibration import Calibration
 
 __all__ = ["InstrumentShare", "SensorShare", "instrument_shares", "sensor_shares"]
 

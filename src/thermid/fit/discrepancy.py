@@ -12,11 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
-from thermid.fit.least_squares.solve import covariances, ended
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Target, Unknown
-from thermid.fit.uncertainty.wander import binned
-from thermid.identify.coefficients import (
+from thermid.fit.coefficients import (
     Conditions,
     coefficient_path,
     conditions_of,
@@ -25,13 +21,17 @@ from thermid.identify.coefficients import (
     patterns_of,
     with_patterns,
 )
-from thermid.identify.joint_gas import separated
+from thermid.fit.joint_gas import separated
+from thermid.fit.least_squares.solve import covariances, ended
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import Target, Unknown
+from thermid.fit.uncertainty.wander import binned
 from thermid.knowledge.values import FittedValues
 
 if TYPE_CHECKING:
+    from thermid.fit.calibration import Calibration
+    from thermid.fit.coefficients import Course, Pattern
     from thermid.fit.uncertainty.wander import Wander
-    from thermid.identify.calibration import Calibration
-    from thermid.identify.coefficients import Course, Pattern
 
 __all__ = ["Discrepancy", "discrepancy", "discrepancy_kept", "kept_in", "misfit_kept", "with_discrepancy"]
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from thermid.errors import IdentificationError
-from thermid.identify.calibrate import calibrate
-from thermid.identify.calibration import Calibration
-from thermid.identify.coefficients import EXPONENT
-from thermid.identify.discrepancy import Discrepancy, discrepancy, found_at
+from thermid.fit.calibrate import calibrate
+from thermid.fit.calibration import Calibration
+from thermid.fit.coefficients import EXPONENT
+from thermid.fit.discrepancy import Discrepancy, discrepancy, found_at
 from thermid.knowledge.values import load_values
 from thermid.measure import Channel, Record
 from thermid.model.model import Model
@@ -19,7 +19,7 @@ from thermid.prediction.known import values_at
 from thermid.prediction.predict import predict
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
-from unit.identify.bench import HTC, MASS, box, log, room
+from unit.fit.bench import HTC, MASS, box, log, room
 
 TIMES = np.linspace(0.0, 18000.0, 301)
 FAR = Scenario("double, hot", boundaries={"air": "61 [degC]"}, start="61 [degC]", duration="5 [h]", loads={"heat": "8 [W]"})

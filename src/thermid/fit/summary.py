@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.fit.calibration import Calibration, Local
+from thermid.fit.contradicted import FAR, loudly
 from thermid.fit.least_squares.solve import Fit
 from thermid.fit.problem.residuals import Predictions, Problem
 from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.standings import at_bounds, own_standing, rests_on
+from thermid.fit.stored import stored
 from thermid.fit.uncertainty.moved import moves_above
 from thermid.fit.uncertainty.responses import Responses
-from thermid.identify.calibration import Calibration, Local
-from thermid.identify.contradicted import FAR, loudly
-from thermid.identify.standings import at_bounds, own_standing, rests_on
-from thermid.identify.stored import stored
 from thermid.knowledge.standing import worst
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure.amounts import short

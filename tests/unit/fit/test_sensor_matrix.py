@@ -21,8 +21,8 @@ from thermid.prediction.next_test import next_test
 from thermid.studio.answers import as_json, curves_object, desk_object, fit_object, picture, plan_object, project_object
 from thermid.studio.project import Project
 from thermid.studio.work import Work
-from unit.identify.bench import HTC, box, log, pair
-from unit.identify.project import COOL, write_log
+from unit.fit.bench import HTC, box, log, pair
+from unit.fit.project import COOL, write_log
 
 KEYS = {
     "none": "",
