@@ -30,15 +30,12 @@ if TYPE_CHECKING:
     from thermid.identify.difference import difference as difference
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
-    from thermid.identify.inverse import power_history as power_history
     from thermid.identify.plausibility import Plausibility as Plausibility
     from thermid.identify.plausibility import plausibility as plausibility
     from thermid.identify.posterior import Evidence as Evidence
     from thermid.identify.posterior import Posterior as Posterior
     from thermid.identify.posterior import evidence as evidence
     from thermid.identify.posterior import posterior as posterior
-    from thermid.identify.power_history import PowerHistory as PowerHistory
-    from thermid.identify.power_laws import PowerLaw as PowerLaw
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
     from thermid.identify.ranking import Advice as Advice
@@ -90,6 +87,9 @@ if TYPE_CHECKING:
     from thermid.network.network import compile_network as compile_network
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
+    from thermid.power.history import PowerHistory as PowerHistory
+    from thermid.power.inverse import power_history as power_history
+    from thermid.power.laws import PowerLaw as PowerLaw
     from thermid.prediction.known import Known as Known
     from thermid.prediction.next_test import next_test as next_test
     from thermid.prediction.predict import predict as predict
@@ -242,9 +242,9 @@ _PUBLIC = {
     "Aim": "identify.actions",
     "Advice": "identify.ranking",
     "load_values": "knowledge.values",
-    "power_history": "identify.inverse",
-    "PowerHistory": "identify.power_history",
-    "PowerLaw": "identify.power_laws",
+    "power_history": "power.inverse",
+    "PowerHistory": "power.history",
+    "PowerLaw": "power.laws",
     "posterior": "identify.posterior",
     "Posterior": "identify.posterior",
     "evidence": "identify.posterior",

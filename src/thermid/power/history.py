@@ -14,8 +14,8 @@ from thermid.fit.problem.residuals import Block
 from thermid.model.signal import literal
 
 if TYPE_CHECKING:
-    from thermid.identify.power_laws import PowerLaw
     from thermid.model.model import Model
+    from thermid.power.laws import PowerLaw
     from thermid.simulation.scenario import Scenario
 
 __all__ = ["PowerHistory"]
@@ -97,7 +97,7 @@ class PowerHistory:
 
     def laws(self) -> tuple[PowerLaw, ...]:
         """Return laws of the power over the node's temperature fitted to the history where it was unknown, the likeliest first."""
-        from thermid.identify.power_laws import fitted_laws
+        from thermid.power.laws import fitted_laws
 
         return fitted_laws(self)
 

@@ -16,14 +16,14 @@ from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.selection import priors_of
 from thermid.fit.problem.unknowns import Target, Unknown
-from thermid.identify.power_history import PowerHistory
-from thermid.identify.regularised import ROUNDS, Pins, Solved, solved
 from thermid.measure import Record
 from thermid.model.elements import HeatLoad
 from thermid.model.model import Model
 from thermid.model.modelfile import model_from_dict
 from thermid.model.signal import Constant, Table, literal
 from thermid.network.network import compile_network
+from thermid.power.history import PowerHistory
+from thermid.power.regularised import ROUNDS, Pins, Solved, solved
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.transient import simulate
 from thermid.units import unit

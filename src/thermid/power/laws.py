@@ -14,8 +14,8 @@ from thermid.model.elements import HeatLoad
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
-    from thermid.identify.power_history import PowerHistory
     from thermid.model.model import Model
+    from thermid.power.history import PowerHistory
 
 __all__ = ["PowerLaw", "fitted_laws"]
 
@@ -151,7 +151,7 @@ def _fed_back(
     h: PowerHistory, name: str, formula: str, coefficients: dict[str, tuple[float, float]], power: Array, fields: dict[str, Any]
 ) -> PowerLaw | None:
     """Return a law judged by the readings: what the model leaves of them with the law as its load."""
-    from thermid.identify.inverse import watts, with_load
+    from thermid.power.inverse import watts, with_load
 
     given = h.model.at(h.load)
     assert isinstance(given, HeatLoad)
