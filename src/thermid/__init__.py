@@ -11,6 +11,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
+    from thermid.explain.balance import EnergyBalance as EnergyBalance
+    from thermid.explain.balance import energy_balance as energy_balance
+    from thermid.explain.criticism import Criticism as Criticism
+    from thermid.explain.criticism import criticise as criticise
+    from thermid.explain.plausibility import Plausibility as Plausibility
+    from thermid.explain.plausibility import plausibility as plausibility
     from thermid.fit.calibrate import calibrate as calibrate
     from thermid.fit.calibration import Calibration as Calibration
     from thermid.fit.clocks.alignment import Alignment as Alignment
@@ -19,19 +25,13 @@ if TYPE_CHECKING:
     from thermid.fit.discrepancy import discrepancy as discrepancy
     from thermid.identify.actions import Action as Action
     from thermid.identify.actions import Aim as Aim
-    from thermid.identify.balance import EnergyBalance as EnergyBalance
-    from thermid.identify.balance import energy_balance as energy_balance
     from thermid.identify.compare import compare as compare
     from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
     from thermid.identify.credibility import credibility as credibility
-    from thermid.identify.criticism import Criticism as Criticism
-    from thermid.identify.criticism import criticise as criticise
     from thermid.identify.difference import Difference as Difference
     from thermid.identify.difference import difference as difference
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
-    from thermid.identify.plausibility import Plausibility as Plausibility
-    from thermid.identify.plausibility import plausibility as plausibility
     from thermid.identify.posterior import Evidence as Evidence
     from thermid.identify.posterior import Posterior as Posterior
     from thermid.identify.posterior import evidence as evidence
@@ -225,18 +225,18 @@ _PUBLIC = {
     "Calibration": "fit.calibration",
     "split": "identify.split",
     "Split": "identify.split_surface",
-    "energy_balance": "identify.balance",
-    "EnergyBalance": "identify.balance",
+    "energy_balance": "explain.balance",
+    "EnergyBalance": "explain.balance",
     "identifiability": "identify.identifiability",
     "Identifiability": "identify.identifiability",
     "profile": "identify.profile",
     "Profile": "identify.profile",
     "valley": "identify.valley",
     "Valley": "identify.valley",
-    "criticise": "identify.criticism",
-    "Criticism": "identify.criticism",
-    "plausibility": "identify.plausibility",
-    "Plausibility": "identify.plausibility",
+    "criticise": "explain.criticism",
+    "Criticism": "explain.criticism",
+    "plausibility": "explain.plausibility",
+    "Plausibility": "explain.plausibility",
     "next_test": "prediction.next_test",
     "Action": "identify.actions",
     "Aim": "identify.actions",

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ThermidError
+from thermid.explain.missing import Missing, missing_elements
+from thermid.explain.whiteness import ljung_box, modes_of, periodogram, stretches, trace_likelihood
 from thermid.fit.calibrate import fit as refit
 from thermid.fit.calibration import Calibration
-from thermid.identify.missing import Missing, missing_elements
-from thermid.identify.whiteness import ljung_box, modes_of, periodogram, stretches, trace_likelihood
 from thermid.measure.amounts import short
 
 __all__ = ["Candidate", "Criticism", "TraceCriticism", "criticise"]

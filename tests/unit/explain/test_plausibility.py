@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError
-from thermid.identify.plausibility import Finding
+from thermid.explain.plausibility import Finding
 from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
