@@ -11,34 +11,31 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
+    from thermid.explain.balance import EnergyBalance as EnergyBalance
+    from thermid.explain.balance import energy_balance as energy_balance
+    from thermid.explain.criticism import Criticism as Criticism
+    from thermid.explain.criticism import criticise as criticise
+    from thermid.explain.plausibility import Plausibility as Plausibility
+    from thermid.explain.plausibility import plausibility as plausibility
+    from thermid.fit.calibrate import calibrate as calibrate
+    from thermid.fit.calibration import Calibration as Calibration
     from thermid.fit.clocks.alignment import Alignment as Alignment
     from thermid.fit.clocks.alignment import align as align
+    from thermid.fit.discrepancy import Discrepancy as Discrepancy
+    from thermid.fit.discrepancy import discrepancy as discrepancy
     from thermid.identify.actions import Action as Action
     from thermid.identify.actions import Aim as Aim
-    from thermid.identify.balance import EnergyBalance as EnergyBalance
-    from thermid.identify.balance import energy_balance as energy_balance
-    from thermid.identify.calibrate import calibrate as calibrate
-    from thermid.identify.calibration import Calibration as Calibration
     from thermid.identify.compare import compare as compare
     from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
     from thermid.identify.credibility import credibility as credibility
-    from thermid.identify.criticism import Criticism as Criticism
-    from thermid.identify.criticism import criticise as criticise
     from thermid.identify.difference import Difference as Difference
     from thermid.identify.difference import difference as difference
-    from thermid.identify.discrepancy import Discrepancy as Discrepancy
-    from thermid.identify.discrepancy import discrepancy as discrepancy
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
-    from thermid.identify.inverse import power_history as power_history
-    from thermid.identify.plausibility import Plausibility as Plausibility
-    from thermid.identify.plausibility import plausibility as plausibility
     from thermid.identify.posterior import Evidence as Evidence
     from thermid.identify.posterior import Posterior as Posterior
     from thermid.identify.posterior import evidence as evidence
     from thermid.identify.posterior import posterior as posterior
-    from thermid.identify.power_history import PowerHistory as PowerHistory
-    from thermid.identify.power_laws import PowerLaw as PowerLaw
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
     from thermid.identify.ranking import Advice as Advice
@@ -90,6 +87,9 @@ if TYPE_CHECKING:
     from thermid.network.network import compile_network as compile_network
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
+    from thermid.power.history import PowerHistory as PowerHistory
+    from thermid.power.inverse import power_history as power_history
+    from thermid.power.laws import PowerLaw as PowerLaw
     from thermid.prediction.known import Known as Known
     from thermid.prediction.next_test import next_test as next_test
     from thermid.prediction.predict import predict as predict
@@ -223,30 +223,30 @@ _PUBLIC = {
     "compare": "identify.compare",
     "align": "fit.clocks.alignment",
     "Alignment": "fit.clocks.alignment",
-    "calibrate": "identify.calibrate",
-    "Calibration": "identify.calibration",
+    "calibrate": "fit.calibrate",
+    "Calibration": "fit.calibration",
     "split": "identify.split",
     "Split": "identify.split_surface",
-    "energy_balance": "identify.balance",
-    "EnergyBalance": "identify.balance",
+    "energy_balance": "explain.balance",
+    "EnergyBalance": "explain.balance",
     "identifiability": "identify.identifiability",
     "Identifiability": "identify.identifiability",
     "profile": "identify.profile",
     "Profile": "identify.profile",
     "valley": "identify.valley",
     "Valley": "identify.valley",
-    "criticise": "identify.criticism",
-    "Criticism": "identify.criticism",
-    "plausibility": "identify.plausibility",
-    "Plausibility": "identify.plausibility",
+    "criticise": "explain.criticism",
+    "Criticism": "explain.criticism",
+    "plausibility": "explain.plausibility",
+    "Plausibility": "explain.plausibility",
     "next_test": "prediction.next_test",
     "Action": "identify.actions",
     "Aim": "identify.actions",
     "Advice": "identify.ranking",
     "load_values": "knowledge.values",
-    "power_history": "identify.inverse",
-    "PowerHistory": "identify.power_history",
-    "PowerLaw": "identify.power_laws",
+    "power_history": "power.inverse",
+    "PowerHistory": "power.history",
+    "PowerLaw": "power.laws",
     "posterior": "identify.posterior",
     "Posterior": "identify.posterior",
     "evidence": "identify.posterior",
@@ -255,8 +255,8 @@ _PUBLIC = {
     "run_stages": "identify.stages",
     "joint": "identify.stages",
     "predict": "prediction.predict",
-    "discrepancy": "identify.discrepancy",
-    "Discrepancy": "identify.discrepancy",
+    "discrepancy": "fit.discrepancy",
+    "Discrepancy": "fit.discrepancy",
     "Prediction": "prediction.prediction",
     "Spread": "identify.spread",
     "plan_retune": "identify.swap",

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
-from thermid.identify.calibration import Calibration
-from thermid.identify.coefficients import Conditions
-from thermid.identify.discrepancy import misfit_kept
+from thermid.fit.calibration import Calibration
+from thermid.fit.coefficients import Conditions
+from thermid.fit.discrepancy import misfit_kept
 from thermid.identify.spread import Spread
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
 from thermid.knowledge.standing import UNJUDGED, Standing

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.identify.actions import Action, Aim, usual_actions
-from thermid.identify.calibration import Calibration
 from thermid.identify.planned import Sensor, planned_record, sensors_of
 from thermid.identify.ranking import Advice, Option
 from thermid.model.model import Model

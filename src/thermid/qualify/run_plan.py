@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibration import Calibration
 from thermid.identify.spread import Spread
 from thermid.knowledge.sources import Choice, Source
 from thermid.knowledge.values import FittedValues
