@@ -101,20 +101,15 @@ bool Group::clear_of_knees(const double* tolerance, double& next) const {
             const int s = i * LANES + l;
             return i >= 0 && i < p.n ? g_.h / (g_.cap[s] + g_.h * std::fabs(g_.J0[s])) : 0.0;
         };
-        for (int r = 0; r < p.nloads; ++r) {
+        auto c = [&](int k) { return g_.ceff[k * LANES + l]; };
+        for (int r : s_.p.bent_loads) {
             const LaneLoad& x = p.loads[r];
-            if (x.kind != PROPORTIONAL && x.kind != TABLE) continue;
-            auto c = [&](int k) { return g_.ceff[x.c[k] * LANES + l]; };
-            if (x.kind == TABLE) knee.table(sweep(x.sensor), s_.p.tables[x.table], [&] { return std::fabs(c(0)) * felt(x.node); });
-            else if (x.sensor < p.n) knee.heater(sweep(x.sensor), c(0), c(1), c(2), [&] { return felt(x.node); });
+            if (x.kind == TABLE) knee.table(sweep(x.sensor), s_.p.tables[x.table], [&] { return std::fabs(c(x.c[0])) * felt(x.node); });
+            else knee.heater(sweep(x.sensor), c(x.c[0]), c(x.c[1]), c(x.c[2]), [&] { return felt(x.node); });
         }
-        for (int r = p.kind_begin[TABLE_MEAN]; r < p.kind_begin[GAS]; ++r) {
+        for (int r : s_.p.bent_conductors) {
             const LaneRow& x = p.rows[r];
-            const Sweep a = sweep(x.a), b = sweep(x.b);
-            const double u = x.kind == TABLE_MEAN ? 0.5 : 1.0, v = x.kind == TABLE_MEAN ? 0.5 : -1.0;
-            const Sweep seen{u * a.t0 + v * b.t0, u * a.t1 + v * b.t1, u * a.a + v * b.a, u * a.b + v * b.b};
-            const double apart = std::max(std::fabs(a.t0 - b.t0), std::fabs(a.t1 - b.t1));
-            knee.table(seen, s_.p.tables[x.table], [&] { return std::fabs(g_.ceff[x.c0 * LANES + l]) * apart * std::max(felt(x.from), felt(x.to)); });
+            knee.conductor(x.kind, sweep(x.a), sweep(x.b), c(x.c0), c(x.c1), s_.p.tables.data() + x.table, [&] { return std::max(felt(x.from), felt(x.to)); });
         }
         if (!(knee.error > most * tolerance[l])) continue;
         most = knee.error / tolerance[l];

@@ -63,22 +63,8 @@ bool Integrator::clear_of_knees(double& next) {
     }
     const Conductors& c = p_.con;
     for (int r : p_.bent_conductors) {
-        const Sweep a = sweep(c.a[r]), b = sweep(c.b[r]);
-        const double c0 = std::fabs(e_.ceff[c.c0[r]]);
-        if (c.kind[r] == POTENTIAL) {
-            auto each = [&] { return c0 * felt(c.a[r], c.b[r]); };
-            knee.table(a, p_.tables[c.table[r]], each);
-            knee.table(b, p_.tables[c.table[r] + 1], each);
-            continue;
-        }
-        const bool mean = c.kind[r] == HINGE_MEAN || c.kind[r] == TABLE_MEAN;
-        const double x = mean ? 0.5 : 1.0, y = mean ? 0.5 : -1.0, apart = std::max(std::fabs(a.t0 - b.t0), std::fabs(a.t1 - b.t1));
-        const Sweep seen{x * a.t0 + y * b.t0, x * a.t1 + y * b.t1, x * a.a + y * b.a, x * a.b + y * b.b};
-        auto each = [&] { return c0 * apart * felt(c.a[r], c.b[r]); };
-        if (is_hinge(c.kind[r])) {
-            const double level = e_.ceff[c.c1[r]];
-            if (std::min(seen.t0, seen.t1) <= level && level <= std::max(seen.t0, seen.t1)) knee.pass(seen, 1.0, level, each());
-        } else knee.table(seen, p_.tables[c.table[r]], each);
+        knee.conductor(c.kind[r], sweep(c.a[r]), sweep(c.b[r]), e_.ceff[c.c0[r]], e_.ceff[c.c1[r]], p_.tables.data() + c.table[r],
+                       [&] { return felt(c.a[r], c.b[r]); });
     }
     double allowed = slack_ * tolerance();
     // A knee does not move with the end of a step, so sensitivities err in proportion to its length.

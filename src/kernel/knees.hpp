@@ -26,6 +26,13 @@ struct Sweep {
     }
 };
 
+// What a conductor with a knee is over, from both ends' temperatures.
+inline Sweep knee_of(int kind, const Sweep& a, const Sweep& b) {
+    const bool mean = is(kind, KNEE_OF_MEAN);
+    const double x = mean ? Mean::OF_A : Difference::OF_A, y = mean ? Mean::OF_B : Difference::OF_B;
+    return {x * a.t0 + y * b.t0, x * a.t1 + y * b.t1, x * a.a + y * b.a, x * a.b + y * b.b};
+}
+
 struct Knee {
     double error = 0.0, least = 0.0, where = 0.0;  // of the step's end [K]: for the knee where it lies, at the worst place; part of the step before it
     double steepest = 0.0;                         // `felt` of that knee
@@ -67,6 +74,22 @@ struct Knee {
         if (bend == t.bends.end() || !(bend->x <= high)) return;
         const double each = felt();
         for (; bend != t.bends.end() && bend->x <= high; ++bend) pass(s, turn, bend->x, each * std::fabs(bend->jump));
+    }
+    // Of a conductor with tables or a hinge; felt: for one watt all along the step [K/W].
+    template <class Felt>
+    void conductor(int kind, const Sweep& a, const Sweep& b, double c0, double c1, const Table* tables, Felt felt) {
+        if (is(kind, KNEE_OF_ENDS)) {
+            auto each = [&] { return std::fabs(c0) * felt(); };
+            table(a, tables[0], each);
+            table(b, tables[1], each);
+            return;
+        }
+        const Sweep seen = knee_of(kind, a, b);
+        const double apart = std::max(std::fabs(a.t0 - b.t0), std::fabs(a.t1 - b.t1));
+        auto each = [&] { return std::fabs(c0) * apart * felt(); };
+        if (tables_of(kind)) return table(seen, tables[0], each);
+        const double turn = seen.turn(), third = turn < 1.0 ? seen.at(turn) : seen.t1;
+        if (std::min({seen.t0, seen.t1, third}) <= c1 && c1 <= std::max({seen.t0, seen.t1, third})) pass(seen, turn, c1, each());
     }
     // The next length to try: up to just before the knee, or so short that it may be passed.
     double retry(double h, double allowed) const {

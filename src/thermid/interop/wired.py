@@ -22,8 +22,6 @@ from thermid.simulation.wiring import Wiring
 
 __all__ = ["Source", "Wired", "identifiers", "named_rows", "one_line", "refuse_crooked", "table_points", "wired"]
 
-LINEAR = ("linear", "flow")
-TABLES = ("table", "potential")
 MOVING = tuple(HINGES.values())
 
 
@@ -113,7 +111,7 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
     wiring = Wiring(network, scenario)
     numbers = with_formulas(network)
     for row in numbers.conductors:
-        if row.form in (*MOVING, "gas", "natural"):
+        if row.form in MOVING or row.form in ("gas", "natural"):
             kind = "a table that follows values" if row.form in MOVING else "a law of gas at a pressure, which rests on tables"
             raise DeckError(f"'{row.name}' is {kind}, which is not written to {what}.", network.title)
     given = {c.path: c.curve for c in network.flat.conductors} | {load.path: load.curve for load in network.flat.loads}
@@ -174,7 +172,7 @@ def refuse_crooked(w: Wired, what: str) -> None:
     """
     for label, row in w.conductors:
         at = [end for end in row.ends if end in w.massless]
-        if at and row.form not in LINEAR:
+        if at and not row.law.linear:
             raise DeckError(
                 f"'{label}' is not linear ({row.form}) and ends at the massless node '{at[0]}', whose temperature has no formula then. "
                 f"Give the node a capacitance to write the model to {what}.",

@@ -45,8 +45,8 @@ class Reduced:
         return [held[n] if n in held else temperatures[n] for n in self.nodes]
 
 
-QUICK: Final = 1e4
-"""Rate at which a node follows the heat that it holds, where its specific heat changes: late by a tenth of a millisecond. [1/s]"""
+QUICK: Final = 1e5
+"""Rate at which a node follows the heat that it holds, where its specific heat changes: late by ten microseconds. [1/s]"""
 
 
 def held_in(node: str) -> str:

@@ -13,8 +13,8 @@ from thermid import _kernel
 from thermid.memo import Memo
 from thermid.model.curves import Curve
 from thermid.model.signal import Signal
-from thermid.simulation.kernel_form import CONDUCTORS, LOADS, kernel_input
-from thermid.simulation.wiring import curve_arrays
+from thermid.network.rows import LOADS, conductor_law, curve_arrays, tables_behind
+from thermid.simulation.kernel_form import kernel_input
 
 __all__ = ["Csr", "Grid", "LoadGroup", "RowGroup", "SparseNetwork", "link_arrays"]
 
@@ -159,18 +159,19 @@ class SparseNetwork:
     def _problem(self) -> _kernel.LargeProblem:
         tables: list[Any] = []
 
-        def table(curve: Curve | None) -> int:
-            if curve is not None:
-                tables.extend(curve_arrays(each, refuse=True) for each in (curve, *curve.film))
-            return len(tables) - 1 - len(curve.film) if curve is not None else NONE
+        def table(form: str, curve: Curve | None) -> int:
+            if curve is None:
+                return NONE
+            tables.extend(curve_arrays(each, refuse=True) for each in tables_behind(form, curve))
+            return len(tables) - len(tables_behind(form, curve))
 
         rows, done = [], 0
         for g in self.rows:
-            rows.append((_conductor(g), g.boundary, g.input, table(g.curve), done, done + g.first.size))
+            rows.append((conductor_law(g.form, g.curve).kind, g.boundary, g.input, table(g.form, g.curve), done, done + g.first.size))
             done += g.first.size
         loads, done = [], 0
         for h in self.loads:
-            loads.append((LOADS[h.form], h.input, table(h.curve), h.tag, done, done + h.nodes.size))
+            loads.append((LOADS[h.form].kind, h.input, table(h.form, h.curve), h.tag, done, done + h.nodes.size))
             done += h.nodes.size
         return _kernel.LargeProblem(
             self.capacities,
@@ -195,12 +196,6 @@ class SparseNetwork:
         given = self.boundary_inputs[k]
         varying = self.inputs[given].at(times) if given != NONE else np.zeros(times.shape)
         return np.asarray(varying + self.offsets[k], dtype=np.float64)
-
-
-def _conductor(group: RowGroup) -> int:
-    if group.form == "table" and group.curve is not None:
-        return _kernel.TABLE_DIFF if group.curve.over == "difference" else _kernel.TABLE_MEAN
-    return CONDUCTORS[group.form]
 
 
 def joined(parts: Sequence[NDArray[Any]], kind: Any) -> NDArray[Any]:
