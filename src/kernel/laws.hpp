@@ -257,7 +257,7 @@ enum ConductorTrait { PLAIN = 0, STRAIGHT = 1, ONE_WAY = 2, KNEE_OF_MEAN = 4, KN
     ROW(TABLE_DIFF, Tabulated<Difference>, "table of difference", 1, 1, KNEE_OF_DIFFERENCE) \
     ROW(GAS, Gas, "gas", 2, 1, PLAIN)                                                    \
     ROW(NATURAL, Natural, "natural", 2, 3, PLAIN)                                        \
-    ROW(POTENTIAL, Potential, "potential", 1, 2, PLAIN)                                  \
+    ROW(POTENTIAL, Potential, "potential", 1, 2, KNEE_OF_ENDS)                           \
     ROW(HINGE_MEAN, Hinge<Mean>, "hinge", 2, 0, KNEE_OF_MEAN)                            \
     ROW(HINGE_DIFF, Hinge<Difference>, "hinge of difference", 2, 0, KNEE_OF_DIFFERENCE)
 
