@@ -30,9 +30,7 @@ def slab(lumps: int, span: float) -> td.Model:
     node |= {"melts_from": f"{MELTS - 0.5 * span!r} [K]", "melts_to": f"{MELTS + 0.5 * span!r} [K]"}
     g = K / width
     links = {"c": {"kind": "conduction", "between": ["wall", "x0"], "conductance": f"{2.0 * g!r} [W/K]"}}
-    links |= {
-        f"c{i}": {"kind": "conduction", "between": [f"x{i}", f"x{i + 1}"], "conductance": f"{g!r} [W/K]"} for i in range(lumps - 1)
-    }
+    links |= {f"c{i}": {"kind": "conduction", "between": [f"x{i}", f"x{i + 1}"], "conductance": f"{g!r} [W/K]"} for i in range(lumps - 1)}
     return td.model_from_dict({"title": "slab", "needs": ["wall"], "nodes": {f"x{i}": node for i in range(lumps)}, "conductors": links})
 
 

@@ -13,8 +13,8 @@ from thermid.files import EXPORT, write_text
 from thermid.interop.formula import Formula, Text, number_text
 from thermid.interop.units_of import si_unit
 from thermid.interop.wired import Wired, identifiers, one_line, refuse_crooked, table_points, wired
-from thermid.model.model import Model
 from thermid.model.curves import Curve
+from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Sine, Table
 from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
@@ -265,7 +265,11 @@ class _Writer:
         """Yield the tables, and the functions that read them: straight lines between their points."""
         for curve, k in self.curves.items():
             x, y, held = table_points(curve)
-            yield from ("", f"function [x, y, held] = table_{k}()", f"  % Over {'a' if curve.over == 'difference' else 'the'} {curve.over}. [K] and [SI]")
+            yield from (
+                "",
+                f"function [x, y, held] = table_{k}()",
+                f"  % Over {'a' if curve.over == 'difference' else 'the'} {curve.over}. [K] and [SI]",
+            )
             yield from _listed("  x = ", x, column=True)
             yield from _listed("  y = ", y, column=True)
             yield from (f"  held = {str(held).lower()};", "end")

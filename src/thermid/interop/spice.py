@@ -12,8 +12,8 @@ from thermid.errors import DeckError
 from thermid.files import EXPORT, write_text
 from thermid.interop.formula import number_text
 from thermid.interop.wired import Source, Wired, identifiers, one_line, table_points, wired
-from thermid.model.model import Model
 from thermid.model.curves import FAR, Curve
+from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Sine, Table
 from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
@@ -111,7 +111,9 @@ class _Netlist:
     def _dependent(self, k: int, source: Source) -> str:
         """Return a load whose power is a table over a temperature."""
         if source.signal != Constant(1.0):
-            raise DeckError(f"the load '{source.load}' is a table that changes in time, which is not written to SPICE.", self.w.network.title)
+            raise DeckError(
+                f"the load '{source.load}' is a table that changes in time, which is not written to SPICE.", self.w.network.title
+            )
         assert source.curve is not None
         at = f"V({self.nodes[source.sensor]})+{ICE_POINT}"
         return f"B_load_{k} 0 {self.nodes[source.node]} I={number_text(float(source.power))}*{self._pwl(source.curve, at)}"

@@ -158,9 +158,7 @@ def _melting(table: Mapping[str, Any], where: str) -> Mapping[str, Any]:
     heat = literal(table["specific_heat"], "J/(kg K)", f"{where}.specific_heat")
     values = {k: literal(v, MELTING[k], f"{where}.{k}") for k, v in given.items()}
     begins = values["melts_from"]
-    shape = melting(
-        heat, values.get("liquid_specific_heat", heat), values["latent_heat"], begins, values.get("melts_to", begins), where
-    )
+    shape = melting(heat, values.get("liquid_specific_heat", heat), values["latent_heat"], begins, values.get("melts_to", begins), where)
     points = [[f"{x!r} [K]", f"{y!r} [J/kg]"] for x, y in zip(shape.x.tolist(), shape.y.tolist(), strict=True)]
     left = {k: v for k, v in table.items() if k not in MELTING and k != "specific_heat"}
     return left | {"enthalpy": {"points": points}}

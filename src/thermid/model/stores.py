@@ -121,15 +121,14 @@ def melting(heat: float, liquid: float, latent: float, begins: float, ends: floa
 
 
 def _extended(x: Array, y: Array, d: Array, given: Curve) -> tuple[Array, Array, Array]:
-    """Return points, integral and integrand carried on to the coldest and hottest temperature: as a straight line to its limits, or held."""
+    """Return points, integral and integrand carried on to the coldest and hottest temperature: as a line to its limits, or held."""
     if given.outside == "linear":
         low, high = given.limits or (COLDEST, HOTTEST)
         for k, far, slope in zip((0, -1), (max(low, COLDEST), min(high, HOTTEST)), ends(given), strict=True):
             step = far - x[k]
             last = d[k] + slope * step
             x, y, d = (
-                np.r_[(new, old) if k == 0 else (old, new)]
-                for new, old in ((far, x), (y[k] + 0.5 * (d[k] + last) * step, y), (last, d))
+                np.r_[(new, old) if k == 0 else (old, new)] for new, old in ((far, x), (y[k] + 0.5 * (d[k] + last) * step, y), (last, d))
             )
     below, above = x[0] > COLDEST, x[-1] < HOTTEST
     if below:

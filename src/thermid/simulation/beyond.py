@@ -69,4 +69,4 @@ def refused_tables(network: Network, numbers: Numbers, temperatures: Mapping[str
             out.append(f"'{name}' leaves the range of its table, {low:.6g} to {high:.6g} K")
     if not out:
         return ""
-    return f"{' and '.join(dict.fromkeys(out))}, outside which it is refused. Add points, or choose outside = \"hold\"."
+    return f'{" and ".join(dict.fromkeys(out))}, outside which it is refused. Add points, or choose outside = "hold".'

@@ -85,7 +85,7 @@ class Answer:
 
 UNSOLVED: Final = (_kernel.NEWTON_FAILED, _kernel.NON_FINITE, _kernel.STEP_UNDERFLOW, _kernel.RUN_AWAY)
 """How a run ends that reaches where a table has no values."""
-MAY_HAVE_LEFT: Final = " A table that is refused outside its points may have been left; add points to it, or choose outside = \"hold\"."
+MAY_HAVE_LEFT: Final = ' A table that is refused outside its points may have been left; add points to it, or choose outside = "hold".'
 
 
 class Engine:
@@ -104,7 +104,7 @@ class Engine:
         self.modal = Modal(wiring, self.problem)
 
     def _laid_out(self, refuse: bool) -> Any:
-        """Return the kernel's problem; without `refuse` tables are held where a run would be refused: a search for a balance passes there."""
+        """Return the kernel's problem; without `refuse` tables are held where a run would be refused, for searches that pass there."""
         s = self.wiring.structure()
         tables: list[tuple[Array, Array, Array]] = []
         conductors = [row_form(form, places, curve, tables, refuse=refuse) for form, _, _, places, curve, _ in s["conductors"]]

@@ -136,7 +136,12 @@ def integrate_model(engine: Engine, a: Assembled, times: Array, nodes: Sequence[
 
 def settle_model(engine: Engine, a: Assembled, time: float) -> Array | None:
     """Return the steady temperatures (nodes,) [K] of a model with many nodes; None where the dense way is to be taken."""
-    if len(engine.nodes) < LARGE_FROM or engine.refuses or refusal(engine) or any(r[0] not in STABLE for r in engine.wiring.structure()["loads"]):
+    if (
+        len(engine.nodes) < LARGE_FROM
+        or engine.refuses
+        or refusal(engine)
+        or any(r[0] not in STABLE for r in engine.wiring.structure()["loads"])
+    ):
         return None
     from thermid.simulation.large_steady import settle_large
 

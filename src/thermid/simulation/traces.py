@@ -54,7 +54,7 @@ class Traces:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def temperature(self, name: str) -> Array:
-        """Return the temperature (times,) of a node or boundary; of one whose specific heat changes, what belongs to the heat it holds. [K]"""
+        """Return the temperature (times,) of a node or boundary; where specific heat changes, that of the heat it holds. [K]"""
         own = held_in(name)
         if own in self.kept:
             shape = self.assembled.reduced.stored[own][1].curve
