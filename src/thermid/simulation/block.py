@@ -58,7 +58,7 @@ def simulate_block(
     if field_times.size and ((np.diff(field_times) <= 0).any() or field_times[0] < 0 or field_times[-1] > scenario.seconds):
         raise ScenarioError("times of fields must increase and lie within the duration.", where)
     initial = _start(block, scenario, network, where)
-    answer = integrate(network, initial, scenario.seconds, wanted, watched, field_times, opts, where, block.name)
+    answer = integrate(network, initial, scenario.seconds, wanted, watched, field_times, opts, where, block.name, opts.extremes)
     grid = {"fields": answer.fields.reshape(-1, *block.cells), "final_field": answer.final.reshape(block.cells), "field_times": field_times}
     return _solution(block, scenario, network, names, wanted, answer.watched, answer.statistics, grid, answer)
 

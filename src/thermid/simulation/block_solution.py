@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, SolverError, nearest
 from thermid.model.block import Block
 from thermid.model.signal import Constant
+from thermid.simulation.extremes import Turnings
 from thermid.simulation.inputs import product
 from thermid.simulation.large import LargeAnswer
 from thermid.simulation.scenario import Scenario
@@ -48,7 +49,19 @@ class BlockSolution(Solution):
         """Return the trace of what was watched, or of a boundary."""
         if name not in self.nodes:
             raise NameNotFoundError(f"'{name}' was not watched.{nearest(name, self.nodes)} Name it in 'watch' of the run.", self.title)
-        return Trace(name, self.times, self.temperatures[:, self.nodes.index(name)])
+        k = self.nodes.index(name)
+        return Trace(name, self.times, self.temperatures[:, k], self._turnings(k))
+
+    def _turnings(self, column: int) -> Turnings | None:
+        """Return the turning points of what was watched, or of a boundary; None where the run did not follow it."""
+        watched = self._watched.shape[1]
+        if self._answer is None or column >= watched:
+            return None if self._answer is None else self._network.boundary_turnings(column - watched, float(self._scenario.seconds))
+        return self._answer.turnings[column] if self._answer.turnings is not None else None
+
+    def refined(self, nodes: Iterable[str] = ()) -> Solution:
+        """Return the run as it is: what was watched is known at the stored times and at its own turning points."""
+        return self
 
     @cached_property
     def temperatures(self) -> Array:

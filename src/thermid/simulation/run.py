@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import value_of
+from thermid.memo import Memo
 from thermid.network.network import Network
-from thermid.simulation.engine import Answer, Engine
+from thermid.simulation.engine import Answer, Engine, Options
+from thermid.simulation.extremes import Dense, Turnings, signal_turnings
+from thermid.simulation.kernel_form import break_times
 from thermid.simulation.ranges import outside
 from thermid.simulation.solution import HeatBalance
 from thermid.simulation.traces import Traces
@@ -30,6 +33,8 @@ class Run:
     assembled: Assembled
     answer: Answer
     times: Array
+    options: Options
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @cached_property
     def traces(self) -> Traces:
@@ -37,6 +42,33 @@ class Run:
         return Traces(
             self.wiring, self.assembled, self.times, self.assembled.reduced.nodes, self.answer.temperatures, self.answer.sensitivities
         )
+
+    def turnings(self, path: str) -> Turnings | None:
+        """Return the turning points of a node or boundary between samples; None where the run did not follow it."""
+        if path in self.network.boundaries:
+            offset = value_of(self.assembled.offsets[path])
+            return signal_turnings(self.wiring.signals[f"boundary {path}"], self.answer.end, offset)
+        return (self.answer.turnings or {}).get(path)
+
+    def again(self, times: Array) -> Run:
+        """Return the same run stored at other, increasing times (times,) [s], by the same method."""
+        return self.memo.made(times.tobytes(), lambda: self._again(times), most=4)
+
+    def _again(self, times: Array) -> Run:
+        method = str(self.answer.statistics["method"]).removesuffix(" + CG")
+        options = replace(self.options, method=method, extremes=False)
+        answer = self.engine.integrate(self.assembled, times, self.assembled.reduced.nodes, self.answer.end, options)
+        return replace(self, answer=replace(answer, turnings=self.answer.turnings), times=times)
+
+    def dense(self, path: str) -> Dense:
+        """Return the course of a node or boundary at any time."""
+        return Dense(lambda times: self.again(times).traces.temperature(path), self.switches)
+
+    @cached_property
+    def switches(self) -> Array:
+        """When inputs jump and thermostats switch. [s]"""
+        signals = [self.wiring.signals[name] for name in self.wiring.used]
+        return np.unique(np.concatenate((break_times(signals, self.answer.end), [t for t, _, _ in self.answer.switched])))
 
     @property
     def network(self) -> Network:
