@@ -8,7 +8,7 @@
 namespace thermid {
 
 namespace {
-constexpr double SHORT = 0.3;  // of a time constant, or of the time since the last knot: a slope changes sign once at most
+constexpr double SHORT = 0.1;  // of the shortest time constant: a slope changes sign once at most
 constexpr double CLOSE = 1e-9; // of a stretch: where its slope is zero
 }  // namespace
 
@@ -101,11 +101,11 @@ void Modal::turn(Stretch& x, const double* drive, double t, double until) {
         }
     }
     // From the end to the start: the parts that the fastest mode, and the time since the last knot, ask for.
-    const double least = std::max(fastest_ > 0.0 ? SHORT / fastest_ : x.h, SHORT * (t - kink_));
+    const double least = std::max(fastest_ > 0.0 ? SHORT / fastest_ : x.h, 0.3 * (t - kink_));
     int many = 0;
-    if (0.25 * x.h > least) {
+    if (0.25 * x.h > least || t == kink_) {
         parts_of(x);
-        for (double s = 0.25 * x.h; many < static_cast<int>(x.parts.size()) && s > 0.25 * least; s *= 0.25) ++many;
+        for (double s = 0.25 * x.h; many < static_cast<int>(x.parts.size()) && (many == 0 || s > 0.25 * least); s *= 0.25) ++many;
     }
     for (int c = 0; c < columns; ++c) {
         slope_[0][c] = course_slope(c, before_.data(), drive, 0.0, t);

@@ -59,7 +59,7 @@ class BlockSolution(Solution):
             return None if self._answer is None else self._network.boundary_turnings(column - watched, float(self._scenario.seconds))
         return self._answer.turnings[column] if self._answer.turnings is not None else None
 
-    def refined(self, nodes: Iterable[str] = ()) -> Solution:
+    def refined(self, nodes: Iterable[str] = (), most: int | None = None) -> Solution:
         """Return the run as it is: what was watched is known at the stored times and at its own turning points."""
         return self
 

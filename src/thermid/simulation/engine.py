@@ -126,7 +126,14 @@ class Engine:
         return Engine, (self.wiring,)
 
     def integrate(
-        self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, gradients: bool = False, extremes: bool = False
+        self,
+        a: Assembled,
+        times: Array,
+        nodes: Sequence[str],
+        end: float,
+        options: Options,
+        gradients: bool = False,
+        extremes: bool = False,
     ) -> Answer:
         """Return temperatures at times of some nodes, from zero to `end` [s]; with `extremes` their turning points between these too.
 

@@ -23,7 +23,7 @@ MOST = 300  # nodes beyond which modes cost more than any noise asks of steps
 
 
 class Exact(NamedTuple):
-    """What the kernel says of a modal run: status, node and time [s] of a failure, stretches, temperatures [K], heats [J], turning points."""
+    """What the kernel says of a modal run: status, node and time [s] of a failure, stretches, temperatures [K], heats [J] and turnings."""
 
     status: int
     node: int

@@ -62,6 +62,8 @@ class Run:
 
     def dense(self, path: str) -> Dense:
         """Return the course of a node or boundary at any time."""
+        if path in self.network.boundaries:
+            return Dense(lambda times: self.wiring.boundary(path, times, self.assembled.offsets), self.switches)
         return Dense(lambda times: self.again(times).traces.temperature(path), self.switches)
 
     @cached_property

@@ -122,14 +122,17 @@ class Trace:
         span = f"{self.lowest:.3f} .. {self.highest:.3f} degC"
         return f"{self.path}: {self.final:.3f} degC at {self.times[-1]:g} s, {span} at {self.times.size} times{known}"
 
-    def crossing(self, limit: float) -> float | None:
-        """Return the first time at which the node is above a limit [degC], between samples too where it was tracked, or None. [s]"""
-        times, kelvin = self.course
-        level = limit + ICE_POINT
+    def crossing(self, limit: float, *, below: bool = False) -> float | None:
+        """Return the first time at which the node is above a limit [degC], or below it; None where never. [s]
+
+        Between samples too where the run was tracked: a pulse counts. To a few digits more than the samples by the integrator's dense
+        output, where it can be had.
+        """
+        (times, kelvin), sign, level = self.course, -1.0 if below else 1.0, limit + ICE_POINT
         if self.dense is None:
-            return first_above(times, kelvin - level)
+            return first_above(times, sign * (kelvin - level))
         dense = self.dense
-        return first_above(times, kelvin - level, lambda t: dense.kelvin(t) - level, dense.switches)
+        return first_above(times, sign * (kelvin - level), lambda t: sign * (dense.kelvin(t) - level), dense.switches)
 
 
 @dataclass(frozen=True)
@@ -182,19 +185,27 @@ class Solution:
         run, path = self._run, self._run.network.find(name)
         return Trace(path, self.times, run.traces.temperature(path), run.turnings(path), run.dense(path))
 
-    def refined(self, nodes: Iterable[str] = ()) -> Solution:
+    def refined(self, nodes: Iterable[str] = (), most: int | None = None) -> Solution:
         """Return the same run stored besides at the turning points of some nodes, and just before and at every switching.
 
         Whatever is read off its samples then holds between those of this run too. The run is made once more; where it was not tracked, or
         nothing lies between its samples, it is returned as it is.
+
+        Parameters
+        ----------
+        nodes : iterable of str
+        most : int      Of each node only so many of the highest and of the lowest turning points, and of the switchings only those where
+                        one of them lies: for runs whose samples are dear. All where None.
         """
-        run = self._run
-        found = [run.turnings(run.network.find(n)) for n in nodes]
-        ends = (float(self.times[0]), float(self.times[-1]))
-        before = run.switches - np.maximum(JUST_BEFORE, 1e-12 * run.switches)
-        more = np.concatenate([run.switches, before, *(t.times for t in found if t is not None)])
-        times = np.union1d(self.times, more[(more > ends[0]) & (more < ends[1])])
-        if all(t is None for t in found) or times.size == self.times.size:
+        run, first, last = self._run, float(self.times[0]), float(self.times[-1])
+        found = [t for t in (run.turnings(run.network.find(n)) for n in nodes) if t is not None]
+        kept = [t.times if most is None or t.times.size <= 2 * most else t.furthest(most) for t in found]
+        more = np.unique(np.concatenate([np.zeros(0), *kept]))
+        switches = run.switches if most is None else np.intersect1d(run.switches, more)
+        before = switches - np.maximum(JUST_BEFORE, 1e-12 * switches)
+        more = np.concatenate([more, switches, before])
+        times = np.union1d(self.times, more[(more > first) & (more < last)])
+        if not found or times.size == self.times.size:
             return self
         return replace(self, times=times, free=(), _run=run.again(times))
 
