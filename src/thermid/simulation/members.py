@@ -179,7 +179,7 @@ def _turnings(
     out = {n: MemberTurnings(member[i:j], times[i:j], kelvin[i:j]) for n, i, j in zip(kept, ends[:-1], ends[1:], strict=True)}
     wiring = engine.wiring
     for name in wanted:
-        if name in wiring.network.boundaries:
+        if name in numbers.offsets:
             turns = signal_turnings(wiring.signals[f"boundary {name}"], wiring.scenario.seconds, 0.0)
             out[name] = MemberTurnings.alike(turns, numbers.offsets[name])
     return {n: out[n] for n in wanted if n in out}
