@@ -53,7 +53,7 @@ def _flatten(deck: dict[str, Any], prefix: str, bound: dict[str, str], flat: dic
         names[prefix + name] = _plain(prefix + name)
     for name, s in deck.get("surfaces", {}).items():
         new = {**s, "of": end(s["of"]), "to": end(s["to"])}
-        flat["surfaces"][_plain(prefix + name)] = new | ({"radiates_to": end(s["radiates_to"])} if "radiates_to" in s else {})
+        flat["surfaces"][_plain(prefix + name)] = new | ({"sees": end(s["sees"])} if "sees" in s else {})
     for name, c in deck.get("conductors", {}).items():
         ends = [end(e) for e in c["between"]]
         if ends[0] != ends[1]:  # two needs may be bound to one node: no heat flows
@@ -244,7 +244,7 @@ class Oracle:
             if "effective_htc" in s:
                 self._link(s["of"], s["to"], self.linear(si(s["effective_htc"]) * area))
             if "emissivity" in s:
-                self._link(s["of"], s.get("radiates_to", s["to"]), self.radiation(si(s["emissivity"]), area))
+                self._link(s["of"], s.get("sees", s["to"]), self.radiation(si(s["emissivity"]), area))
 
     def _power(self, name: str, q: dict[str, Any]) -> Callable[[float, np.ndarray], float]:
         """Return the power of a load by time and temperatures. [W]"""

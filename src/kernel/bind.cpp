@@ -206,13 +206,10 @@ NB_MODULE(_kernel, m) {
         .def_prop_ro("coefficients", [](const Problem& p) { return p.nc; });
     bind_ensemble(m);
     m.def("tableau", &tableau);
+    bind_laws(m);
     bind_modal(m);
     bind_large(m);
     bind_leastsquares(m);
-    const char* con[] = {"LINEAR", "POWER", "RADIATION", "FLOW", "TABLE_MEAN", "TABLE_DIFF", "GAS", "NATURAL", "POTENTIAL", "HINGE_MEAN", "HINGE_DIFF"};
-    for (int k = 0; k < CONDUCTOR_KINDS; ++k) m.attr(con[k]) = k;
-    const char* ld[] = {"SIGNAL", "POLY", "EXP", "TABLE", "THERMOSTAT", "PROPORTIONAL"};
-    for (int k = 0; k < LOAD_KINDS; ++k) m.attr(ld[k]) = k;
     const char* in[] = {"SAMPLED_LINEAR", "SAMPLED_HOLD", "SINE", "CONSTANT"};
     for (int k = 0; k < INPUT_KINDS; ++k) m.attr(in[k]) = k;
     const char* st[] = {"OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER"};

@@ -123,6 +123,7 @@ inline std::vector<int> thermostats_of(const Problem& p, const std::optional<Int
     return copy<int>(*on);
 }
 
+void bind_laws(nb::module_& m);
 void bind_modal(nb::module_& m);
 void bind_leastsquares(nb::module_& m);
 void bind_ensemble(nb::module_& m);

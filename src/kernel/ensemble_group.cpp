@@ -89,13 +89,25 @@ bool Group::clear_of_knees(const double* tolerance, double& next) const {
     double most = 1.0, wanted = 0.0;
     for (int l = 0; l < LANES; ++l) {
         Knee knee;
+        auto inertia = [&](int node) { return g_.cap[node * LANES + l] + g_.h * std::fabs(g_.J0[node * LANES + l]); };
+        auto sweep = [&](int node) -> Sweep {
+            const int s = node * LANES + l;
+            if (node >= p.n) return {g_.T[s], g_.T[s], 0.0, 0.0};
+            return {g_.Tn[s], g_.T1[s], g_.h * g_.d0[s], g_.h * g_.icap[s] * last[s]};
+        };
         for (int r = 0; r < p.nloads; ++r) {
             const LaneLoad& x = p.loads[r];
             if (x.kind != PROPORTIONAL || x.sensor >= p.n) continue;
-            const int i = x.node * LANES + l, s = x.sensor * LANES + l;
-            const Sweep sweep{g_.Tn[s], g_.T1[s], g_.h * g_.d0[s], g_.h * g_.icap[s] * last[s]};
             auto c = [&](int k) { return g_.ceff[x.c[k] * LANES + l]; };
-            knee.heater(sweep, c(0), c(1), c(2), g_.h, g_.cap[i] + g_.h * std::fabs(g_.J0[i]));
+            knee.heater(sweep(x.sensor), c(0), c(1), c(2), g_.h, inertia(x.node));
+        }
+        for (int r = 0; r < p.kind_begin[CONDUCTOR_KINDS]; ++r) {
+            const LaneRow& x = p.rows[r];
+            if (!has_knee(x.kind)) continue;
+            const Sweep a = sweep(x.a), b = sweep(x.b);
+            const double gain = std::fabs(g_.ceff[x.c0 * LANES + l] * (a.t1 - b.t1));
+            for (int i : {x.from, x.to})
+                if (i >= 0) knee.pass(knee_of(x.kind, a, b), g_.ceff[x.c1 * LANES + l], gain, g_.h, inertia(i));
         }
         if (!(knee.error > most * tolerance[l])) continue;
         most = knee.error / tolerance[l];

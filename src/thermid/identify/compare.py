@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from thermid.arguments import takes_objects
-from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration
-from thermid.identify.request import Request
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import Request
 from thermid.measure import Record
 from thermid.model.model import Model
 from thermid.simulation.scenario import Scenario

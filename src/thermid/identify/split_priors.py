@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, nearest
-from thermid.identify.values import FittedValues
+from thermid.knowledge.values import FittedValues
 from thermid.model.flat import FlatConductor
 from thermid.model.model import Model
 from thermid.model.takes import exposed_area

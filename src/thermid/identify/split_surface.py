@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.values import FittedValues
+from thermid.knowledge.values import FittedValues
 from thermid.model.model import Model
 
 __all__ = ["Split", "SplitSurface"]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
-from thermid.identify.values import FittedValues
+from thermid.knowledge.values import FittedValues
 
 __all__ = ["Spread"]
 

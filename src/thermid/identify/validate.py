@@ -9,13 +9,13 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, nearest
-from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import LocalSpec, Reading, Request
+from thermid.fit.problem.residuals import Block
+from thermid.fit.problem.sensor_parts import as_found
+from thermid.fit.problem.statistics import SensorStatistics
 from thermid.identify.looks import Look
-from thermid.identify.request import LocalSpec, Reading, Request
-from thermid.identify.residuals import Block
-from thermid.identify.sensor_parts import as_found
-from thermid.identify.statistics import SensorStatistics
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
 from thermid.model.signal import literal

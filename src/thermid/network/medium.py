@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Number
-from thermid.errors import ScenarioError
+from thermid.errors import ScenarioError, quoted
 from thermid.memo import Memo
-from thermid.model.flat import FlatConductor
+from thermid.model.elements import MadeIn
+from thermid.model.flat import Flat, FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Signal, Table
+from thermid.model.surroundings import bare, still
 from thermid.network.environment import GROUND, Environment, extremes
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.pressure import levels_of, sampled, shares, stream, vented
@@ -32,6 +34,8 @@ Array = NDArray[np.float64]
 
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
+THIN = 0.01 * ATMOSPHERE
+"""Pressure at which natural convection is a tenth of that on the ground, (p/p0)^(1/2): radiation is most of what a surface gives. [Pa]"""
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
 
@@ -82,6 +86,14 @@ class Media:
             raise ScenarioError(f"'{gas}' is vented to '{environment.vented}', which has no pressure of its own.", "environment")
         outside = self._environment(environment.vented).pressure
         return vented(own, outside, environment.time_constant, f"environment.{gas}")
+
+    def pressure(self, gas: str) -> Signal:
+        """Return the pressure of a gas node in time. [Pa]"""
+        return self._pressure(self._key(gas), self._environment(gas))
+
+    def gas(self, gas: str) -> str:
+        """Return which gas a gas node is."""
+        return self._environment(gas).gas
 
     def _key(self, gas: str) -> str:
         return gas if gas in self.environments else "*"
@@ -142,6 +154,68 @@ class Media:
         """Return whether there is no gas at a gas node at any time."""
         return self._state(gas) == "vacuum"
 
+    def refuse(self, flat: Flat) -> None:
+        """Refuse surfaces that say nothing of what is left to them in the gas of a run, or without.
+
+        Raises
+        ------
+        ScenarioError   When a surface or lead has a convection alone and its gas is gone at any time, or radiation alone in a gas.
+        """
+
+        def place(path: str) -> str:
+            face = flat.faces.get(path)
+            return face.where if face else next(c.where for c in flat.conductors if c.path.startswith(path))
+
+        thin = [] if self.as_printed else [(path, gas) for path, gas in bare(flat).items() if self._lowest(gas) <= VACUUM_LIMIT]
+        if thin:
+            which, several = quoted([path for path, _ in thin]), len(thin) > 1
+            raise ScenarioError(
+                f"{which} {'have' if several else 'has'} htc and no emissivity: without gas in {quoted(_each(thin))} nothing would leave "
+                f"{'them' if several else 'it'}. Give an emissivity or a finish; emissivity = 0 where nothing radiates on purpose.",
+                place(thin[0][0]),
+            )
+        filled = [(path, gas) for path, gas in still(flat).items() if not self.empty(gas)]
+        if filled:
+            which, several = quoted([path for path, _ in filled]), len(filled) > 1
+            raise ScenarioError(
+                f"{which} {'have' if several else 'has'} an emissivity and no htc: in the gas of {quoted(_each(filled))} "
+                f"{'they' if several else 'it'} would have no convection. Give htc, as a value or from a correlation, "
+                "htc = { length = ... }; htc = 0 where nothing convects on purpose. "
+                "Where no gas is, say so: environment, pressure = '0 [Pa]' (--vacuum).",
+                place(filled[0][0]),
+            )
+
+        for title, gas, state, where in flat.made_in:
+            for key in dict.fromkeys((*self.environments, "*")) if gas == "*" else (self._key(gas),):
+                if not self._as_made(key, state):
+                    raise ScenarioError(
+                        f"'{title}' was reduced in {state}, and its conductances hold the gas of that state; the gas of '{gas}' is another "
+                        "here. Reduce the full model in the state of this run.",
+                        where,
+                    )
+
+    def made_in(self, gas: str) -> MadeIn:
+        """Return the state of a gas that stays, for a model that is reduced in it."""
+        environment = self._environment(gas)
+        wind = float(extremes(environment.wind).max())
+        return MadeIn(self._lowest(gas), environment.gravity, environment.gas, wind)
+
+    def _as_made(self, key: str, made: MadeIn) -> bool:
+        """Return whether a gas is at all times in the state in which a model was reduced, as far as conductances go."""
+        environment = self._environment(key)
+        pressures = extremes(self._pressure(key, environment))
+        if made.pressure <= VACUUM_LIMIT:
+            return bool((pressures <= VACUUM_LIMIT).all())
+        low, high = AIR_RANGE if AIR_RANGE[0] <= made.pressure <= AIR_RANGE[1] else (0.99 * made.pressure, 1.01 * made.pressure)
+        alike = abs(environment.gravity - made.gravity) <= 0.01 * STANDARD_GRAVITY and environment.gas == made.gas
+        winds = extremes(environment.wind)
+        return alike and bool(((pressures >= low) & (pressures <= high)).all() and (np.abs(winds - made.wind) <= 0.01 * made.wind).all())
+
+    def _lowest(self, gas: str) -> float:
+        """Return the lowest pressure that a gas node has. [Pa]"""
+        key = self._key(gas)
+        return float(extremes(self._pressure(key, self._environment(key))).min())
+
     def changed(self, gas: str) -> bool:
         """Return whether a gas is at any time another than air on the ground."""
         return self._state(gas) != "air" or self._environment(gas).gas != "air"
@@ -187,6 +261,8 @@ class Media:
         if law.medium in ("solid", "radiation"):
             return (row(law.form, law.coefficients),)
         state = self._state(c.gas)
+        if law.medium == "left":
+            return self._left(c, law, state)
         if law.medium == "fin":
             return self._fin(c, law, state)
         if law.medium in ("rest", "correlation"):
@@ -202,7 +278,7 @@ class Media:
         if self.as_printed and state == "jumping":
             return (row(law.form, law.coefficients, f"gas {self._key(c.gas)}"),)
         if state == "vacuum":
-            return (row("radiation", self._kept(c, fields, emissivity)),)
+            return gone if c.sees else (row("radiation", self._kept(c, fields, emissivity)),)
         return self._changed(c, law, fields, emissivity, state)
 
     def _changed(
@@ -215,7 +291,7 @@ class Media:
                 f"the coefficient of '{c.path}' was found in air and does not hold in {own.gas}; give a correlation, or a gap.", c.where
             )
         radiation: tuple[ConductorRow, ...] = ()
-        kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not self.as_printed else ()
+        kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not (self.as_printed or c.sees) else ()
         if state == "jumping":
             key = self._key(c.gas)
             present = ConductorRow(c.path, law.form, c.ends, law.coefficients, c.curve, f"gas {key}")
@@ -225,6 +301,14 @@ class Media:
             share = 1.0 if at.key else 1.0 - at.natural
             radiation = (ConductorRow(c.path, "radiation", c.ends, (share * kept[0],), None, at.named("rest")),)
         return *thinned(c, law, fields["area"], at), *radiation
+
+    def _left(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
+        """Return the row of the radiation that an effective coefficient leaves to what its surface sees, for the gas that is gone."""
+        share, signal = {"air": (0.0, ""), "vacuum": (1.0, ""), "jumping": (1.0, f"no gas {self._key(c.gas)}")}.get(state, (0.0, "thin"))
+        if signal == "thin":
+            at = self._gas(c.gas, c.where)
+            share, signal = (1.0 if at.key else 1.0 - at.natural), at.named("rest")
+        return (ConductorRow(c.path, law.form, c.ends, ((0.0 if self.as_printed else share) * law.coefficients[0],), None, signal),)
 
     def _fin(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
         """Return the rows of a lead's conductance: that in air, and that without, each for its share of the gas."""
@@ -267,3 +351,8 @@ class Media:
         if emissivity is None:
             raise self._unknown_share(c)
         return (radiation_coefficient(emissivity, fields["area"]),)
+
+
+def _each(pairs: list[tuple[str, str]]) -> list[str]:
+    """Return each gas once."""
+    return list(dict.fromkeys(gas for _, gas in pairs))

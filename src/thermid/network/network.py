@@ -15,6 +15,7 @@ from thermid.memo import Memo
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.model import Model
 from thermid.model.stores import Store
+from thermid.model.surroundings import into_gas, radiates_into
 from thermid.model.takes import exposed_area
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import Media
@@ -226,12 +227,13 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     Parameters
     ----------
     model : Model               The tree.
-    media : Media               The state of each gas; one atmosphere everywhere by default.
+    media : Media               The state of each gas; where none is given one atmosphere, without asking what surfaces say of it.
     prescribed : iterable       Nodes that are driven by a given temperature instead of their own balance.
 
     Raises
     ------
-    ThermidError   With file and key path of the first thing that does not fit.
+    ThermidError   With file and key path of the first thing that does not fit: surfaces that radiate into a gas, or that say nothing of
+                   what is left to them in the gas of a run.
     """
     flat = flatten(model)
     if media is not None and media.irradiation:
@@ -246,7 +248,11 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
         raise DeckError("there is no node left whose temperature is unknown.", model.title)
     stores = {n.path: n.store for n in flat.nodes if n.store is not None and n.path in nodes}
     network = Network(model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven, stores)
-    network.numbers()
+    if media is not None:
+        media.refuse(flat)
+    values = network.numbers().values
+    for gas, radiating in into_gas(flat, values).items():
+        raise DeckError(radiates_into(gas, radiating), next(n.where for n in flat.nodes if n.path == gas))
     return network
 
 

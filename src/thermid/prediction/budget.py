@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
-from thermid.identify.calibration import Calibration
-from thermid.identify.coefficients import Conditions
-from thermid.identify.discrepancy import misfit_kept
+from thermid.fit.calibration import Calibration
+from thermid.fit.coefficients import Conditions
+from thermid.fit.discrepancy import misfit_kept
 from thermid.identify.spread import Spread
-from thermid.identify.values import FittedValues
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
 from thermid.knowledge.standing import UNJUDGED, Standing
+from thermid.knowledge.values import FittedValues
 from thermid.model.model import Model
 from thermid.network.network import compile_network
 from thermid.prediction.known import Known, Rows, known_of, normal_sources, rows_of

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Problem
 from thermid.identify.actions import Action, Aim, usual_actions
-from thermid.identify.calibration import Calibration
-from thermid.identify.gather import problem_for
 from thermid.identify.planned import Sensor, planned_record, sensors_of
 from thermid.identify.ranking import Advice, Option
-from thermid.identify.request import Request
-from thermid.identify.residuals import Problem
 from thermid.model.model import Model
 from thermid.model.signal import literal
 from thermid.prediction.before import WITHOUT_GAS, Before, before_fit, before_model, unknown_of
@@ -98,7 +98,7 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
     """Return the instruments of a fit's first record, with the noise that the fit used."""
     if not isinstance(source, Calibration) or source.problem is None:
         return ()
-    from thermid.identify.experiment import _bound
+    from thermid.fit.problem.experiment import _bound
 
     experiment = source.experiments[0]
     out = []

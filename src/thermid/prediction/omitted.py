@@ -10,8 +10,8 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.errors import SolverError
-from thermid.identify.coefficients import coefficient_path, constant_coefficients
-from thermid.identify.discrepancy import kept_in, misfit_kept
+from thermid.fit.coefficients import coefficient_path, constant_coefficients
+from thermid.fit.discrepancy import kept_in, misfit_kept
 from thermid.identify.split import split_needed
 from thermid.knowledge.sources import LeftOut
 from thermid.model.model import Model

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
-from thermid.identify.calibration import Calibration
-from thermid.identify.coefficients import Conditions, constant_coefficients
+from thermid.fit.calibration import Calibration
+from thermid.fit.coefficients import Conditions, constant_coefficients
 from thermid.identify.spread import Spread
 from thermid.knowledge.sources import LeftOut
 from thermid.model.model import Model

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.identify.coefficients import (
+from thermid.fit.coefficients import (
     Conditions,
     Pattern,
     conditions_of,

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibration import Calibration
 from thermid.identify.spread import Spread
-from thermid.identify.values import FittedValues
 from thermid.knowledge.sources import Choice, Source
+from thermid.knowledge.values import FittedValues
 from thermid.model.model import Model
 from thermid.network.network import compile_network
 from thermid.prediction.budget import Budget, budget_of

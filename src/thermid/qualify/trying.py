@@ -36,7 +36,7 @@ from thermid.qualify.trial import Trial
 from thermid.simulation.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
-    from thermid.identify.calibration import Calibration
+    from thermid.fit.calibration import Calibration
     from thermid.qualify.plan_schema import TestTable
 
 __all__ = ["sensors_of", "tried"]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibration import Calibration
 from thermid.identify.stages import Campaign
 from thermid.reporting import figures, levels, origins, tables
 from thermid.reporting.cells import Cell, Column, Line, Table, duration, number
@@ -22,7 +22,7 @@ from thermid.reporting.glance import glance, tightest
 from thermid.reporting.trust_section import trust
 
 if TYPE_CHECKING:
-    from thermid.identify.residuals import Block
+    from thermid.fit.problem.residuals import Block
     from thermid.model.model import Model
     from thermid.simulation.solution import Solution
 

@@ -94,6 +94,11 @@ class Run:
         by_node = {n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}
         return self.wiring.conductor_flows(self.assembled.numbers, by_node, times)
 
+    def conductances(self, times: Array, temperatures: Array) -> dict[str, Array]:
+        """Return conductor -> conductance (times,), radiation made linear. [W/K]"""
+        by_node = {n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}
+        return self.wiring.conductor_conductances(self.assembled.numbers, by_node, times)
+
     def powers(self, times: Array, temperatures: Array) -> dict[str, Array]:
         """Return load -> power (times,). [W]"""
         return self.engine.powers(self.assembled, self._columns(temperatures), times, self.answer.states(times))

@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError
 from thermid.identify.ranking import Option
-from unit.identify.bench import HTC, MASS, box, log, metered, pair
+from unit.fit.bench import HTC, MASS, box, log, metered, pair
 
 TRUE = {HTC: "5 [W/(m^2 K)]"}
 BENCH = td.Scenario("bench", boundaries={"air": "24 [degC]"}, duration="4 [h]")

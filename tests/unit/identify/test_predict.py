@@ -11,15 +11,15 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError
-from thermid.identify.calibrate import calibrate, fit
-from thermid.identify.calibration import Calibration
-from thermid.identify.request import Request
+from thermid.fit.calibrate import calibrate, fit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import Request
 from thermid.identify.spread import Spread
 from thermid.prediction.predict import predict
 from thermid.prediction.prediction import Prediction
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
-from unit.identify.bench import HTC, MASS, box, log, pair
+from unit.fit.bench import HTC, MASS, box, log, pair
 
 HOT = Scenario("hot", boundaries={"air": "40 [degC]"}, start="24 [degC]", duration="3 [h]")
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from thermid.errors import IdentificationError, UnitError
-from thermid.identify.calibrate import calibrate
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibrate import calibrate
+from thermid.fit.calibration import Calibration
 from thermid.identify.validate import Criteria, validate
 from thermid.measure import Record
-from unit.identify.bench import HTC, MASS, box, log, metered
+from unit.fit.bench import HTC, MASS, box, log, metered
 
 
 def run(name: str, seed: int, **more: object) -> Record:

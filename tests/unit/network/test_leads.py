@@ -116,12 +116,12 @@ def test_without_gas_a_lead_conducts_and_radiates_alone() -> None:
     )
     assert in_air[:2] == pytest.approx(fin_conductances(12.0 + shine, math.pi * 0.005, 398.0, section, 0.3), rel=1e-12)
     assert without[:2] == pytest.approx(fin_conductances(shine, math.pi * 0.005, 398.0, section, 0.3), rel=1e-12)
-    bare = heats({"htc": "12 [W/(m^2 K)]", "to": "air"}, bench().vacuum())
+    bare = heats({"htc": "12 [W/(m^2 K)]", "to": "air", "emissivity": 0}, bench().vacuum())
     assert bare["rod.first"] == 0.0
 
 
 def test_pressure_between_and_in_time_ends_at_both() -> None:
-    lead = {"htc": "12 [W/(m^2 K)]", "to": "air"}
+    lead = {"htc": "12 [W/(m^2 K)]", "to": "air", "emissivity": 0}
     steps = [heats(lead, bench(environment={"*": td.Environment(Constant(p))}))["rod.first"] for p in (ATMOSPHERE, 3e4, 1e3, 10.0, 1e-3)]
     assert np.all(np.diff(steps) < 0)
     assert steps[-1] == pytest.approx(0.0, abs=1e-3 * steps[0])
@@ -233,7 +233,7 @@ def test_a_stream_in_vacuum_is_remarked() -> None:
         {
             "title": "bay",
             "needs": ["inlet"],
-            "nodes": {"box": {"capacitance": "100 [J/K]"}, "gas": {"capacitance": "5 [J/K]"}},
+            "nodes": {"box": {"capacitance": "100 [J/K]"}, "gas": {"capacitance": "5 [J/K]", "stands_for": "air and walls"}},
             "surfaces": {"skin": {"of": "box", "to": "gas", "area": "0.1 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0.9}},
             "conductors": {
                 "fan": {"kind": "flow", "between": ["inlet", "gas"], "mass_flow": "1 [g/s]", "specific_heat": "1006 [J/(kg K)]"}
