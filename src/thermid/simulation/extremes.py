@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,18 +133,15 @@ class MemberTurnings:
         return np.asarray(out)
 
 
-@dataclass(frozen=True, eq=False)
-class Dense:
-    """The course of one node at any time of a run, by the integrator's own dense output.
+class Dense(Protocol):
+    """The course of one node at any time of a run, by the integrator's own dense output."""
 
-    Parameters
-    ----------
-    kelvin : callable           Increasing times (times,) [s] -> temperatures (times,) [K]; the run is made again for them.
-    switches : array (n,)       When inputs jump and thermostats switch. [s]
-    """
+    def kelvin(self, times: Array) -> Array:
+        """Return the temperatures (times,) [K] at increasing times (times,) [s]; the run is made again for them."""
 
-    kelvin: Callable[[Array], Array]
-    switches: Array
+    @property
+    def switches(self) -> Array:
+        """When inputs jump and thermostats switch. [s]"""
 
 
 def resolved(times: Array, above: Array, dense: Callable[[Array], Array] | None, switches: Array | None = None) -> tuple[Array, Array]:

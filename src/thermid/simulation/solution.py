@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -94,7 +94,7 @@ class Trace:
         """The last temperature less the first. [K]"""
         return float(self.kelvin[-1] - self.kelvin[0])
 
-    def at(self, time: float | str | Array) -> Array:
+    def at(self, time: float | str | Sequence[float] | Array) -> Array:
         """Temperature at times within the run [s] or at a text such as ``10 [min]``. [degC]
 
         By the integrator's dense output, for which the run is made again: ask for many times at once. Stored times cost nothing. Where
@@ -276,6 +276,11 @@ class Solution:
         tables = {"heat_flow": ("conductor", flows, "W"), "power": ("load", powers, "W")}
         data: dict[str, Any] = {"temperature": (("time", "node"), self.temperatures, {"units": "K"})}
         coordinates: dict[str, Any] = {"time": ("time", self.times, {"units": "s"}), "node": list(self.nodes)}
+        found = [self[n] for n in self.nodes]
+        between = {"between_samples": "tracked" if all(t.turnings is not None for t in found) else "unknown"}
+        for word, ends in (("highest", [t.maximum for t in found]), ("lowest", [t.minimum for t in found])):
+            data[word] = ("node", np.array([e.kelvin for e in ends]), {"units": "K"} | between)
+            data[f"{word}_time"] = ("node", np.array([e.time for e in ends]), {"units": "s"})
         for name, (axis, traces, units) in tables.items():
             if traces:
                 coordinates[axis] = list(traces)

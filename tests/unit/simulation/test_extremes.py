@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from oracle import Oracle, flatten, si
-from switched import switched
 
 import thermid as td
+from oracle import Oracle, flatten, si
+from switched import switched
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.hold import hold
 from thermid.qualify.limit_checks import check_limits, check_readings
@@ -134,7 +134,9 @@ def test_members_of_an_ensemble_agree_with_runs_of_their_own() -> None:
     assert np.abs(few.highest("chip") - [t.highest for t in alone]).max() < 1e-4
     assert np.abs(few.lowest("chip") - 20.0).max() < 1e-4
     lead = {"down": {"kind": "conduction", "between": ["chip", "mid"], "conductance": "1 [W/K]"}}
-    star = pulsed(nodes={"chip": {"capacitance": "10 [J/K]"}, "mid": {}}, conductors=lead | {"up": lead["down"] | {"between": ["mid", "air"]}})
+    star = pulsed(
+        nodes={"chip": {"capacitance": "10 [J/K]"}, "mid": {}}, conductors=lead | {"up": lead["down"] | {"between": ["mid", "air"]}}
+    )
     blind = td.ensemble(star, day(), {"initial.chip": np.full(3, 293.15)})
     assert blind.turnings("mid") is None
     assert "between them unknown" in str(blind.trace(0, "mid"))
