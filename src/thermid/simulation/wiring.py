@@ -15,7 +15,7 @@ from thermid.model.signal import Constant, Signal, literal
 from thermid.model.stores import Store
 from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
 from thermid.network.network import Network, Numbers
-from thermid.network.rows import ConductorRow, LoadRow, heat
+from thermid.network.rows import ConductorRow, LoadRow, conductance, heat
 from thermid.simulation.inputs import check_courses, load_inputs, normalised, read_schedule, scheduled
 from thermid.simulation.scenario import STEADY, Scenario
 from thermid.units import TEMPERATURE
