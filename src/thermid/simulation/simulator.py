@@ -194,8 +194,9 @@ class Simulator:
         assembled = self._engine.started(self._wiring.assemble(x, sensitivities), sensitivities)
         nodes = assembled.reduced.nodes
         wanted = sensitivities and bool(self.free)
-        answer = self._engine.integrate(assembled, self.times, nodes, self._wiring.scenario.seconds, self.options, wanted)
-        run = Run(self._wiring, self._engine, assembled, answer, self.times)
+        own, end = self.options, self._wiring.scenario.seconds
+        answer = self._engine.integrate(assembled, self.times, nodes, end, own, wanted, own.extremes)
+        run = Run(self._wiring, self._engine, assembled, answer, self.times, own)
         free = self.free if wanted else ()
         return Solution(
             self.title, self._wiring.scenario.title, self.times, run.all_nodes(), free, "ok", answer.statistics, self._remarks, run
