@@ -296,6 +296,7 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         out.append("vacuum as printed: every coefficient is zero, radiation in it included; the temperatures are an upper bound")
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
     out += wiring.network.media.remarks([c for c in wiring.network.flat.conductors if not followed & set(c.fields.values())])
+    out += wiring.network.streams.remarks(scenario.seconds)
     for gas, e in scenario.environment.items():
         if e.humidity != Environment().humidity:
             of = "of every gas" if gas == "*" else f"of '{gas}'"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.interop.wired import wired as wire
 from thermid.physics.gas import GASES
 
 R_AIR = GASES["air"].constant
@@ -273,7 +274,7 @@ def test_an_ensemble_spreads_the_inlet() -> None:
     found = td.prepare(model, run(), ["inlet"]).ensemble({"inlet": draws})
     for k, kelvin in enumerate(draws):
         alone = td.simulate(model, run(boundaries={"inlet": f"{kelvin} [K]"}))
-        assert found["gas"][-1, k] == pytest.approx(alone["gas"].kelvin[-1], abs=1e-4)
+        assert found.temperatures("gas")[-1, k] == pytest.approx(alone["gas"].kelvin[-1], abs=1e-4)
 
 
 def test_the_slope_with_the_inlet_holds_its_density() -> None:
@@ -282,6 +283,16 @@ def test_the_slope_with_the_inlet_holds_its_density() -> None:
     slope = simulator.run({"inlet": 293.15}, sensitivities=True).sensitivity("gas", "inlet")[-1]
     plus, minus = (simulator.run({"inlet": 293.15 + s})["gas"].kelvin[-1] for s in (0.05, -0.05))
     assert slope == pytest.approx((plus - minus) / 0.1, rel=1e-4)
+
+
+@pytest.mark.parametrize("inlet", ["40 [degC]", {"times": ["0 [min]", "20 [min]"], "values": ["0 [degC]", "60 [degC]"]}])
+def test_an_export_has_the_density_of_the_source(inlet: Any) -> None:
+    """What is written to Octave carries what the run carries, in time too; SPICE, which has no signals for it, refuses."""
+    model, scenario = bay(fan=stream("inlet", "gas")), run(boundaries={"inlet": inlet}, **at(60e3))
+    found = wire(model, scenario, "Octave")
+    row = next(row for _, row in found.conductors if row.name == "fan")
+    shape = found.gas[row.signal].at(np.array([600.0]))[0] if row.signal else 1.0
+    assert float(row.coefficients[0]) * shape == pytest.approx(THIRTY * 60e3 / (R_AIR * (303.15 if row.signal else 313.15)) * CP, rel=1e-5)
 
 
 # words ---------------------------------------------------------------------------------------------------------------------------
@@ -301,20 +312,14 @@ def test_faults(changes: dict[str, Any], message: str) -> None:
         bay(fan=stream("inlet", "gas", **changes))
 
 
-def test_a_stream_of_no_fluid_is_refused_off_the_ground() -> None:
+@pytest.mark.parametrize("pressure", [0.0, 60e3])
+def test_a_stream_of_no_fluid_is_refused_off_the_ground(pressure: float) -> None:
     """Whether vacuum stops it depends on what it is; on the ground its own numbers stand."""
-    plain = stream("inlet", "air_inside", fluid="", density="1.2 [kg/m^3]", specific_heat="1006 [J/(kg K)]")
-    deck = {
-        "title": "bay",
-        "needs": ["inlet"],
-        "nodes": {"air_inside": {"capacitance": "5 [J/K]"}, "box": {"capacitance": "100 [J/K]"}},
-        "surfaces": {"skin": {"of": "box", "to": "air_inside", "area": "0.1 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0.0}},
-        "conductors": {"fan": plain},
-    }
-    model, scenario = td.model_from_dict(deck), td.Scenario("s", boundaries={"inlet": "20 [degC]"}, duration="1 [min]")
-    assert td.simulate(model, scenario).warnings == ()
+    model = bay(fan=stream("inlet", "gas", fluid="", density="1.2 [kg/m^3]", specific_heat="1006 [J/(kg K)]"))
+    assert td.simulate(model, run()).warnings == ()
+    assert carried(model, run()) == pytest.approx(THIRTY * 1.2 * 1006.0, rel=1e-12)
     with pytest.raises(td.ThermidError, match=r"'fan' names no fluid.*fluid = \"air\".*fluid = \"liquid\""):
-        td.simulate(model, scenario.vacuum())
+        td.simulate(model, run(**at(pressure)))
 
 
 def test_a_loop_without_a_source_says_its_density() -> None:
