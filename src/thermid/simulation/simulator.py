@@ -299,6 +299,7 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
     out += wiring.network.media.remarks([c for c in wiring.network.flat.conductors if not followed & set(c.fields.values())])
     out += gas_remarks(wiring.network.media, wiring.network.flat, numbers.values)
+    out += wiring.network.streams.remarks(scenario.seconds)
     for gas, e in scenario.environment.items():
         if e.humidity != Environment().humidity:
             of = "of every gas" if gas == "*" else f"of '{gas}'"
