@@ -25,11 +25,8 @@ if TYPE_CHECKING:
     from thermid.fit.discrepancy import discrepancy as discrepancy
     from thermid.identify.actions import Action as Action
     from thermid.identify.actions import Aim as Aim
-    from thermid.identify.compare import compare as compare
     from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
     from thermid.identify.credibility import credibility as credibility
-    from thermid.identify.difference import Difference as Difference
-    from thermid.identify.difference import difference as difference
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
     from thermid.identify.posterior import Evidence as Evidence
@@ -49,9 +46,6 @@ if TYPE_CHECKING:
     from thermid.identify.study import Study as Study
     from thermid.identify.study_file import load_study as load_study
     from thermid.identify.swap import plan_retune as plan_retune
-    from thermid.identify.validate import Criteria as Criteria
-    from thermid.identify.validate import Verdict as Verdict
-    from thermid.identify.validate import validate as validate
     from thermid.identify.valley import Valley as Valley
     from thermid.identify.valley import valley as valley
     from thermid.interop.equations import Equations as Equations
@@ -60,6 +54,12 @@ if TYPE_CHECKING:
     from thermid.interop.initfcn import read_initfcn as read_initfcn
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
+    from thermid.judge.compare import compare as compare
+    from thermid.judge.difference import Difference as Difference
+    from thermid.judge.difference import difference as difference
+    from thermid.judge.validate import Criteria as Criteria
+    from thermid.judge.validate import Verdict as Verdict
+    from thermid.judge.validate import validate as validate
     from thermid.knowledge.standing import Standing as Standing
     from thermid.knowledge.values import load_values as load_values
     from thermid.measure import Channel as Channel
@@ -218,7 +218,7 @@ _PUBLIC = {
     "SensorCertificate": "measure",
     "Record": "measure",
     "read_record": "measure",
-    "compare": "identify.compare",
+    "compare": "judge.compare",
     "align": "fit.clocks.alignment",
     "Alignment": "fit.clocks.alignment",
     "calibrate": "fit.calibrate",
@@ -261,12 +261,12 @@ _PUBLIC = {
     "RetunePlan": "identify.retune_plan",
     "credibility": "identify.credibility",
     "CredibilityRecord": "identify.credibility",
-    "difference": "identify.difference",
-    "Difference": "identify.difference",
-    "Criteria": "identify.validate",
+    "difference": "judge.difference",
+    "Difference": "judge.difference",
+    "Criteria": "judge.validate",
     "Standing": "knowledge.standing",
-    "validate": "identify.validate",
-    "Verdict": "identify.validate",
+    "validate": "judge.validate",
+    "Verdict": "judge.validate",
     "load_study": "identify.study_file",
     "Study": "identify.study",
     "macro_model": "qualify.macro",
