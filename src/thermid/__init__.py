@@ -37,9 +37,6 @@ if TYPE_CHECKING:
     from thermid.identify.profile import profile as profile
     from thermid.identify.ranking import Advice as Advice
     from thermid.identify.retune_plan import RetunePlan as RetunePlan
-    from thermid.identify.split import split as split
-    from thermid.identify.split_surface import Split as Split
-    from thermid.identify.spread import Spread as Spread
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
@@ -94,6 +91,9 @@ if TYPE_CHECKING:
     from thermid.prediction.next_test import next_test as next_test
     from thermid.prediction.predict import predict as predict
     from thermid.prediction.prediction import Prediction as Prediction
+    from thermid.prediction.split import split as split
+    from thermid.prediction.split_surface import Split as Split
+    from thermid.prediction.spread import Spread as Spread
     from thermid.qualify.ascent import AscentCheck as AscentCheck
     from thermid.qualify.ascent import ascent_checks as ascent_checks
     from thermid.qualify.conduct import run_profile as run_profile
@@ -223,8 +223,8 @@ _PUBLIC = {
     "Alignment": "fit.clocks.alignment",
     "calibrate": "fit.calibrate",
     "Calibration": "fit.calibration",
-    "split": "identify.split",
-    "Split": "identify.split_surface",
+    "split": "prediction.split",
+    "Split": "prediction.split_surface",
     "energy_balance": "explain.balance",
     "EnergyBalance": "explain.balance",
     "identifiability": "identify.identifiability",
@@ -256,7 +256,7 @@ _PUBLIC = {
     "discrepancy": "fit.discrepancy",
     "Discrepancy": "fit.discrepancy",
     "Prediction": "prediction.prediction",
-    "Spread": "identify.spread",
+    "Spread": "prediction.spread",
     "plan_retune": "identify.swap",
     "RetunePlan": "identify.retune_plan",
     "credibility": "identify.credibility",
