@@ -9,6 +9,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from thermid.design.actions import Action as Action
+    from thermid.design.actions import Aim as Aim
+    from thermid.design.next_test import next_test as next_test
+    from thermid.design.ranking import Advice as Advice
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
     from thermid.explain.balance import EnergyBalance as EnergyBalance
@@ -23,8 +27,6 @@ if TYPE_CHECKING:
     from thermid.fit.clocks.alignment import align as align
     from thermid.fit.discrepancy import Discrepancy as Discrepancy
     from thermid.fit.discrepancy import discrepancy as discrepancy
-    from thermid.identify.actions import Action as Action
-    from thermid.identify.actions import Aim as Aim
     from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
     from thermid.identify.credibility import credibility as credibility
     from thermid.identify.identifiability import Identifiability as Identifiability
@@ -35,7 +37,6 @@ if TYPE_CHECKING:
     from thermid.identify.posterior import posterior as posterior
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
-    from thermid.identify.ranking import Advice as Advice
     from thermid.identify.retune_plan import RetunePlan as RetunePlan
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
@@ -88,7 +89,6 @@ if TYPE_CHECKING:
     from thermid.power.inverse import power_history as power_history
     from thermid.power.laws import PowerLaw as PowerLaw
     from thermid.prediction.known import Known as Known
-    from thermid.prediction.next_test import next_test as next_test
     from thermid.prediction.predict import predict as predict
     from thermid.prediction.prediction import Prediction as Prediction
     from thermid.prediction.split import split as split
@@ -237,10 +237,10 @@ _PUBLIC = {
     "Criticism": "explain.criticism",
     "plausibility": "explain.plausibility",
     "Plausibility": "explain.plausibility",
-    "next_test": "prediction.next_test",
-    "Action": "identify.actions",
-    "Aim": "identify.actions",
-    "Advice": "identify.ranking",
+    "next_test": "design.next_test",
+    "Action": "design.actions",
+    "Aim": "design.actions",
+    "Advice": "design.ranking",
     "load_values": "knowledge.values",
     "power_history": "power.inverse",
     "PowerHistory": "power.history",
