@@ -13,7 +13,6 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
 from thermid.fit.coefficients import Conditions, constant_coefficients
-from thermid.identify.spread import Spread
 from thermid.knowledge.sources import LeftOut
 from thermid.model.model import Model
 from thermid.prediction.budget import Budget, budget_of
@@ -21,6 +20,7 @@ from thermid.prediction.known import Known
 from thermid.prediction.omitted import assumed_left_out, in_order
 from thermid.prediction.prediction import Band, Prediction
 from thermid.prediction.setting import Linear, Setting
+from thermid.prediction.spread import Spread
 from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
