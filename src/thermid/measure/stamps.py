@@ -283,7 +283,11 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     if unit_text is None:
         _refuse_serial_days(parsed, cells, name)
     values = parsed * factor
-    return Times(values, cells.start, _questioned(values, cells, name, unit_text, given), unit_text or "seconds, no unit in the log")
+    return Times(values, cells.start, _questioned(values, cells, name, unit_text, given), unit_text or _unit_of_name(name))
+
+
+def _unit_of_name(name: str) -> str:
+    return "s" if name.lower().endswith(("_s", "seconds")) else "seconds, no unit in the log"
 
 
 def _whole(texts: Sequence[str]) -> bool:

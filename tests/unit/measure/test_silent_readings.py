@@ -194,7 +194,7 @@ def test_a_preamble_and_a_row_of_units_are_said(log):
     record = read_record(log(text), {"T1": {"node": "a"}, "P": {"load": "q"}})
     assert record["T1"].values[0] == pytest.approx((75 + 459.67) / 1.8)
     assert record["P"].values.tolist() == [2, 2, 2]
-    assert record.steps[:2] == ("3 lines above the header in line 4 were passed over", "line 5: a row of units below the header")
+    assert record.steps[:2] == ("3 lines above the header in line 4 passed over", "line 5: a row of units below the header")
 
 
 def test_what_no_unit_says_is_said(log):
