@@ -138,6 +138,8 @@ if TYPE_CHECKING:
     from thermid.qualify.standards import profile_of as profile_of
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
+    from thermid.reporting.look import Look as Look
+    from thermid.reporting.look import look as look
     from thermid.reporting.page import report as report
     from thermid.reporting.pdf import page_to_pdf as page_to_pdf
     from thermid.reporting.qualification_page import correlation_report as correlation_report
@@ -219,6 +221,8 @@ _PUBLIC = {
     "SensorPart": "measure",
     "SensorCertificate": "measure",
     "Record": "measure",
+    "look": "reporting.look",
+    "Look": "reporting.look",
     "read_record": "measure",
     "compare": "judge.compare",
     "align": "fit.clocks.alignment",
