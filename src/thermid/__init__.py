@@ -9,6 +9,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from thermid.design.actions import Action as Action
+    from thermid.design.actions import Aim as Aim
+    from thermid.design.next_test import next_test as next_test
+    from thermid.design.ranking import Advice as Advice
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
     from thermid.explain.balance import EnergyBalance as EnergyBalance
@@ -23,13 +27,8 @@ if TYPE_CHECKING:
     from thermid.fit.clocks.alignment import align as align
     from thermid.fit.discrepancy import Discrepancy as Discrepancy
     from thermid.fit.discrepancy import discrepancy as discrepancy
-    from thermid.identify.actions import Action as Action
-    from thermid.identify.actions import Aim as Aim
-    from thermid.identify.compare import compare as compare
     from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
     from thermid.identify.credibility import credibility as credibility
-    from thermid.identify.difference import Difference as Difference
-    from thermid.identify.difference import difference as difference
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
     from thermid.identify.posterior import Evidence as Evidence
@@ -38,20 +37,13 @@ if TYPE_CHECKING:
     from thermid.identify.posterior import posterior as posterior
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
-    from thermid.identify.ranking import Advice as Advice
     from thermid.identify.retune_plan import RetunePlan as RetunePlan
-    from thermid.identify.split import split as split
-    from thermid.identify.split_surface import Split as Split
-    from thermid.identify.spread import Spread as Spread
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
     from thermid.identify.study import Study as Study
     from thermid.identify.study_file import load_study as load_study
     from thermid.identify.swap import plan_retune as plan_retune
-    from thermid.identify.validate import Criteria as Criteria
-    from thermid.identify.validate import Verdict as Verdict
-    from thermid.identify.validate import validate as validate
     from thermid.identify.valley import Valley as Valley
     from thermid.identify.valley import valley as valley
     from thermid.interop.equations import Equations as Equations
@@ -60,6 +52,12 @@ if TYPE_CHECKING:
     from thermid.interop.initfcn import read_initfcn as read_initfcn
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
+    from thermid.judge.compare import compare as compare
+    from thermid.judge.difference import Difference as Difference
+    from thermid.judge.difference import difference as difference
+    from thermid.judge.validate import Criteria as Criteria
+    from thermid.judge.validate import Verdict as Verdict
+    from thermid.judge.validate import validate as validate
     from thermid.knowledge.standing import Standing as Standing
     from thermid.knowledge.values import load_values as load_values
     from thermid.measure import Channel as Channel
@@ -91,9 +89,11 @@ if TYPE_CHECKING:
     from thermid.power.inverse import power_history as power_history
     from thermid.power.laws import PowerLaw as PowerLaw
     from thermid.prediction.known import Known as Known
-    from thermid.prediction.next_test import next_test as next_test
     from thermid.prediction.predict import predict as predict
     from thermid.prediction.prediction import Prediction as Prediction
+    from thermid.prediction.split import split as split
+    from thermid.prediction.split_surface import Split as Split
+    from thermid.prediction.spread import Spread as Spread
     from thermid.qualify.ascent import AscentCheck as AscentCheck
     from thermid.qualify.ascent import ascent_checks as ascent_checks
     from thermid.qualify.conduct import run_profile as run_profile
@@ -138,6 +138,8 @@ if TYPE_CHECKING:
     from thermid.qualify.standards import profile_of as profile_of
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
+    from thermid.reporting.look import Look as Look
+    from thermid.reporting.look import look as look
     from thermid.reporting.page import report as report
     from thermid.reporting.pdf import page_to_pdf as page_to_pdf
     from thermid.reporting.qualification_page import correlation_report as correlation_report
@@ -219,14 +221,16 @@ _PUBLIC = {
     "SensorPart": "measure",
     "SensorCertificate": "measure",
     "Record": "measure",
+    "look": "reporting.look",
+    "Look": "reporting.look",
     "read_record": "measure",
-    "compare": "identify.compare",
+    "compare": "judge.compare",
     "align": "fit.clocks.alignment",
     "Alignment": "fit.clocks.alignment",
     "calibrate": "fit.calibrate",
     "Calibration": "fit.calibration",
-    "split": "identify.split",
-    "Split": "identify.split_surface",
+    "split": "prediction.split",
+    "Split": "prediction.split_surface",
     "energy_balance": "explain.balance",
     "EnergyBalance": "explain.balance",
     "identifiability": "identify.identifiability",
@@ -239,10 +243,10 @@ _PUBLIC = {
     "Criticism": "explain.criticism",
     "plausibility": "explain.plausibility",
     "Plausibility": "explain.plausibility",
-    "next_test": "prediction.next_test",
-    "Action": "identify.actions",
-    "Aim": "identify.actions",
-    "Advice": "identify.ranking",
+    "next_test": "design.next_test",
+    "Action": "design.actions",
+    "Aim": "design.actions",
+    "Advice": "design.ranking",
     "load_values": "knowledge.values",
     "power_history": "power.inverse",
     "PowerHistory": "power.history",
@@ -258,17 +262,17 @@ _PUBLIC = {
     "discrepancy": "fit.discrepancy",
     "Discrepancy": "fit.discrepancy",
     "Prediction": "prediction.prediction",
-    "Spread": "identify.spread",
+    "Spread": "prediction.spread",
     "plan_retune": "identify.swap",
     "RetunePlan": "identify.retune_plan",
     "credibility": "identify.credibility",
     "CredibilityRecord": "identify.credibility",
-    "difference": "identify.difference",
-    "Difference": "identify.difference",
-    "Criteria": "identify.validate",
+    "difference": "judge.difference",
+    "Difference": "judge.difference",
+    "Criteria": "judge.validate",
     "Standing": "knowledge.standing",
-    "validate": "identify.validate",
-    "Verdict": "identify.validate",
+    "validate": "judge.validate",
+    "Verdict": "judge.validate",
     "load_study": "identify.study_file",
     "Study": "identify.study",
     "macro_model": "qualify.macro",

@@ -60,7 +60,7 @@ def _columns(lines: list[tuple[int, re.Match[str]]], mark: str) -> Kept | None:
     if not widths:
         return None
     width, count = widths.most_common(1)[0]
-    if count < 0.5 * len(lines):
+    if count < max(2, 0.25 * len(lines)):
         return None
     first = next(k for k, row in enumerate(split) if len(row) == width and any(is_number(cell) for cell in row))
     above = [row for row in split[:first] if len(row) == width and not any(is_number(cell) for cell in row)]

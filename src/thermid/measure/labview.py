@@ -36,6 +36,8 @@ def read(text: str, file: str) -> Cells:
     mark = _MARKS.get(keys.get("Separator", ["Tab"])[0].strip(), "\t")
     mark = mark if mark in lines[1] else ("," if "," in lines[1] else "\t")
     sign = keys.get("Decimal_Separator", [""])[0].strip()
+    x_columns = keys.get("X_Columns", ["One"])[0].strip()
+    notes: list[str] = []
     header: tuple[str, ...] = ()
     times: list[float] = []
     rows: list[Row] = []
@@ -51,7 +53,10 @@ def read(text: str, file: str) -> Cells:
             raise RecordError("a later segment has other channels than the first. Split the file into its segments.", f"{file}:{at + 1}")
         header, first = names, first or begun
         shift = (begun - first).total_seconds() if begun and first else 0.0
-        made, kept = _samples(at_rows, segment, keys.get("X_Columns", ["One"])[0].strip(), len(names), sign, file)
+        made, kept = _samples(at_rows, segment, x_columns, len(names), file)
+        said = segment.get("Samples", [""])[0].strip()
+        if said.isdigit() and 0 < int(said) < len(kept) and x_columns == "No":
+            notes.append(f"{len(kept)} samples stand where the header says {said}: read one after the other, without a pause")
         times += [shift + t for t in made]
         rows += [row for _, row in kept]
         numbers += [number for number, _ in kept]
@@ -63,7 +68,7 @@ def read(text: str, file: str) -> Cells:
         columns[1:] = [tuple(_pointed(cell) for cell in column) for column in columns[1:]]
     start = first.isoformat() if first else None
     layout = Layout("LabVIEW measurement", "", "tab" if mark == "\t" else "comma", numbers[0] - 1)
-    return Cells(file, ("X_Value [s]", *header), columns, numbers, (), time="X_Value", start=start, layout=layout)
+    return Cells(file, ("X_Value [s]", *header), columns, numbers, tuple(notes), time="X_Value", start=start, layout=layout)
 
 
 def _pointed(cell: str) -> str:
@@ -123,7 +128,7 @@ def _named(name: str, unit: str) -> str:
 
 
 def _samples(
-    rows: list[tuple[int, Row]], segment: dict[str, Row], x_columns: str, width: int, sign: str, file: str
+    rows: list[tuple[int, Row]], segment: dict[str, Row], x_columns: str, width: int, file: str
 ) -> tuple[list[float], list[tuple[int, Row]]]:
     """Return times from the start of a segment, and the samples without their X column."""
     begin, step = (_number(segment.get(key, ["0"])[0]) for key in ("X0", "Delta_X"))

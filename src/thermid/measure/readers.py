@@ -159,7 +159,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         resolution=sd(binding.resolution or cells.resolution.get(column), unit_text, quantity, f"{where}, resolution"),
         column=column,
         unit=unit_text if watts is None else "W",
-        assumed=not stated,
+        assumed=not stated and not column.endswith(("_C", "_W")),
         prompt=binding.prompt or column in cells.prompt,
     )
     return _masked(made, cells.reasons.get(column, {}))

@@ -283,7 +283,11 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     if unit_text is None:
         _refuse_serial_days(parsed, cells, name)
     values = parsed * factor
-    return Times(values, cells.start, _questioned(values, cells, name, unit_text, given), unit_text or "seconds, no unit in the log")
+    return Times(values, cells.start, _questioned(values, cells, name, unit_text, given), unit_text or _unit_of_name(name))
+
+
+def _unit_of_name(name: str) -> str:
+    return "s" if name.lower().endswith(("_s", "seconds")) else "seconds, no unit in the log"
 
 
 def _whole(texts: Sequence[str]) -> bool:
@@ -468,7 +472,7 @@ def _chosen(cells: Cells, clock: Clock, kept: dict[str, FloatArray]) -> str:
     if all(np.array_equal(values, first) for values in kept.values()):
         return next(iter(kept))  # within a day their order does not count
     steps = {order: np.sort(np.diff(np.unique(values))) for order, values in kept.items()}
-    whole = [order for order, step in steps.items() if step.size and step[-1] <= 5.0 * max(float(np.median(step)), 1.0)]
+    whole = [order for order, step in steps.items() if step.size and step[-1] <= 5.0 * max(step[(step.size - 1) // 2], 1.0)]
     alike = {tuple(kept[order][[0, -1]]) for order in whole}
     if whole and len(alike) == 1 and len(whole) < len(kept):
         return whole[0]
@@ -488,10 +492,9 @@ def _form(text: str, order: str) -> str:
     out = sign.join(("%d", "%m", year) if order.startswith("day") else ("%m", "%d", year))
     if match["h"] is None:
         return out
-    rest = text.strip()[match.start("h") :]
     between = text.strip()[match.end("c") : match.start("h")]
     hours = ("%I" if match["half"] else "%H") + ":%M" + (":%S" if match["s"] else "")
-    hours += f"{rest[rest.index(match['s'], 3) + 2]}%f" if match["f"] else ""
+    hours += f"{text.strip()[match.start('f') - 1]}%f" if match["f"] else ""
     return out + between + hours + (" %p" if match["half"] else "")
 
 

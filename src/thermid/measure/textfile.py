@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 from thermid import files
 from thermid.errors import MissingDataError, RecordError, nearest
 from thermid.measure.part import SensorCertificate
+from thermid.units import counted
 
 __all__ = ["MISSING", "Cells", "Layout", "cells_of_text", "decoded", "is_number", "read_bytes", "read_cells", "with_units_row"]
 
@@ -170,7 +171,7 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     else:  # all lines have as many cells, so the first three and the last two tell the rest
         rows, numbers = list(map(list, zip(*((*c[:3], *c[3:][-2:]) for c in columns), strict=True))), [number for number, _ in lines]
     if above:
-        notes.append(f"{above} lines above the header in line {numbers[0]} were passed over")
+        notes.append(f"{counted(above, 'line')} above the header in line {numbers[0]} passed over")
     if all(is_number(name) for name in rows[0]):
         names = _comment_above(every, numbers[0], mark, len(rows[0]))
         if names is None:

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Number
-from thermid.errors import ScenarioError, quoted
+from thermid.errors import ScenarioError
 from thermid.memo import Memo
 from thermid.model.elements import MadeIn
-from thermid.model.flat import Flat, FlatConductor
+from thermid.model.flat import FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Signal, Table
-from thermid.model.surroundings import bare, still
 from thermid.network.environment import GROUND, Environment, extremes
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.pressure import levels_of, sampled, shares, stream, vented
@@ -28,14 +27,12 @@ from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import gas_named
 from thermid.physics.radiation import radiation_coefficient
 
-__all__ = ["VACUUM_LIMIT", "Media"]
+__all__ = ["AIR_RANGE", "VACUUM_LIMIT", "Media"]
 
 Array = NDArray[np.float64]
 
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
-THIN = 0.01 * ATMOSPHERE
-"""Pressure at which natural convection is a tenth of that on the ground, (p/p0)^(1/2): radiation is most of what a surface gives. [Pa]"""
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
 
@@ -88,8 +85,9 @@ class Media:
         return vented(own, outside, environment.time_constant, f"environment.{gas}")
 
     def pressure(self, gas: str) -> Signal:
-        """Return the pressure of a gas node in time. [Pa]"""
-        return self._pressure(self._key(gas), self._environment(gas))
+        """Return the pressure of a gas node in time; gases that share one share the signal. [Pa]"""
+        key = self._key(gas)
+        return self.memo.made(("pressure", key), lambda: self._pressure(key, self._environment(key)))
 
     def gas(self, gas: str) -> str:
         """Return which gas a gas node is."""
@@ -154,54 +152,19 @@ class Media:
         """Return whether there is no gas at a gas node at any time."""
         return self._state(gas) == "vacuum"
 
-    def refuse(self, flat: Flat) -> None:
-        """Refuse surfaces that say nothing of what is left to them in the gas of a run, or without.
-
-        Raises
-        ------
-        ScenarioError   When a surface or lead has a convection alone and its gas is gone at any time, or radiation alone in a gas.
-        """
-
-        def place(path: str) -> str:
-            face = flat.faces.get(path)
-            return face.where if face else next(c.where for c in flat.conductors if c.path.startswith(path))
-
-        thin = [] if self.as_printed else [(path, gas) for path, gas in bare(flat).items() if self._lowest(gas) <= VACUUM_LIMIT]
-        if thin:
-            which, several = quoted([path for path, _ in thin]), len(thin) > 1
-            raise ScenarioError(
-                f"{which} {'have' if several else 'has'} htc and no emissivity: without gas in {quoted(_each(thin))} nothing would leave "
-                f"{'them' if several else 'it'}. Give an emissivity or a finish; emissivity = 0 where nothing radiates on purpose.",
-                place(thin[0][0]),
-            )
-        filled = [(path, gas) for path, gas in still(flat).items() if not self.empty(gas)]
-        if filled:
-            which, several = quoted([path for path, _ in filled]), len(filled) > 1
-            raise ScenarioError(
-                f"{which} {'have' if several else 'has'} an emissivity and no htc: in the gas of {quoted(_each(filled))} "
-                f"{'they' if several else 'it'} would have no convection. Give htc, as a value or from a correlation, "
-                "htc = { length = ... }; htc = 0 where nothing convects on purpose. "
-                "Where no gas is, say so: environment, pressure = '0 [Pa]' (--vacuum).",
-                place(filled[0][0]),
-            )
-
-        for title, gas, state, where in flat.made_in:
-            for key in dict.fromkeys((*self.environments, "*")) if gas == "*" else (self._key(gas),):
-                if not self._as_made(key, state):
-                    raise ScenarioError(
-                        f"'{title}' was reduced in {state}, and its conductances hold the gas of that state; the gas of '{gas}' is another "
-                        "here. Reduce the full model in the state of this run.",
-                        where,
-                    )
-
     def made_in(self, gas: str) -> MadeIn:
         """Return the state of a gas that stays, for a model that is reduced in it."""
         environment = self._environment(gas)
         wind = float(extremes(environment.wind).max())
-        return MadeIn(self._lowest(gas), environment.gravity, environment.gas, wind)
+        return MadeIn(self.lowest(gas), environment.gravity, environment.gas, wind)
+
+    def as_made(self, gas: str, made: MadeIn) -> bool:
+        """Return whether a gas, ``*`` for every one, is at all times in the state in which a model was reduced."""
+        if gas == "*":
+            return all(self.as_made(each, made) for each in self.environments if each != "*") and self._as_made("*", made)
+        return self._as_made(self._key(gas), made)
 
     def _as_made(self, key: str, made: MadeIn) -> bool:
-        """Return whether a gas is at all times in the state in which a model was reduced, as far as conductances go."""
         environment = self._environment(key)
         pressures = extremes(self._pressure(key, environment))
         if made.pressure <= VACUUM_LIMIT:
@@ -211,7 +174,7 @@ class Media:
         winds = extremes(environment.wind)
         return alike and bool(((pressures >= low) & (pressures <= high)).all() and (np.abs(winds - made.wind) <= 0.01 * made.wind).all())
 
-    def _lowest(self, gas: str) -> float:
+    def lowest(self, gas: str) -> float:
         """Return the lowest pressure that a gas node has. [Pa]"""
         key = self._key(gas)
         return float(extremes(self._pressure(key, self._environment(key))).min())
@@ -229,13 +192,8 @@ class Media:
         return np.asarray(environment.gravity * at.expansion_at(temperature) / (at.kinematic_viscosity * at.thermal_diffusivity()))
 
     def remarks(self, conductors: Iterable[FlatConductor]) -> tuple[str, ...]:
-        """Return a sentence for each wind that does not reach a fixed coefficient, and for each stream of a gas that is not there."""
-        skins = {c.gas for c in conductors if c.kind in ("convection", "effective")}
-        out = [
-            f"'{c.path}' carries heat to '{c.ends[1]}', where there is no gas: a stream stays in vacuum. Schedule its flow"
-            for c in conductors
-            if c.kind == "flow" and c.ends[1] in skins and self.empty(c.ends[1])
-        ]
+        """Return a sentence for each wind that does not reach a fixed coefficient."""
+        conductors, out = list(conductors), []  # type: list[FlatConductor], list[str]
         for gas in dict.fromkeys(c.gas for c in conductors):
             if self._environment(gas).windy:
                 fixed = [
@@ -351,8 +309,3 @@ class Media:
         if emissivity is None:
             raise self._unknown_share(c)
         return (radiation_coefficient(emissivity, fields["area"]),)
-
-
-def _each(pairs: list[tuple[str, str]]) -> list[str]:
-    """Return each gas once."""
-    return list(dict.fromkeys(gas for _, gas in pairs))

@@ -173,7 +173,7 @@ def _tried(
     deviations = tuple(_deviation(s, r, o, p) for s, r, o in zip(scenarios, runs, others, strict=True) for p in points)
     masses = (int((part.capacitances > 0).sum()), len(small.masses))
     held = reduced.made_in.items()
-    remarks = [f"made in {state} of '{gas}', which its conductances hold; refused in any other state" for gas, state in held]
+    remarks = [f"made with '{gas}' in one state, {state}, which its conductances hold; refused in any other" for gas, state in held]
     if small.linearised:
         remarks.append(f"constant in place of their laws: {', '.join(n.removeprefix(ahead) for n in small.linearised)}")
     for n, (mean, low, high) in part.shares.items():

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.model.curves import Curve
 from thermid.network.network import Network, Numbers
 
-__all__ = ["NEAR", "left_tables", "refused_tables", "refuses"]
+__all__ = ["NEAR", "left_tables", "read_nodes", "refused_tables", "refuses"]
 
 Array = NDArray[np.float64]
 NEAR: Final = 0.1
@@ -30,6 +30,11 @@ def _ranged(network: Network, numbers: Numbers) -> list[tuple[str, Curve, tuple[
     ]
     found += [(node, store.given, (node, node)) for node, store in network.stores.items()]
     return [(name, curve, ends) for name, curve, ends in found if curve is not None]
+
+
+def read_nodes(network: Network, numbers: Numbers) -> set[str]:
+    """Return the nodes at whose temperatures tables are read."""
+    return {end for _, _, ends in _ranged(network, numbers) for end in ends}
 
 
 def refuses(network: Network, numbers: Numbers) -> bool:

@@ -17,7 +17,7 @@ from thermid.fit.problem.request import Request
 from thermid.fit.refusals import refuse_after
 from thermid.fit.summary import summarise
 from thermid.fit.uncertainty.responses import responses
-from thermid.identify.compare import compare
+from thermid.judge.compare import compare
 from thermid.measure import Record
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario

@@ -160,7 +160,8 @@ def am_pm_month_first() -> Sample:
 
 @sample
 def brazilian_sheet() -> Sample:
-    text = "Data;Hora;T carcaça (°C);Potência (mW)\n13/03/2024;23:59:50;24,5;2000\n14/03/2024;00:00:00;24,75;2000\n14/03/2024;00:00:10;25,0;2000\n"
+    text = "Data;Hora;T carcaça (°C);Potência (mW)\n13/03/2024;23:59:50;24,5;2000\n14/03/2024;00:00:00;24,75;2000\n"
+    text += "14/03/2024;00:00:10;25,0;2000\n"
     expected = {"T carcaça": (24.5 + ICE, 25 + ICE), "Potência": (2.0, 2.0)}
     return Sample("planilha.csv", text.encode("latin-1"), "text", (0, 10, 20), expected, "13/03/2024 23:59:50", {"Potência": {"load": "q"}})
 
@@ -207,7 +208,8 @@ def influxdb() -> Sample:
 
 @sample
 def grafana() -> Sample:
-    text = '"Time","case","heater"\n2024-02-01 00:00:00,24.0 °C,950 mW\n2024-02-01 00:00:30,24.5 °C,1.20 W\n2024-02-01 00:01:00,25.0 °C,1.20 W\n'
+    text = '"Time","case","heater"\n2024-02-01 00:00:00,24.0 °C,950 mW\n2024-02-01 00:00:30,24.5 °C,1.20 W\n'
+    text += "2024-02-01 00:01:00,25.0 °C,1.20 W\n"
     expected = {"case": (24 + ICE, 25 + ICE), "heater": (0.95, 1.2)}
     return Sample("grafana.csv", text.encode(), "text", (0, 30, 60), expected, "2024-02-01 00:00:00", {"heater": {"load": "q"}})
 
@@ -232,7 +234,8 @@ def hobo() -> Sample:
 @sample
 def campbell_toa5() -> Sample:
     text = (
-        '"TOA5","lab","CR1000","1","CR1000.Std.30","CPU:x.cr1","1","T"\n"TIMESTAMP","RECORD","T_case_Avg","Batt_V"\n"TS","RN","Deg C","Volts"\n'
+        '"TOA5","lab","CR1000","1","CR1000.Std.30","CPU:x.cr1","1","T"\n"TIMESTAMP","RECORD","T_case_Avg","Batt_V"\n'
+        '"TS","RN","Deg C","Volts"\n'
         '"","","Avg","Smp"\n"2023-08-01 15:00:00",1,26.5,12.5\n"2023-08-01 15:01:00",2,26.75,12.5\n"2023-08-01 15:02:00",3,"NAN",12.4\n'
         '"2023-08-01 15:03:00",4,27.0,12.4\n'
     )
@@ -279,7 +282,7 @@ def simulink_log() -> Sample:
     out = io.BytesIO()
     days = 738946.5 + np.arange(4) / 86400 * 10
     savemat(out, {"ans": {"time": days, "signals": {"values": np.arange(4.0) + 20, "label": "case"}}})
-    return Sample("simulink.mat", out.getvalue(), "MATLAB", (0, 10, 30), {"case": (20 + ICE, 23 + ICE)}, "2023-02-26T12:00:00")
+    return Sample("simulink.mat", out.getvalue(), "MATLAB", (0, 10, 30), {"case": (20 + ICE, 23 + ICE)}, "2023-03-01T12:00:00")
 
 
 @sample
@@ -338,13 +341,15 @@ def excel() -> Sample:
     rows += [[45413.5 + k * 10 / 86400, 24.5 + k, 2000] for k in range(4)]
     office = "application/vnd.openxmlformats-officedocument.spreadsheetml"
     parts = {
-        "[Content_Types].xml": f'<Types xmlns="{kinds}/content-types"><Default Extension="rels" ContentType="application/vnd.openxmlformats-'
+        "[Content_Types].xml": f'<Types xmlns="{kinds}/content-types"><Default Extension="rels" '
+        f'ContentType="application/vnd.openxmlformats-'
         f'package.relationships+xml"/><Default Extension="xml" ContentType="application/xml"/><Override PartName="/xl/workbook.xml" '
         f'ContentType="{office}.sheet.main+xml"/><Override PartName="/xl/worksheets/sheet1.xml" ContentType="{office}.worksheet+xml"/>'
         f'<Override PartName="/xl/styles.xml" ContentType="{office}.styles+xml"/></Types>',
         "_rels/.rels": f'<Relationships xmlns="{kinds}/relationships"><Relationship Id="r1" Type="{rel}/officeDocument" '
         'Target="xl/workbook.xml"/></Relationships>',
-        "xl/workbook.xml": f'<workbook xmlns="{main}" xmlns:r="{rel}"><sheets><sheet name="dados" sheetId="1" r:id="r1"/></sheets></workbook>',
+        "xl/workbook.xml": f'<workbook xmlns="{main}" xmlns:r="{rel}"><sheets><sheet name="dados" sheetId="1" r:id="r1"/></sheets>'
+        "</workbook>",
         "xl/_rels/workbook.xml.rels": f'<Relationships xmlns="{kinds}/relationships"><Relationship Id="r1" Type="{rel}/worksheet" '
         f'Target="worksheets/sheet1.xml"/><Relationship Id="r2" Type="{rel}/styles" Target="styles.xml"/></Relationships>',
         "xl/styles.xml": f'<styleSheet xmlns="{main}"><cellXfs count="2"><xf numFmtId="0"/><xf numFmtId="22"/></cellXfs></styleSheet>',

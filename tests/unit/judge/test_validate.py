@@ -10,7 +10,7 @@ import pytest
 from thermid.errors import IdentificationError, UnitError
 from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
-from thermid.identify.validate import Criteria, validate
+from thermid.judge.validate import Criteria, validate
 from thermid.measure import Record
 from unit.fit.bench import HTC, MASS, box, log, metered
 

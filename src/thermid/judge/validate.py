@@ -15,7 +15,7 @@ from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import Block
 from thermid.fit.problem.sensor_parts import as_found
 from thermid.fit.problem.statistics import SensorStatistics
-from thermid.identify.looks import Look
+from thermid.judge.looks import Look
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
 from thermid.model.signal import literal

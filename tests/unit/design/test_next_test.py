@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.design.ranking import Option
 from thermid.errors import IdentificationError, NameNotFoundError
-from thermid.identify.ranking import Option
 from unit.fit.bench import HTC, MASS, box, log, metered, pair
 
 TRUE = {HTC: "5 [W/(m^2 K)]"}
@@ -187,7 +187,7 @@ def test_a_pump_down_does_not_promise_what_air_has_not_told(monkeypatch: pytest.
     # an emissivity good to 15 % leaves the same rise, and so the power, open by as much
     watts = td.calibrate(model, data, ["a.power"], priors={"a.power": ("", "20 [%]")})
     pumped = option(td.next_test(watts, "a.power", scenario=bench), "the same, pumped down")
-    monkeypatch.setattr("thermid.prediction.next_test.doubts_without_gas", lambda *_: {})
+    monkeypatch.setattr("thermid.design.next_test.doubts_without_gas", lambda *_: {})
     assert joint.error > 1.5 * option(td.next_test(known, JOINT, scenario=bench), "the same, pumped down").error
     assert pumped.error > 3.0 * option(td.next_test(watts, "a.power", scenario=bench), "the same, pumped down").error
 

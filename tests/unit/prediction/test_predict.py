@@ -14,9 +14,9 @@ from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError
 from thermid.fit.calibrate import calibrate, fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
-from thermid.identify.spread import Spread
 from thermid.prediction.predict import predict
 from thermid.prediction.prediction import Prediction
+from thermid.prediction.spread import Spread
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
 from unit.fit.bench import HTC, MASS, box, log, pair

@@ -19,12 +19,12 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import discrepancy_kept
-from thermid.identify.split_priors import Part, parts_of
-from thermid.identify.split_surface import Split, SplitSurface
 from thermid.knowledge.standing import Standing, of_model, worst
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.model import Model
 from thermid.network.network import compile_network
+from thermid.prediction.split_priors import Part, parts_of
+from thermid.prediction.split_surface import Split, SplitSurface
 from thermid.simulation.scenario import Scenario
 
 __all__ = ["split", "split_needed", "split_values"]

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
+from thermid.design.actions import Action, Aim, usual_actions
+from thermid.design.planned import Sensor, planned_record, sensors_of
+from thermid.design.ranking import Advice, Option
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
-from thermid.identify.actions import Action, Aim, usual_actions
-from thermid.identify.planned import Sensor, planned_record, sensors_of
-from thermid.identify.ranking import Advice, Option
 from thermid.model.model import Model
 from thermid.model.signal import literal
 from thermid.prediction.before import WITHOUT_GAS, Before, before_fit, before_model, unknown_of

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thermid.design.planned import Sensor
 from thermid.dual import value_of
-from thermid.identify.planned import Sensor
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Table
 from thermid.simulation.scenario import Scenario
