@@ -17,11 +17,13 @@ from thermid.model.parameter import Parameter, parameter
 from thermid.model.signal import literal
 from thermid.model.stores import TABULATED, tabulated
 from thermid.physics.finishes import finish
-from thermid.physics.gas import gas_named
+from thermid.physics.gas import GASES, gas_named
 
 __all__ = ["elements_from", "finish_emissivity", "made_from", "slope_unit"]
 
 Where = Callable[[str], str]
+LIQUID = "liquid"
+"""What a stream names that no pressure touches."""
 NODE_FIELDS = ("mass", "specific_heat", "capacitance")
 SURFACE_FIELDS = ("area", "htc", "effective_htc", "emissivity", "absorptance")
 JOINT_FIELDS = ("area", "contact_conductance", "conductivity", "thickness", "gap")
@@ -165,6 +167,25 @@ def finish_emissivity(name: str, where: str) -> Parameter:
     return parameter({"value": found.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": found.basis}, where)
 
 
+def _check_stream(given: set[str], fluid: str, where: str) -> None:
+    """Refuse a stream whose fluid is unknown, a gas with a density of its own, and another fluid without its properties."""
+    if fluid in GASES:
+        if "density" in given:
+            raise DeckError(f"the density of {fluid} follows from its pressure and temperature: leave density out.", where)
+        return
+    if fluid not in ("", LIQUID):
+        raise DeckError(f"no fluid is called '{fluid}'.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.", where)
+    whole = given in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"})
+    if not whole:
+        what = f"of {fluid}" if fluid else "that names no fluid"
+        cure = "" if fluid else '. A gas brings both with it: fluid = "air"'
+        raise DeckError(
+            f"a stream {what} needs volume_flow and density and specific_heat, or mass_flow and specific_heat{cure}. "
+            f"Given: {', '.join(sorted(given))}.",
+            where,
+        )
+
+
 def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
     key = f"conductors.{name}"
     kind = KINDS[table["kind"]]
@@ -184,6 +205,8 @@ def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
             f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}" if strange else f" Given: {', '.join(given) or 'nothing'}."
         )
         raise DeckError(f"a conductor of kind '{table['kind']}' needs {wanted}.{also}", where(key))
+    if table["kind"] == "flow":
+        _check_stream(set(given), words.get("fluid", ""), where(key))
     points = _points(table, "W/K", where(key))
     if (points is not None) != kind.needs_curve:
         raise DeckError(f"a conductor of kind '{table['kind']}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(key))

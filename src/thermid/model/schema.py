@@ -228,6 +228,7 @@ def _conductor_table() -> type[BaseModel]:
         table=(Points | None, None),
         takes=(list[str], []),
         gas=(str, ""),
+        fluid=(str, ""),
         to=(str, ""),
         test_only=(bool, False),
         **fields,

@@ -27,7 +27,7 @@ from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import gas_named
 from thermid.physics.radiation import radiation_coefficient
 
-__all__ = ["VACUUM_LIMIT", "Media"]
+__all__ = ["AIR_RANGE", "VACUUM_LIMIT", "Media"]
 
 Array = NDArray[np.float64]
 
@@ -83,6 +83,15 @@ class Media:
             raise ScenarioError(f"'{gas}' is vented to '{environment.vented}', which has no pressure of its own.", "environment")
         outside = self._environment(environment.vented).pressure
         return vented(own, outside, environment.time_constant, f"environment.{gas}")
+
+    def pressure(self, gas: str) -> Signal:
+        """Return the pressure of a gas node in time; gases that share one share the signal. [Pa]"""
+        key = self._key(gas)
+        return self.memo.made(("pressure", key), lambda: self._pressure(key, self._environment(key)))
+
+    def gas(self, gas: str) -> str:
+        """Return which gas a gas node is."""
+        return self._environment(gas).gas
 
     def _key(self, gas: str) -> str:
         return gas if gas in self.environments else "*"
@@ -183,13 +192,8 @@ class Media:
         return np.asarray(environment.gravity * at.expansion_at(temperature) / (at.kinematic_viscosity * at.thermal_diffusivity()))
 
     def remarks(self, conductors: Iterable[FlatConductor]) -> tuple[str, ...]:
-        """Return a sentence for each wind that does not reach a fixed coefficient, and for each stream of a gas that is not there."""
-        skins = {c.gas for c in conductors if c.kind in ("convection", "effective")}
-        out = [
-            f"'{c.path}' carries heat to '{c.ends[1]}', where there is no gas: a stream stays in vacuum. Schedule its flow"
-            for c in conductors
-            if c.kind == "flow" and c.ends[1] in skins and self.empty(c.ends[1])
-        ]
+        """Return a sentence for each wind that does not reach a fixed coefficient."""
+        conductors, out = list(conductors), []  # type: list[FlatConductor], list[str]
         for gas in dict.fromkeys(c.gas for c in conductors):
             if self._environment(gas).windy:
                 fixed = [

@@ -21,6 +21,7 @@ from thermid.network.gas_checks import TRACE, refuse_unsaid, traced
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import Media
 from thermid.network.rows import ConductorRow, LoadRow
+from thermid.network.streams import Streams, check_masses
 
 __all__ = ["Network", "Numbers", "compile_network"]
 
@@ -82,6 +83,11 @@ class Network:
         """Return the canonical path of a node or boundary; aliases are accepted."""
         return self.flat.names.find(name, where)
 
+    @property
+    def streams(self) -> Streams:
+        """The streams of gas, at the model's own values."""
+        return self.memo.made("streams", lambda: Streams.of(self.flat, self.flat.parameters.evaluate({}), self.media))
+
     def numbers(self, overrides: Mapping[str, Number] | None = None) -> Numbers:
         """Return the rows at the model's own values, or with some replaced.
 
@@ -91,7 +97,8 @@ class Network:
 
         Raises
         ------
-        DeckError   When a capacitance or conductance is negative, or joints take more area than a surface has.
+        DeckError   When a capacitance or conductance is negative, joints take more area than a surface has, or streams do not close
+                    their masses.
         """
         given = dict(overrides or {})
         return self._numbers(self._evaluate(given, self._static()) if given else self._static())
@@ -110,6 +117,8 @@ class Network:
         """Return `kept` with what changed evaluated anew."""
         values = self.flat.parameters.evaluate(overrides, changed.paths, kept.get("values"))
         capacitances, conductors, loads = (dict(kept.get(k, {})) for k in ("capacitances", "conductors", "loads"))
+        if any(c.kind == "flow" for c in changed.conductors):
+            check_masses(self.flat, values)
         for node in changed.nodes:
             capacitances[node.path] = _capacitance(node, values)
         for c in changed.conductors:
@@ -147,6 +156,8 @@ class Network:
             raise DeckError(f"'{c.path}' would have a negative conductance; heat would flow uphill.", c.where)
         if c.factor != 1.0:
             laws = tuple(replace(law, coefficients=(c.factor * law.coefficients[0], *law.coefficients[1:])) for law in laws)
+        if c.path in self.streams:
+            return (self.streams.row(c, laws[0]),)
         try:
             laws = tuple(piece for law in laws for piece in law.pieces())
         except ThermidError as error:

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from thermid.dual import value_of
 from thermid.errors import DeckError
-from thermid.model.kinds import law_conductance
 from thermid.network.network import Network
-from thermid.network.rows import ConductorRow
+from thermid.network.rows import ConductorRow, conductance
 from thermid.simulation.solution import Solution
 
 __all__ = ["Choice", "Condensed", "Drive", "Part", "chain", "condensed", "part_of"]
@@ -141,16 +140,15 @@ def _share(network: Network, run: Solution, node: str) -> tuple[float, float, fl
 
 def _secant(row: ConductorRow, means: Mapping[str, float], run: Solution) -> float:
     first, (a, b) = value_of(row.coefficients[0]), (means[e] for e in row.ends)
-    if row.form in ("linear", "flow"):
+    if row.law.linear:
         return first
-    if row.form == "radiation":
-        return first * (a * a + b * b) * (a + b)
-    if row.form == "power":
-        return float(first * max(abs(a - b), 0.01) ** value_of(row.coefficients[1]))
+    coefficients = [value_of(c) for c in row.coefficients]
+    if row.form in ("radiation", "power"):
+        return float(conductance(row.form, coefficients, row.curve, np.array([a]), np.array([b]))[0])
     hot, cold = (run[end].kelvin for end in row.ends)
     weights = (hot - cold) ** 2
-    conductance = law_conductance(row.form, [value_of(c) for c in row.coefficients], row.curve, hot, cold)
-    return float(np.sum(conductance * weights) / weights.sum()) if weights.any() else 0.0
+    found = conductance(row.form, coefficients, row.curve, hot, cold)
+    return float(np.sum(found * weights) / weights.sum()) if weights.any() else 0.0
 
 
 @dataclass(frozen=True)

@@ -228,25 +228,6 @@ def test_a_stream_is_switched_by_a_schedule() -> None:
     assert run.heat_flow("s0")[-1] == 0.0
 
 
-def test_a_stream_in_vacuum_is_remarked() -> None:
-    bay = td.model_from_dict(
-        {
-            "title": "bay",
-            "needs": ["inlet"],
-            "nodes": {"box": {"capacitance": "100 [J/K]"}, "gas": {"capacitance": "5 [J/K]", "stands_for": "air and walls"}},
-            "surfaces": {"skin": {"of": "box", "to": "gas", "area": "0.1 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0.9}},
-            "conductors": {
-                "fan": {"kind": "flow", "between": ["inlet", "gas"], "mass_flow": "1 [g/s]", "specific_heat": "1006 [J/(kg K)]"}
-            },
-        }
-    )
-    run = td.Scenario("run", boundaries={"inlet": "20 [degC]"}, duration="10 [min]")
-    assert td.simulate(bay, run).warnings == ()
-    assert td.simulate(bay, run.vacuum()).warnings == (
-        "'fan' carries heat to 'gas', where there is no gas: a stream stays in vacuum. Schedule its flow",
-    )
-
-
 def test_a_volume_flow_is_the_mass_flow_of_its_density() -> None:
     by_volume = duct(3, {"volume_flow": "100 [l/min]", "density": "1.2 [kg/m^3]", "specific_heat": "1006 [J/(kg K)]"})
     assert td.steady(by_volume, WARM)["v2"] == pytest.approx(td.steady(duct(3), WARM)["v2"], abs=1e-10)
