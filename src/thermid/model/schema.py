@@ -207,7 +207,7 @@ class AirAndSees(_Strict):
     sees: str
 
 
-class MadeIn(_Strict):
+class MadeInTable(_Strict):
     """The state of a gas in which a reduced deck was made; it runs in no other."""
 
     pressure: str
@@ -265,7 +265,7 @@ class Deck(_Strict):
     set: dict[str, Value] = {}
     cuts: list[str] = []
     aliases: dict[str, str] = {}
-    made_in: dict[str, MadeIn] = {}
+    made_in: dict[str, MadeInTable] = {}
 
 
 def json_schema() -> dict[str, Any]:
