@@ -167,7 +167,9 @@ def _check_stream(given: set[str], fluid: str, where: str) -> None:
             raise DeckError(f"the density of {fluid} follows from its pressure and temperature: leave density out.", where)
         return
     if fluid not in ("", LIQUID):
-        raise DeckError(f"no fluid is called '{fluid}'.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.", where)
+        raise DeckError(
+            f"no fluid is called '{fluid}'.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.", where
+        )
     whole = given in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"})
     if not whole:
         what = f"of {fluid}" if fluid else "that names no fluid"

@@ -70,15 +70,15 @@ def check_masses(flat: Flat, values: Mapping[str, Any]) -> None:
         into = [c for c in streams if c.ends[1] == node]
         out = [c for c in streams if c.ends[0] == node]
         named = [c for c in (*into, *out) if fluid_of(c)]
-        if not out or not (named or node in gases):
+        if not out or not (named or (into and node in gases)):  # of a stream without fluid that none feeds, `Streams.remarks` speaks
             continue
         _check_alike(node, (*into, *out))
         entering, leaving = (sum((_size(c, values) for c in part), start=0.0) for part in (into, out))
         gap, most = entering - leaving, entering + leaving
         if gap * gap > (BALANCED * most) * (BALANCED * most):
             raise DeckError(
-                f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}. A node of a stream keeps no mass. Make them "
-                "equal, or write the stream that is missing, from or to a boundary such as the ambient; one parameter for all streams of a "
+                f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}. "
+                "A node of a stream keeps no mass. Make them equal, or write the stream that is missing, from or to a boundary such as the ambient; one parameter for all streams of a "
                 "line keeps it closed in fits and schedules.",
                 out[0].where,
             )
@@ -120,6 +120,7 @@ class Streams:
     shares : dict           Stream -> source -> share of its flow that comes from there, both by path; a source is the stream that begins
                             a line at a boundary, or a stream of a loop that begins nowhere. [-]
     lines : dict            Stream -> nodes of the streams that are joined with it.
+    unfed : dict            Stream that names no fluid -> the gas node that it leaves, which no stream enters.
     media : Media
     memo : Memo             Courses that were worked out.
     """
@@ -127,6 +128,7 @@ class Streams:
     conductors: tuple[FlatConductor, ...]
     shares: Mapping[str, Mapping[str, float]]
     lines: Mapping[str, tuple[str, ...]]
+    unfed: Mapping[str, str]
     media: Media
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
@@ -140,7 +142,9 @@ class Streams:
         """
         _check_named(flat, media)
         gas, inner = tuple(c for c in streams_of(flat.conductors) if fluid_of(c) in GASES), {n.path for n in flat.nodes}
-        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), media)
+        fed, gases = {c.ends[1] for c in streams_of(flat.conductors)}, gas_nodes(flat)
+        unfed = {c.path: c.ends[0] for c in streams_of(flat.conductors) if not fluid_of(c) and c.ends[0] in gases - fed}
+        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), unfed, media)
 
     def __contains__(self, path: str) -> bool:
         """Whether a conductor is a stream of gas."""
@@ -220,6 +224,8 @@ class Streams:
 
     def remarks(self, end: float) -> Iterator[str]:
         """Yield what a reader of a run must know of its streams; `end` of it [s]."""
+        for path, node in self.unfed.items():
+            yield f"'{path}' takes no heat from '{node}', since no stream enters there: write its inlet, and the fluid of both"
         stopped: dict[tuple[str, float], list[FlatConductor]] = {}
         for c in self.conductors:
             gone = self._gone(c.path, end)
@@ -330,8 +336,8 @@ def _check_named(flat: Flat, media: Media) -> None:
         off = [n for n in c.ends if not _on_ground(media.pressure(n))]
         if off and not fluid_of(c):
             raise ScenarioError(
-                f"'{c.path}' names no fluid, and the pressure in {quoted(off)} is not that of the ground: a gas would thin or stop, a liquid "
-                'would not. Write fluid = "air" (or another gas; its density then follows), or fluid = "liquid".',
+                f"'{c.path}' names no fluid, and the pressure in {quoted(off)} is not that of the ground: a gas would thin or "
+                'stop, a liquid would not. Write fluid = "air" (or another gas; its density then follows), or fluid = "liquid".',
                 c.where,
             )
 
