@@ -22,8 +22,8 @@ from candidates import Candidate, candidates
 
 import thermid as td
 from thermid.errors import IdentificationError, ThermidError
+from thermid.fit.calibrate import fit
 from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.identify.calibrate import fit
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 
 HERE = Path(__file__).parent

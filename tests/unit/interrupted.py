@@ -88,7 +88,7 @@ JOBS: dict[str, Callable[[], None]] = {j.__name__: j for j in (simulate, calibra
 def prepare(folder: Path) -> None:
     """Make the project, and what a run of every job before has left."""
     from unit.cli.test_outputs import QUESTION, SCENARIO
-    from unit.identify.project import make_project
+    from unit.fit.project import make_project
     from unit.qualify.project import PLAN, project
 
     make_project(folder)

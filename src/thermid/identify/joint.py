@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.errors import IdentificationError, nearest
+from thermid.fit.calibrate import fit_problem
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import prior_of, problem_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
@@ -21,8 +23,6 @@ from thermid.fit.problem.unknowns import Prior, Target, Unknown
 from thermid.fit.uncertainty.moved import moves_from, part_of
 from thermid.fit.uncertainty.moves import Moves
 from thermid.identify.cache import recall, remember
-from thermid.identify.calibrate import fit_problem
-from thermid.identify.calibration import Calibration
 from thermid.identify.sharing import Level, Shared, shared_parameters
 from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import LeftOut

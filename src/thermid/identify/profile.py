@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
+from thermid.fit.calibration import Calibration
 from thermid.fit.least_squares.solve import minimise
 from thermid.fit.problem.residuals import Compressed, Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.information import inverse
-from thermid.identify.calibration import Calibration
 from thermid.units import unit
 
 __all__ = ["Held", "Profile", "asked", "profile", "spread_of"]

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thermid.errors import MissingDataError, ThermidError
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.keys import key_of
 from thermid.fit.problem.request import Request
-from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.campaignfile import placed as placed_in
 from thermid.identify.placing import known_below, placed

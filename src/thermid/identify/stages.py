@@ -12,15 +12,15 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
 from thermid.identify.cache import changed_since, file_name, recall, remember
-from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, accepting, local_of, placed, read_campaign, scenario_of
 from thermid.identify.joint import Joint, fit_jointly, joint_key
-from thermid.identify.looks import look
 from thermid.identify.staging import keyed, plain_readings, request_of
-from thermid.identify.validate import Criteria, Verdict, not_judged, validate
+from thermid.judge.looks import look
+from thermid.judge.validate import Criteria, Verdict, not_judged, validate
 from thermid.knowledge.standing import Standing, worst
 from thermid.model.resolve import parameter_table
 from thermid.model.signal import literal

@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError, nearest
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.keys import digest, ingredients_of
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.selection import freed, priors_of
-from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, local_of, scenario_of
 from thermid.identify.hand import hand_values
 from thermid.identify.steady_points import steady_points

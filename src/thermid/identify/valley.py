@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
-from thermid.identify.calibration import Calibration
 from thermid.identify.identifiability import Identifiability
 from thermid.identify.profile import Held, asked, spread_of
 

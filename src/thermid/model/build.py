@@ -9,7 +9,7 @@ import numpy as np
 
 from thermid.errors import DeckError, nearest
 from thermid.model.curves import Curve, curve
-from thermid.model.elements import LOAD_SLOTS, Conductor, HeatLoad, Joint, Node, Surface
+from thermid.model.elements import LOAD_SLOTS, Conductor, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model.enclosures import enclosure_from
 from thermid.model.facing import facing_from
 from thermid.model.kinds import KINDS
@@ -17,9 +17,9 @@ from thermid.model.parameter import Parameter, parameter
 from thermid.model.signal import literal
 from thermid.model.stores import TABULATED, tabulated
 from thermid.physics.finishes import finish
-from thermid.physics.gas import GASES
+from thermid.physics.gas import GASES, gas_named
 
-__all__ = ["elements_from", "finish_emissivity", "slope_unit"]
+__all__ = ["elements_from", "finish_emissivity", "made_from", "slope_unit"]
 
 Where = Callable[[str], str]
 LIQUID = "liquid"
@@ -116,6 +116,13 @@ def elements_from(deck: Mapping[str, Any], where: Where) -> dict[str, dict[str, 
         "enclosures": {n: enclosure_from(t, where(f"enclosures.{n}")) for n, t in deck["enclosures"].items()},
         "loads": {n: _load(n, t, where) for n, t in deck["loads"].items()},
     }
+
+
+def made_from(table: Mapping[str, Any], where: str) -> MadeIn:
+    """Return the state of a gas in which a reduced model was made, from its table in a deck."""
+    slots = {"pressure": "Pa", "gravity": "m/s^2", "wind": "m/s"}
+    numbers = {name: literal(table[name], slot, f"{where}.{name}") for name, slot in slots.items()}
+    return MadeIn(gas=gas_named(table["gas"], where).name, **numbers)
 
 
 def _node(name: str, table: Mapping[str, Any], where: Where) -> Node:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from thermid.model.curves import Curve
 from thermid.model.facing import Facing
 from thermid.model.parameter import Parameter
+from thermid.physics.constants import STANDARD_GRAVITY
 
-__all__ = ["LOAD_SLOTS", "NODE_SLOTS", "Conductor", "Enclosure", "HeatLoad", "Joint", "Node", "Surface"]
+__all__ = ["LOAD_SLOTS", "NODE_SLOTS", "Conductor", "Enclosure", "HeatLoad", "Joint", "MadeIn", "Node", "Surface"]
 
 Fields = Mapping[str, Parameter]
 
@@ -172,3 +173,27 @@ class HeatLoad:
     sensor: str = ""
     curve: Curve | None = None
     test_only: bool = False
+
+
+@dataclass(frozen=True)
+class MadeIn:
+    """The state of a gas in which a reduced model was made.
+
+    Parameters
+    ----------
+    pressure, gravity, wind : float     [Pa], [m/s^2], [m/s]
+    gas : str                           Its kind.
+    """
+
+    pressure: float
+    gravity: float
+    gas: str
+    wind: float = 0.0
+
+    def __str__(self) -> str:
+        """`air at 101325 Pa`, with what is not as on the ground; `vacuum` without gas."""
+        if self.pressure == 0.0:
+            return "vacuum"
+        weight = "" if abs(self.gravity / STANDARD_GRAVITY - 1.0) < 0.01 else f", {self.gravity:.4g} m/s^2"
+        wind = f", {self.wind:.3g} m/s" if self.wind else ""
+        return f"{self.gas} at {self.pressure:.6g} Pa{weight}{wind}"

@@ -8,7 +8,7 @@ from typing import Any
 
 from thermid.errors import DeckError, ThermidError
 from thermid.model.curves import Curve
-from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, Surface
+from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
 from thermid.model.enclosures import Face, pairs
 from thermid.model.facing import Facing
 from thermid.model.kinds import KINDS, Law
@@ -121,6 +121,7 @@ class Flat:
     surfaces : dict                     Surface path -> its area's parameter path and what joints take from it.
     finishes : dict                     Parameter path of an emissivity -> the finish that it comes from.
     faces : dict                        Surface path -> the surface as radiation from outside meets it.
+    made_in : tuple                     Title of a reduced part, gas node or ``*``, the state that it was made in, and where it says so.
     """
 
     names: Names
@@ -131,6 +132,7 @@ class Flat:
     surfaces: Mapping[str, tuple[str, tuple[Take, ...]]] = field(default_factory=dict)
     finishes: Mapping[str, str] = field(default_factory=dict)
     faces: Mapping[str, FlatSurface] = field(default_factory=dict)
+    made_in: tuple[tuple[str, str, MadeIn, str], ...] = ()
 
 
 def _walk(model: Model, prefix: str = "") -> Iterator[tuple[Model, str]]:
@@ -182,7 +184,12 @@ def flatten(model: Model) -> Flat:
             conductors += [made, *_losses(made)]
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
-    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces)
+    made = tuple(
+        (owner.title, gas if gas == "*" else names.end(owner, prefix, gas, f"made_in.{gas}"), state, owner.where(f"made_in.{gas}"))
+        for owner, prefix in _walk(model)
+        for gas, state in owner.made_in.items()
+    )
+    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces, made)
     _check_slots(flat)
     return flat
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
-from thermid.model.elements import Conductor, Enclosure, HeatLoad, Joint, Node, Surface
+from thermid.model.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model.parameter import Parameter, parameter
 from thermid.model.standing import UNJUDGED
 
@@ -78,6 +78,7 @@ class Model:
     layers : tuple of Layer     Values laid over it, the last one winning; a user's [set] wins over them.
     cuts : tuple of str         Instances and values that share with no other, although one deck writes them.
     aliases : dict              Other name -> canonical path.
+    made_in : dict              Gas node, or ``*`` -> `MadeIn`: of a reduced model, whose conductances hold the gas of that state alone.
     box : str                   white, light grey, dark grey or black.
     use : str                   The intended use, in words.
     file : str                  The deck's file name, for messages.
@@ -99,6 +100,7 @@ class Model:
     layers: tuple[Layer, ...] = ()
     cuts: tuple[str, ...] = ()
     aliases: Mapping[str, str] = field(default_factory=dict)
+    made_in: Mapping[str, MadeIn] = field(default_factory=dict)
     box: str = "light grey"
     use: str = ""
     file: str = field(default="", compare=False)

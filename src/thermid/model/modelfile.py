@@ -13,7 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.expression import NAME
 from thermid.files import parse_toml, read_text
-from thermid.model.build import elements_from
+from thermid.model.build import elements_from, made_from
 from thermid.model.curves import Curve
 from thermid.model.identity import definition_of
 from thermid.model.lines import line_numbers
@@ -192,6 +192,7 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
         submodels=submodels,
         settings={n: parameter(v, where(f"set.{n}")) for n, v in deck["set"].items()},
         aliases=deck["aliases"],
+        made_in={gas: made_from(t, where(f"made_in.{gas}")) for gas, t in deck["made_in"].items()},
         file=file,
         lines=dict(places),
         **elements,
@@ -271,7 +272,7 @@ def to_dict(model: Model, bare: bool = False) -> dict[str, Any]:
     ----------
     bare : bool     Leave out what was laid over the decks or cut.
     """
-    from thermid.model.written import elements_to
+    from thermid.model.written import elements_to, made_to
 
     out: dict[str, Any] = {"title": model.title, "box": model.box}
     for key, value in (("use", model.use), ("needs", list(model.needs)), ("offers", list(model.offers))):
@@ -285,6 +286,7 @@ def to_dict(model: Model, bare: bool = False) -> dict[str, Any]:
         out["layers"] = [_layer_to(layer) for layer in model.layers]
         out["cuts"] = list(model.cuts)
     out["aliases"] = dict(model.aliases)
+    out["made_in"] = {gas: made_to(state) for gas, state in model.made_in.items()}
     return {k: v for k, v in out.items() if v not in ({}, [])}
 
 

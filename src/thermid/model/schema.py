@@ -199,6 +199,15 @@ class AirAndSees(_Strict):
     sees: str
 
 
+class MadeIn(_Strict):
+    """The state of a gas in which a reduced deck was made; it runs in no other."""
+
+    pressure: str
+    gravity: str = "9.80665 [m/s^2]"
+    gas: str = "air"
+    wind: str = "0 [m/s]"
+
+
 class SubmodelTable(_Strict):
     """A deck used inside this one."""
 
@@ -248,6 +257,7 @@ class Deck(_Strict):
     set: dict[str, Value] = {}
     cuts: list[str] = []
     aliases: dict[str, str] = {}
+    made_in: dict[str, MadeIn] = {}
 
 
 def json_schema() -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 from thermid.errors import quoted
 from thermid.model.flat import Flat, FlatSurface
 
-__all__ = ["bare", "gas_nodes", "into_gas", "radiates_into", "still"]
+__all__ = ["bare", "gas_nodes", "into_gas", "radiates_into", "still", "surrounding"]
 
 WALLS = ("walls", "air and walls")
 """What a node stands for that radiation can reach."""
@@ -20,11 +20,8 @@ def gas_nodes(flat: Flat) -> frozenset[str]:
     Surfaces, gaps of joints and leads name the gas that takes their convection. A node that has a surface of its own is a solid. A boundary
     is none of these: it is the air of a large room and its walls alike.
     """
-    solid = {face.node for face in flat.faces.values()}
-    convected = {face.to for face in flat.faces.values() if face.exchange}
-    convected |= {c.gas for c in flat.conductors if c.path.endswith(".gap") and c.kind == "convection"}
-    convected |= {c.gas for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields)}
-    return frozenset(n.path for n in flat.nodes if n.stands_for == "air" or (n.path in convected - solid and n.stands_for not in WALLS))
+    around = surrounding(flat)
+    return frozenset(n.path for n in flat.nodes if n.stands_for == "air" or (n.path in around and n.stands_for not in WALLS))
 
 
 def into_gas(flat: Flat, values: Mapping[str, Any]) -> dict[str, list[str]]:
@@ -39,7 +36,7 @@ def into_gas(flat: Flat, values: Mapping[str, Any]) -> dict[str, list[str]]:
     if not gases:
         return {}
     faces = {path: (face.sees, face.fields.get("emissivity", "")) for path, face in flat.faces.items()}
-    leads = {c.path: (c.gas, c.fields["emissivity"]) for c in flat.conductors if c.kind == "lead" and "emissivity" in c.fields}
+    leads = {_lead(c.path): (c.gas, c.fields["emissivity"]) for c in flat.conductors if c.kind == "lead" and "emissivity" in c.fields}
     for path, (node, emissivity) in (faces | leads).items():
         if node in gases and emissivity and values[emissivity] != 0.0:
             out.setdefault(node, {})[path] = None
@@ -83,3 +80,14 @@ def still(flat: Flat) -> dict[str, str]:
         return not face.exchange and bool(face.sees) and "emissivity" in face.fields
 
     return {path: face.to for path, face in flat.faces.items() if silent(face)}
+
+
+def surrounding(flat: Flat) -> frozenset[str]:
+    """Return the nodes, boundaries among them, that surfaces, gaps and leads convect to, and that have no surface of their own."""
+    return _convected(flat) - {face.node for face in flat.faces.values()}
+
+
+def _convected(flat: Flat) -> set[str]:
+    found = {face.to for face in flat.faces.values() if face.exchange}
+    found |= {c.gas for c in flat.conductors if c.path.endswith(".gap") and c.kind == "convection"}
+    return found | {c.gas for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields)}

@@ -7,7 +7,7 @@ from typing import Any
 
 from thermid.model.build import finish_emissivity, slope_unit
 from thermid.model.curves import Curve
-from thermid.model.elements import Conductor, Node
+from thermid.model.elements import Conductor, MadeIn, Node
 from thermid.model.enclosures import enclosure_to
 from thermid.model.facing import facing_to
 from thermid.model.kinds import KINDS
@@ -16,7 +16,7 @@ from thermid.model.parameter import Parameter
 from thermid.model.stores import TABULATED
 from thermid.units import unit
 
-__all__ = ["elements_to", "written"]
+__all__ = ["elements_to", "made_to", "written"]
 
 
 def written(given: Parameter) -> Any:
@@ -88,6 +88,12 @@ def _points_to(shape: Curve, slot: str) -> dict[str, Any]:
     texts = [[f"{v!r} [{of}]" for v in column.tolist()] for column, of in columns]
     known = {k: v for k, v in (("source", shape.source), ("basis", shape.basis)) if v}
     return {"points": [list(point) for point in zip(*texts, strict=True)], **known}
+
+
+def made_to(state: MadeIn) -> dict[str, str]:
+    """Return the table of the state of a gas in which a reduced model was made."""
+    numbers = {"pressure": f"{state.pressure!r} [Pa]", "gravity": f"{state.gravity!r} [m/s^2]", "wind": f"{state.wind!r} [m/s]"}
+    return numbers | {"gas": state.gas}
 
 
 def elements_to(model: Model) -> dict[str, dict[str, Any]]:

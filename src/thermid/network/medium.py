@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Number
-from thermid.errors import ScenarioError, quoted
+from thermid.errors import ScenarioError
 from thermid.memo import Memo
-from thermid.model.flat import Flat, FlatConductor
+from thermid.model.elements import MadeIn
+from thermid.model.flat import FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Signal, Table
-from thermid.model.surroundings import bare, still
 from thermid.network.environment import GROUND, Environment, extremes
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.pressure import levels_of, sampled, shares, stream, vented
@@ -33,8 +33,6 @@ Array = NDArray[np.float64]
 
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
-THIN = 0.01 * ATMOSPHERE
-"""Pressure at which natural convection is a tenth of that on the ground, (p/p0)^(1/2): radiation is most of what a surface gives. [Pa]"""
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
 
@@ -154,38 +152,29 @@ class Media:
         """Return whether there is no gas at a gas node at any time."""
         return self._state(gas) == "vacuum"
 
-    def refuse(self, flat: Flat) -> None:
-        """Refuse surfaces that say nothing of what is left to them in the gas of a run, or without.
+    def made_in(self, gas: str) -> MadeIn:
+        """Return the state of a gas that stays, for a model that is reduced in it."""
+        environment = self._environment(gas)
+        wind = float(extremes(environment.wind).max())
+        return MadeIn(self.lowest(gas), environment.gravity, environment.gas, wind)
 
-        Raises
-        ------
-        ScenarioError   When a surface or lead has a convection alone and its gas is gone at any time, or radiation alone in a gas.
-        """
+    def as_made(self, gas: str, made: MadeIn) -> bool:
+        """Return whether a gas, ``*`` for every one, is at all times in the state in which a model was reduced."""
+        if gas == "*":
+            return all(self.as_made(each, made) for each in self.environments if each != "*") and self._as_made("*", made)
+        return self._as_made(self._key(gas), made)
 
-        def place(path: str) -> str:
-            face = flat.faces.get(path)
-            return face.where if face else next(c.where for c in flat.conductors if c.path.startswith(path))
+    def _as_made(self, key: str, made: MadeIn) -> bool:
+        environment = self._environment(key)
+        pressures = extremes(self._pressure(key, environment))
+        if made.pressure <= VACUUM_LIMIT:
+            return bool((pressures <= VACUUM_LIMIT).all())
+        low, high = AIR_RANGE if AIR_RANGE[0] <= made.pressure <= AIR_RANGE[1] else (0.99 * made.pressure, 1.01 * made.pressure)
+        alike = abs(environment.gravity - made.gravity) <= 0.01 * STANDARD_GRAVITY and environment.gas == made.gas
+        winds = extremes(environment.wind)
+        return alike and bool(((pressures >= low) & (pressures <= high)).all() and (np.abs(winds - made.wind) <= 0.01 * made.wind).all())
 
-        thin = [] if self.as_printed else [(path, gas) for path, gas in bare(flat).items() if self._lowest(gas) <= VACUUM_LIMIT]
-        if thin:
-            which, several = quoted([path for path, _ in thin]), len(thin) > 1
-            raise ScenarioError(
-                f"{which} {'have' if several else 'has'} htc and no emissivity: without gas in {quoted(_each(thin))} nothing would leave "
-                f"{'them' if several else 'it'}. Give an emissivity or a finish; emissivity = 0 where nothing radiates on purpose.",
-                place(thin[0][0]),
-            )
-        filled = [(path, gas) for path, gas in still(flat).items() if not self.empty(gas)]
-        if filled:
-            which, several = quoted([path for path, _ in filled]), len(filled) > 1
-            raise ScenarioError(
-                f"{which} {'have' if several else 'has'} an emissivity and no htc: in the gas of {quoted(_each(filled))} "
-                f"{'they' if several else 'it'} would have no convection. Give htc, as a value or from a correlation, "
-                "htc = { length = ... }; htc = 0 where nothing convects on purpose. "
-                "Where no gas is, say so: environment, pressure = '0 [Pa]' (--vacuum).",
-                place(filled[0][0]),
-            )
-
-    def _lowest(self, gas: str) -> float:
+    def lowest(self, gas: str) -> float:
         """Return the lowest pressure that a gas node has. [Pa]"""
         key = self._key(gas)
         return float(extremes(self._pressure(key, self._environment(key))).min())
@@ -320,8 +309,3 @@ class Media:
         if emissivity is None:
             raise self._unknown_share(c)
         return (radiation_coefficient(emissivity, fields["area"]),)
-
-
-def _each(pairs: list[tuple[str, str]]) -> list[str]:
-    """Return each gas once."""
-    return list(dict.fromkeys(gas for _, gas in pairs))

@@ -17,6 +17,7 @@ from thermid.model.model import Model
 from thermid.model.stores import Store
 from thermid.model.surroundings import into_gas, radiates_into
 from thermid.model.takes import exposed_area
+from thermid.network.gas_checks import TRACE, refuse_unsaid, traced
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import Media
 from thermid.network.rows import ConductorRow, LoadRow
@@ -64,6 +65,7 @@ class Network:
     boundaries : tuple of str   Nodes whose temperature is given: the model's needs, then prescribed nodes.
     media : Media               What each gas does at the scenario's pressure.
     stores : dict               Node -> how it stores heat, where that changes with temperature.
+    traced : frozenset          Conductors through gas that keep a trace of it, see `traced`.
     memo : Memo                 Rows at the model's own values, and what depends on which parameters.
     """
 
@@ -74,6 +76,7 @@ class Network:
     media: Media
     prescribed: tuple[str, ...] = ()
     stores: Mapping[str, Store] = field(default_factory=dict)
+    traced: frozenset[str] = frozenset()
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def find(self, name: str, where: str = "") -> str:
@@ -167,7 +170,8 @@ class Network:
                     f"the emissivity of '{c.path}' is {value_of(given):.4g}; give 0 to 1.",
                     c.where,
                 )
-        return tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
+        rows = tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
+        return (*rows, ConductorRow(c.path, "linear", c.ends, (TRACE,))) if c.path in self.traced else rows
 
 
 def _capacitance(node: FlatNode, values: Mapping[str, Any]) -> Number | None:
@@ -258,9 +262,11 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     if not nodes:
         raise DeckError("there is no node left whose temperature is unknown.", model.title)
     stores = {n.path: n.store for n in flat.nodes if n.store is not None and n.path in nodes}
-    network = Network(model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven, stores)
+    network = Network(
+        model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven, stores, traced(media or Media(), flat)
+    )
     if media is not None:
-        media.refuse(flat)
+        refuse_unsaid(media, flat)
     values = network.numbers().values
     for gas, radiating in into_gas(flat, values).items():
         raise DeckError(radiates_into(gas, radiating), next(n.where for n in flat.nodes if n.path == gas))

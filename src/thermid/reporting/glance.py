@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thermid.fit.calibration import Calibration
+from thermid.fit.contradicted import BLAME
 from thermid.fit.uncertainty.moves import MOVED
-from thermid.identify.calibration import Calibration
-from thermid.identify.contradicted import BLAME
 from thermid.identify.stages import Campaign
 from thermid.knowledge.values import FittedValue
 from thermid.model.resolve import ParameterSet

@@ -11,20 +11,18 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import ScenarioError, nearest
-from thermid.model.curves import Curve, slopes
-from thermid.model.kinds import law_conductance
 from thermid.model.signal import Constant, Signal, literal
 from thermid.model.stores import Store
 from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
 from thermid.network.network import Network, Numbers
 from thermid.network.pressure import combined
-from thermid.network.rows import ConductorRow, LoadRow
+from thermid.network.rows import ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
 from thermid.simulation.inputs import check_courses, load_inputs, normalised, read_schedule, scheduled
 from thermid.simulation.scenario import STEADY, Scenario
 from thermid.units import TEMPERATURE
 
-__all__ = ["Assembled", "Wiring", "curve_arrays"]
+__all__ = ["Assembled", "Wiring"]
 
 Array = NDArray[np.float64]
 Csr = tuple[NDArray[np.int32], NDArray[np.int32], Array]
@@ -278,15 +276,13 @@ class Wiring:
 
     def conductor_flows(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array) -> dict[str, Array]:
         """Return conductor -> heat flow (times,) for temperatures by node; rows of one conductor are summed. [W]"""
-        return self._summed(numbers, temperatures, times, lambda conductance, a, b: conductance * (a - b))
+        return self._summed(numbers, temperatures, times, heat)
 
     def conductor_conductances(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array) -> dict[str, Array]:
         """Return conductor -> heat flow over the difference of its ends (times,), rows of one conductor summed. [W/K]"""
-        return self._summed(numbers, temperatures, times, lambda conductance, a, b: conductance)
+        return self._summed(numbers, temperatures, times, conductance)
 
-    def _summed(
-        self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, of: Callable[[Array, Array, Array], Array]
-    ) -> dict[str, Array]:
+    def _summed(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, law: Callable[..., Array]) -> dict[str, Array]:
         out: dict[str, Array] = {}
         for row, position in _numbered(numbers.conductors):
             a, b = (temperatures[end] for end in row.ends)
@@ -294,7 +290,7 @@ class Wiring:
             for c, number in enumerate(row.coefficients):
                 signal = self._conductor_signal(row, position, c)
                 coefficients.append(value_of(number) * (self.signals[signal].at(times) if signal else np.ones(times.shape)))
-            out[row.name] = out.get(row.name, 0.0) + of(law_conductance(row.form, coefficients, row.curve, a, b), a, b)
+            out[row.name] = out.get(row.name, 0.0) + law(row.form, coefficients, row.curve, a, b)
         return out
 
     def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], given: Mapping[str, Number]) -> list[Any]:
@@ -395,8 +391,3 @@ def _numbered(rows: Sequence[Row]) -> Iterator[tuple[Row, int]]:
         position = seen.get(row.name, 0)
         seen[row.name] = position + 1
         yield row, position
-
-
-def curve_arrays(given: Curve) -> tuple[Array, Array, Array]:
-    """Return knots, values and slopes of a table for the kernel."""
-    return given.x, given.y, slopes(given)

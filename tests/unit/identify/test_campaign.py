@@ -19,8 +19,8 @@ from thermid.identify.stages import Campaign, run_stages
 from thermid.identify.staging import request_of
 from thermid.knowledge.values import load_values
 from thermid.model.signal import Table
-from unit.identify.bench import HTC, MASS
-from unit.identify.project import CAMPAIGN, make_project
+from unit.fit.bench import HTC, MASS
+from unit.fit.project import CAMPAIGN, make_project
 
 JOINT = "stack.contact_conductance"
 FIXED = 'as = "fixed"'

@@ -19,8 +19,8 @@ from thermid.identify.staging import keyed, request_of
 from thermid.knowledge.store import Origin, State, Store
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
-from unit.identify.bench import HTC, MASS, box, log, pair
-from unit.identify.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
+from unit.fit.bench import HTC, MASS, box, log, pair
+from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 
 STATE = State("case.mass", 1.6, True, "kg", (0.5, 4.0), Origin("fit", "below"), paths=("case.mass",))
 BELOW = Store({"case.mass": STATE})

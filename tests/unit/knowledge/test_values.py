@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.identify.calibrate import calibrate
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibrate import calibrate
+from thermid.fit.calibration import Calibration
 from thermid.identify.credibility import CredibilityRecord
 from thermid.knowledge.values import FittedValue, FittedValues, load_values
 from thermid.model.modelfile import load_model, save_model
-from unit.identify.bench import HTC, MASS, box, log, metered, pair
+from unit.fit.bench import HTC, MASS, box, log, metered, pair
 
 
 @pytest.fixture(scope="module")
