@@ -67,29 +67,40 @@ def check_masses(flat: Flat, values: Mapping[str, Any]) -> None:
     inner, gases = {n.path for n in flat.nodes}, gas_nodes(flat)
     streams = streams_of(flat.conductors)
     for node in dict.fromkeys(end for c in streams for end in c.ends if end in inner):
-        into = [c for c in streams if c.ends[1] == node]
-        out = [c for c in streams if c.ends[0] == node]
-        named = [c for c in (*into, *out) if fluid_of(c)]
-        if not out or not (named or (into and node in gases)):  # of a stream without fluid that none feeds, `Streams.remarks` speaks
-            continue
-        _check_alike(node, (*into, *out))
-        entering, leaving = (sum((_size(c, values) for c in part), start=0.0) for part in (into, out))
-        gap, most = entering - leaving, entering + leaving
-        if gap * gap > (BALANCED * most) * (BALANCED * most):
-            raise DeckError(
-                f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}. "
-                "A node of a stream keeps no mass. Make them equal, or write the stream that is missing, from or to a boundary such as the ambient; one parameter for all streams of a "
-                "line keeps it closed in fits and schedules.",
-                out[0].where,
-            )
+        for fluid, joined in _by_fluid(node, [c for c in streams if node in c.ends]).items():
+            into = [c for c in joined if c.ends[1] == node]
+            out = [c for c in joined if c.ends[0] == node]
+            # of a stream without fluid that none feeds, `Streams.remarks` speaks
+            if not out or not (fluid or (into and node in gases)):
+                continue
+            _check_alike(node, joined)
+            entering, leaving = (sum((_size(c, values) for c in part), start=0.0) for part in (into, out))
+            gap, most = entering - leaving, entering + leaving
+            if gap * gap > (BALANCED * most) * (BALANCED * most):
+                raise DeckError(
+                    f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}. "
+                    "A node of a stream keeps no mass. Make them equal, or write the stream that is missing, from or to a boundary such as "
+                    "the ambient; one parameter for all streams of a line keeps it closed in fits and schedules.",
+                    out[0].where,
+                )
+
+
+def _by_fluid(node: str, streams: Sequence[FlatConductor]) -> dict[str, list[FlatConductor]]:
+    """Return fluid -> streams of a node; one that names none is taken with the gas that is there. Two gases in a node are refused."""
+    gas = list(dict.fromkeys(fluid_of(c) for c in streams if fluid_of(c) in GASES))
+    if len(gas) > 1:
+        one, two = (next(c for c in streams if fluid_of(c) == name) for name in gas[:2])
+        raise DeckError(
+            f"{gas[0]} ('{one.path}') and {gas[1]} ('{two.path}') meet in '{node}'. Gases that mix are one fluid here: name one.", two.where
+        )
+    out: dict[str, list[FlatConductor]] = {}
+    for c in streams:
+        out.setdefault(fluid_of(c) or next(iter(gas), ""), []).append(c)
+    return out
 
 
 def _check_alike(node: str, streams: Sequence[FlatConductor]) -> None:
-    """Refuse two fluids in one node, and volumes of gas beside masses."""
-    fluids = {fluid_of(c): c for c in streams if fluid_of(c)}
-    if len(fluids) > 1:
-        (one, a), (two, b) = list(fluids.items())[:2]
-        raise DeckError(f"{one} ('{a.path}') and {two} ('{b.path}') meet in '{node}'. Streams of one node are of one fluid.", b.where)
+    """Refuse volumes of gas beside masses."""
     kinds = {_by_volume(c) and "density" not in c.fields: c for c in streams}
     if len(kinds) > 1:
         raise DeckError(

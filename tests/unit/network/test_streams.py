@@ -238,6 +238,14 @@ def test_two_fluids_in_one_node_are_refused() -> None:
         td.compile_network(bay(fan=stream("inlet", "gas"), out=stream("gas", "outlet", fluid="He")))
 
 
+def test_a_liquid_and_a_gas_close_each_for_itself() -> None:
+    """An exchanger of one temperature: air passes through it, and a liquid ends in it."""
+    loop = stream("inlet", "gas", "1 [g/s]", fluid="liquid", specific_heat="4180 [J/(kg K)]")
+    td.compile_network(bay(fan=stream("inlet", "gas"), out=stream("gas", "outlet"), loop=loop))
+    with pytest.raises(td.ThermidError, match=r"'gas' takes in 1 g/s \('loop'\) and passes on 2 g/s"):
+        td.compile_network(bay(fan=stream("inlet", "gas"), loop=loop, back=loop | {"between": ["gas", "outlet"], "mass_flow": "2 [g/s]"}))
+
+
 def test_a_schedule_of_one_end_is_refused() -> None:
     half = {"times": ["0 [min]", "5 [min]"], "values": ["30 [l/min]", "15 [l/min]"], "hold": True}
     chain = bay(fan=stream("inlet", "gas"), out=stream("gas", "outlet"))
