@@ -199,15 +199,32 @@ class Streams:
 
     def row(self, c: FlatConductor, law: Law) -> ConductorRow:
         """Return the row of a stream of gas: its heat capacity rate at the density of its gas."""
-        gas, rate = GASES[fluid_of(c)], law.coefficients[0]
-        if _by_volume(c):
-            rate = rate * (ATMOSPHERE / (gas.constant * STANDARD))
-        if "specific_heat" not in c.fields:
-            rate = rate * gas.cp(STANDARD)
+        rate = law.coefficients[0] * self._standard(c)
         course = self.still(c.path)
         if isinstance(course, Constant):
             return ConductorRow(c.path, "flow", c.ends, (course.value * rate,))
         return ConductorRow(c.path, "flow", c.ends, (rate,), None, signal_of(c.path))
+
+    @staticmethod
+    def _standard(c: FlatConductor) -> float:
+        """Return what a flow as written lacks with its gas at one atmosphere and 20 degC: density and specific heat, multiplied."""
+        gas = GASES[fluid_of(c)]
+        density = ATMOSPHERE / (gas.constant * STANDARD) if _by_volume(c) else 1.0
+        return density * (1.0 if "specific_heat" in c.fields else float(gas.cp(STANDARD)))
+
+    def written(self, path: str, rate: float, specific_heat: float) -> tuple[str, float]:
+        """Return the field of a stream and its flow [m^3/s or kg/s] at which it has a heat capacity rate [W/K]; none where it stands still.
+
+        Parameters
+        ----------
+        path : str              Of the stream.
+        rate : float            As its row has it. [W/K]
+        specific_heat : float   Written beside the flow. [J/(kg K)]
+        """
+        c, course = self._named[path], self.still(path)
+        gas, there = GASES[fluid_of(c)], course.value if isinstance(course, Constant) else 1.0
+        density = ATMOSPHERE / (gas.constant * STANDARD) if _by_volume(c) else 1.0
+        return ("volume_flow" if _by_volume(c) else "mass_flow"), rate / (there * density * specific_heat) if there else 0.0
 
     def signals(self) -> dict[str, Signal]:
         """Return what rows of streams are multiplied by where the pressure of a gas changes in time."""

@@ -304,6 +304,17 @@ def test_an_export_has_the_density_of_the_source(inlet: Any) -> None:
     assert float(row.coefficients[0]) * shape == pytest.approx(THIRTY * 60e3 / (R_AIR * (303.15 if row.signal else 313.15)) * CP, rel=1e-5)
 
 
+def test_a_reduced_deck_keeps_the_fluid() -> None:
+    """Reduced at 60 kPa, run at 60 kPa: a volume of air stays one, and its density follows its inlet."""
+    scenario = run(boundaries={"inlet": "40 [degC]"}, **at(60e3))
+    found = td.reduce(bay(fan=stream("inlet", "gas")), scenario, nodes=1)
+    again = td.simulate(found.inside, scenario)
+    assert again["gas"].kelvin[-1] == pytest.approx(td.simulate(bay(fan=stream("inlet", "gas")), scenario)["gas"].kelvin[-1], abs=1e-6)
+    kept = [c for c in found.model.conductors.values() if c.kind == "flow"]
+    assert [c.words for c in kept] == [{"fluid": "air"}]
+    assert "volume_flow" in kept[0].fields
+
+
 # words ---------------------------------------------------------------------------------------------------------------------------
 
 
