@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -48,7 +48,7 @@ class Options:
     max_steps: int = 1_000_000
     method: str = "auto"
     large_tolerance: float = 3e-3
-    extremes: bool = True
+    extremes: bool = field(default=True, repr=False)  # no part of the key of a fit, which it does not change
 
 
 @dataclass(frozen=True, eq=False)
