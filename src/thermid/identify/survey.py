@@ -12,8 +12,8 @@ from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.identify.cache import recall
 from thermid.identify.campaignfile import placed, read_campaign
-from thermid.identify.identifiability import Identifiability, identifiability, identifiability_of
 from thermid.identify.staging import keyed, request_of
+from thermid.inference.identifiability import Identifiability, identifiability, identifiability_of
 
 __all__ = ["survey"]
 

@@ -12,8 +12,8 @@ from thermid.errors import IdentificationError, NameNotFoundError, SolverError, 
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
-from thermid.identify.identifiability import Identifiability
-from thermid.identify.profile import Held, asked, spread_of
+from thermid.inference.identifiability import Identifiability
+from thermid.inference.profile import Held, asked, spread_of
 
 __all__ = ["Valley", "valley"]
 

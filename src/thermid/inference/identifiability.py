@@ -20,7 +20,7 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.grouping import Group, listed, percent
 from thermid.fit.uncertainty.groups import practical_groups, structural_groups
 from thermid.fit.uncertainty.information import Information, elsewhere
-from thermid.identify.advice import Cure, cures
+from thermid.inference.advice import Cure, cures
 from thermid.measure import Record
 from thermid.model.model import Model
 from thermid.simulation.scenario import Scenario
