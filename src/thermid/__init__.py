@@ -9,6 +9,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from thermid.campaign.credibility import CredibilityRecord as CredibilityRecord
+    from thermid.campaign.credibility import credibility as credibility
+    from thermid.campaign.stages import Campaign as Campaign
+    from thermid.campaign.stages import joint as joint
+    from thermid.campaign.stages import run_stages as run_stages
     from thermid.design.actions import Action as Action
     from thermid.design.actions import Aim as Aim
     from thermid.design.next_test import next_test as next_test
@@ -27,12 +32,7 @@ if TYPE_CHECKING:
     from thermid.fit.clocks.alignment import align as align
     from thermid.fit.discrepancy import Discrepancy as Discrepancy
     from thermid.fit.discrepancy import discrepancy as discrepancy
-    from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
-    from thermid.identify.credibility import credibility as credibility
     from thermid.identify.retune_plan import RetunePlan as RetunePlan
-    from thermid.identify.stages import Campaign as Campaign
-    from thermid.identify.stages import joint as joint
-    from thermid.identify.stages import run_stages as run_stages
     from thermid.identify.study import Study as Study
     from thermid.identify.study_file import load_study as load_study
     from thermid.identify.swap import plan_retune as plan_retune
@@ -249,9 +249,9 @@ _PUBLIC = {
     "Posterior": "inference.posterior",
     "evidence": "inference.posterior",
     "Evidence": "inference.posterior",
-    "Campaign": "identify.stages",
-    "run_stages": "identify.stages",
-    "joint": "identify.stages",
+    "Campaign": "campaign.stages",
+    "run_stages": "campaign.stages",
+    "joint": "campaign.stages",
     "predict": "prediction.predict",
     "discrepancy": "fit.discrepancy",
     "Discrepancy": "fit.discrepancy",
@@ -259,8 +259,8 @@ _PUBLIC = {
     "Spread": "prediction.spread",
     "plan_retune": "identify.swap",
     "RetunePlan": "identify.retune_plan",
-    "credibility": "identify.credibility",
-    "CredibilityRecord": "identify.credibility",
+    "credibility": "campaign.credibility",
+    "CredibilityRecord": "campaign.credibility",
     "difference": "judge.difference",
     "Difference": "judge.difference",
     "Criteria": "judge.validate",

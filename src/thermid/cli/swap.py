@@ -36,8 +36,8 @@ def swap(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Plan the replacement of a part: what is assumed, which tests and fits are due; with the new logs, fit only these."""
+    from thermid.campaign.stages import run_stages
     from thermid.cli.output import calibration_object, clean
-    from thermid.identify.stages import run_stages
     from thermid.identify.swap import plan_retune
 
     folder = results if results is not None else campaign.parent / "results"

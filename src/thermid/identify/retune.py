@@ -8,22 +8,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from thermid.campaign.file import CampaignSource, read_campaign
+from thermid.campaign.file import placed as placed_in
+from thermid.campaign.stages import Campaign
+from thermid.campaign.staging import request_of
 from thermid.errors import MissingDataError, ThermidError
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.keys import key_of
 from thermid.fit.problem.request import Request
-from thermid.identify.campaignfile import CampaignSource, read_campaign
-from thermid.identify.campaignfile import placed as placed_in
 from thermid.identify.placing import known_below, placed
-from thermid.identify.stages import Campaign
-from thermid.identify.staging import request_of
 from thermid.knowledge.values import view
 from thermid.model.identity import definition_of, inside, instances
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
-    from thermid.identify.campaign_schema import InheritTable, StageTable
+    from thermid.campaign.schema import InheritTable, StageTable
     from thermid.identify.retune_plan import RetunePlan, StagePlan
 
 __all__ = ["retuned"]
@@ -142,7 +142,7 @@ def _told_by(
         names = [renamed.get(n, n) if at_part else n for n in i.stages]
         inherit[part] = _handed(i.model_copy(update={"stage": names}), plan, done)
     if everything:
-        from thermid.identify.campaign_schema import PriorTable
+        from thermid.campaign.schema import PriorTable
 
         more = [p for p in stage.free if p not in table.free]
         free = {*table.free, *more}

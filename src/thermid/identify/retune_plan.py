@@ -13,8 +13,8 @@ from thermid.model.model import Model
 from thermid.model.replacement import Replacement, Start, short_text
 
 if TYPE_CHECKING:
-    from thermid.identify.campaignfile import CampaignSource
-    from thermid.identify.stages import Campaign
+    from thermid.campaign.file import CampaignSource
+    from thermid.campaign.stages import Campaign
 
 __all__ = ["RetunePlan", "StagePlan", "Touch"]
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from thermid.arguments import takes_objects
+from thermid.campaign.stages import Campaign
 from thermid.errors import NameNotFoundError, nearest
 from thermid.files import STUDY, write_text
 from thermid.fit.problem.residuals import Block
-from thermid.identify.stages import Campaign
 from thermid.model.boxes import node_boxes, part_boxes
 from thermid.model.model import Model
 from thermid.simulation.engine import Options

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
+from thermid.campaign.file import read_campaign
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.identify.campaignfile import read_campaign
 from thermid.identify.study import Action, Component, SensorSpec, Study
 from thermid.model.boxes import part_boxes
 from thermid.model.model import Model

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.arguments import takes_objects
+from thermid.campaign.sharing import Level, places_of
 from thermid.errors import DeckError, IdentificationError, SolverError
 from thermid.fit.calibration import Calibration
 from thermid.identify.retune_plan import RetunePlan, StagePlan, Touch
-from thermid.identify.sharing import Level, places_of
 from thermid.model.areas import ledger
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model
@@ -25,7 +25,7 @@ from thermid.model.touching import touching
 from thermid.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
-    from thermid.identify.stages import Campaign
+    from thermid.campaign.stages import Campaign
 
 __all__ = ["plan_retune"]
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.campaign.survey import survey
 from thermid.errors import IdentificationError
 from thermid.fit.uncertainty.grouping import percent
-from thermid.identify.survey import survey
 from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 from unit.fit.project import make_project
 

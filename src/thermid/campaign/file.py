@@ -9,10 +9,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from thermid.campaign.cache import file_name
+from thermid.campaign.kept_logs import log_kept
 from thermid.errors import DeckError, MissingDataError, RecordError, ThermidError, nearest
 from thermid.fit.problem.request import LocalSpec
-from thermid.identify.cache import file_name
-from thermid.identify.kept_logs import log_kept
 from thermid.measure import Channel, Record, read_record
 from thermid.memo import Memo
 from thermid.model.model import Model
@@ -21,7 +21,7 @@ from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
-    from thermid.identify.campaign_schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
+    from thermid.campaign.schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
 
 __all__ = ["CampaignSource", "local_of", "placed", "read_campaign", "scenario_of"]
 
@@ -246,7 +246,7 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     """
     from pydantic import ValidationError
 
-    from thermid.identify.campaign_schema import CampaignFile
+    from thermid.campaign.schema import CampaignFile
     from thermid.model.faults import deck_error
 
     target = Path(path)

@@ -18,7 +18,7 @@ from thermid.model.resolve import ParameterSet
 from thermid.units import NAMES, unit
 
 if TYPE_CHECKING:
-    from thermid.identify.stages import Campaign
+    from thermid.campaign.stages import Campaign
 
 __all__ = ["CredibilityRecord", "ValueRecord", "credibility"]
 

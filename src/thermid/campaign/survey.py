@@ -7,12 +7,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from thermid.campaign.cache import recall
+from thermid.campaign.file import placed, read_campaign
+from thermid.campaign.staging import keyed, request_of
 from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
-from thermid.identify.cache import recall
-from thermid.identify.campaignfile import placed, read_campaign
-from thermid.identify.staging import keyed, request_of
 from thermid.inference.identifiability import Identifiability, identifiability, identifiability_of
 
 __all__ = ["survey"]

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.arguments import takes_objects
+from thermid.campaign.cache import changed_since, file_name, recall, remember
+from thermid.campaign.file import CampaignSource, accepting, local_of, placed, read_campaign, scenario_of
+from thermid.campaign.joint import Joint, fit_jointly, joint_key
+from thermid.campaign.staging import keyed, plain_readings, request_of
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
-from thermid.identify.cache import changed_since, file_name, recall, remember
-from thermid.identify.campaignfile import CampaignSource, accepting, local_of, placed, read_campaign, scenario_of
-from thermid.identify.joint import Joint, fit_jointly, joint_key
-from thermid.identify.staging import keyed, plain_readings, request_of
 from thermid.judge.looks import look
 from thermid.judge.validate import Criteria, Verdict, not_judged, validate
 from thermid.knowledge.standing import Standing, worst
@@ -26,7 +26,7 @@ from thermid.model.resolve import parameter_table
 from thermid.model.signal import literal
 
 if TYPE_CHECKING:
-    from thermid.identify.campaign_schema import VerdictTable
+    from thermid.campaign.schema import VerdictTable
 
 __all__ = ["Campaign", "joint", "run_stages"]
 

@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import thermid as td
+from thermid.campaign.file import read_campaign
+from thermid.campaign.stages import Campaign, run_stages
+from thermid.campaign.staging import request_of
 from thermid.errors import DeckError
 from thermid.fit.standings import rests_on
-from thermid.identify.campaignfile import read_campaign
-from thermid.identify.stages import Campaign, run_stages
-from thermid.identify.staging import request_of
 from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing, State, of_model, worst
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.modelfile import load_model

@@ -10,8 +10,8 @@ from thermid.measure import Record
 from thermid.simulation.scenario import STEADY, Scenario
 
 if TYPE_CHECKING:
-    from thermid.identify.campaign_schema import StageTable
-    from thermid.identify.campaignfile import CampaignSource
+    from thermid.campaign.file import CampaignSource
+    from thermid.campaign.schema import StageTable
 
 __all__ = ["steady_points"]
 

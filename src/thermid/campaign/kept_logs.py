@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from thermid.campaign.cache import code_digest, file_name
 from thermid.errors import ThermidError
 from thermid.files import OWN, read_bytes, replacing
-from thermid.identify.cache import code_digest, file_name
 from thermid.measure import Channel, Record
 from thermid.measure.channel import Origin
 from thermid.measure.part import SensorPart

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from studio.large import wide_campaign
+from thermid.campaign.file import read_campaign
+from thermid.campaign.stages import Campaign, run_stages
+from thermid.campaign.staging import request_of
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
 from thermid.fit.problem.keys import in_full, key_of
-from thermid.identify.campaignfile import read_campaign
-from thermid.identify.stages import Campaign, run_stages
-from thermid.identify.staging import request_of
 from thermid.knowledge.values import load_values
 from thermid.model.signal import Table
 from unit.fit.bench import HTC, MASS
@@ -161,7 +161,7 @@ class TestInheritance:
         assert dict(named.values) == dict(plain.values)
 
     def test_two_parts_from_one_stage_share_what_it_says_of_sensors_once(self, project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        import thermid.identify.stages as stages
+        import thermid.campaign.stages as stages
 
         deck = project.parent / "pair.toml"
         deck.write_text(deck.read_text().replace('use = "cool.toml"', 'use = "box.toml"'))

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from thermid.campaign import cache, kept_logs
+from thermid.campaign.file import CampaignSource, read_campaign
+from thermid.campaign.kept_logs import log_kept
+from thermid.campaign.schema import RecordTable
 from thermid.errors import RecordError
-from thermid.identify import cache, kept_logs
-from thermid.identify.campaign_schema import RecordTable
-from thermid.identify.campaignfile import CampaignSource, read_campaign
-from thermid.identify.kept_logs import log_kept
 from thermid.measure import Channel, Record, read_record
 
 LOG = "# a note\ntime_s,T_A,T_B,P\n" + "".join(f"{10 * k},{20 + k},{'' if k == 3 else 21 + k},{k % 2}\n" for k in range(12))
@@ -53,7 +53,7 @@ def readings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         seen.append(path.name)
         return read_record(path, *given, **more)
 
-    monkeypatch.setattr("thermid.identify.campaignfile.read_record", counted)
+    monkeypatch.setattr("thermid.campaign.file.read_record", counted)
     return seen
 
 
@@ -127,7 +127,7 @@ def test_whatever_a_campaign_says_of_a_log_enters_the_key(campaign: Path, monkey
         seen.update(how)
         return make()
 
-    monkeypatch.setattr("thermid.identify.campaignfile.log_kept", looked)
+    monkeypatch.setattr("thermid.campaign.file.log_kept", looked)
     source(campaign).record("one")
     elsewhere = {"file", "files", "joined", "local", "get"}  # the log itself; what is done after it was kept; words
     assert set(seen) == set(RecordTable.model_fields) - elsewhere | {"name", "checksum"}

@@ -12,12 +12,12 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
+from thermid.campaign.stages import Campaign
 from thermid.cli.app import app
 from thermid.errors import DeckError, NameNotFoundError
 from thermid.fit.calibrate import fit
 from thermid.identify.retune import _told_by
 from thermid.identify.retune_plan import RetunePlan
-from thermid.identify.stages import Campaign
 from thermid.knowledge.store import Store
 from thermid.model.modelfile import save_model
 from thermid.model.resolve import ParameterSet

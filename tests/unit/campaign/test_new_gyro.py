@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.identify.stages import Campaign
+from thermid.campaign.stages import Campaign
 from thermid.model.identity import identities
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from thermid.identify.hand import hand_values
+from thermid.campaign.hand import hand_values
 from thermid.knowledge.graft import graft
 from thermid.knowledge.store import Store
 from thermid.knowledge.values import FittedValues, values_of

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thermid.campaign.cache import recall, remember
+from thermid.campaign.sharing import Level, Shared, shared_parameters
 from thermid.errors import IdentificationError, nearest
 from thermid.fit.calibrate import fit_problem
 from thermid.fit.calibration import Calibration
@@ -22,8 +24,6 @@ from thermid.fit.problem.selection import is_glob, matching
 from thermid.fit.problem.unknowns import Prior, Target, Unknown
 from thermid.fit.uncertainty.moved import moves_from, part_of
 from thermid.fit.uncertainty.moves import Moves
-from thermid.identify.cache import recall, remember
-from thermid.identify.sharing import Level, Shared, shared_parameters
 from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import Store
@@ -31,8 +31,8 @@ from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
-    from thermid.identify.campaign_schema import JointTable
-    from thermid.identify.campaignfile import CampaignSource
+    from thermid.campaign.file import CampaignSource
+    from thermid.campaign.schema import JointTable
 
 __all__ = ["Joint", "fit_jointly", "joint_key"]
 

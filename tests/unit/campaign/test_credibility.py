@@ -11,9 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
+from thermid.campaign.stages import Campaign
 from thermid.cli.app import app
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.identify.stages import Campaign
 from thermid.judge.looks import FILE, look, looks_at
 from unit.fit.bench import HTC, MASS, box, pair
 from unit.fit.project import CAMPAIGN, make_project

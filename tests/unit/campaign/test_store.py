@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from thermid.campaign.stages import Campaign, run_stages
 from thermid.errors import DeckError, ThermidError
-from thermid.identify.stages import Campaign, run_stages
 from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import Cut, Normal, Source, Uniform
 from thermid.knowledge.store import Dropped, Origin, State, Store

@@ -14,7 +14,7 @@ from thermid.model.model import Model
 from thermid.model.resolve import ParameterSet
 
 if TYPE_CHECKING:
-    from thermid.identify.campaignfile import CampaignSource
+    from thermid.campaign.file import CampaignSource
 
 __all__ = ["Level", "Shared", "places_of", "shared_parameters"]
 

@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from thermid.campaign.file import CampaignSource, local_of, scenario_of
+from thermid.campaign.hand import hand_values
+from thermid.campaign.steady_points import steady_points
 from thermid.errors import DeckError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.keys import digest, ingredients_of
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.selection import freed, priors_of
-from thermid.identify.campaignfile import CampaignSource, local_of, scenario_of
-from thermid.identify.hand import hand_values
-from thermid.identify.steady_points import steady_points
 from thermid.knowledge.graft import graft
 from thermid.knowledge.store import Store
 from thermid.measure import Record
@@ -22,7 +22,7 @@ from thermid.model.modelfile import resolve_inside
 from thermid.model.signal import literal
 
 if TYPE_CHECKING:
-    from thermid.identify.campaign_schema import InheritTable, StageTable
+    from thermid.campaign.schema import InheritTable, StageTable
 
 __all__ = ["counted_twice", "keyed", "plain_readings", "readings_of", "request_of"]
 

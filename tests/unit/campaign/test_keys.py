@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from thermid.campaign.cache import changed_since, remember
+from thermid.campaign.file import read_campaign
+from thermid.campaign.stages import run_stages
+from thermid.campaign.staging import keyed, request_of
 from thermid.fit.problem import keys as room
 from thermid.fit.problem.keys import ingredients_of, key_for
 from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.identify.cache import changed_since, remember
-from thermid.identify.campaignfile import read_campaign
-from thermid.identify.stages import run_stages
-from thermid.identify.staging import keyed, request_of
 from thermid.knowledge.store import Origin, State, Store
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
