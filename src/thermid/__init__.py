@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from thermid.campaign.stages import Campaign as Campaign
     from thermid.campaign.stages import joint as joint
     from thermid.campaign.stages import run_stages as run_stages
+    from thermid.campaign.swap.retune_plan import RetunePlan as RetunePlan
+    from thermid.campaign.swap.swap import plan_retune as plan_retune
     from thermid.design.actions import Action as Action
     from thermid.design.actions import Aim as Aim
     from thermid.design.next_test import next_test as next_test
@@ -32,10 +34,8 @@ if TYPE_CHECKING:
     from thermid.fit.clocks.alignment import align as align
     from thermid.fit.discrepancy import Discrepancy as Discrepancy
     from thermid.fit.discrepancy import discrepancy as discrepancy
-    from thermid.identify.retune_plan import RetunePlan as RetunePlan
     from thermid.identify.study import Study as Study
     from thermid.identify.study_file import load_study as load_study
-    from thermid.identify.swap import plan_retune as plan_retune
     from thermid.inference.identifiability import Identifiability as Identifiability
     from thermid.inference.identifiability import identifiability as identifiability
     from thermid.inference.posterior import Evidence as Evidence
@@ -257,8 +257,8 @@ _PUBLIC = {
     "Discrepancy": "fit.discrepancy",
     "Prediction": "prediction.prediction",
     "Spread": "prediction.spread",
-    "plan_retune": "identify.swap",
-    "RetunePlan": "identify.retune_plan",
+    "plan_retune": "campaign.swap.swap",
+    "RetunePlan": "campaign.swap.retune_plan",
     "credibility": "campaign.credibility",
     "CredibilityRecord": "campaign.credibility",
     "difference": "judge.difference",

@@ -13,11 +13,11 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.campaign.stages import Campaign
+from thermid.campaign.swap.retune import _told_by
+from thermid.campaign.swap.retune_plan import RetunePlan
 from thermid.cli.app import app
 from thermid.errors import DeckError, NameNotFoundError
 from thermid.fit.calibrate import fit
-from thermid.identify.retune import _told_by
-from thermid.identify.retune_plan import RetunePlan
 from thermid.knowledge.store import Store
 from thermid.model.modelfile import save_model
 from thermid.model.resolve import ParameterSet

@@ -12,19 +12,19 @@ from thermid.campaign.file import CampaignSource, read_campaign
 from thermid.campaign.file import placed as placed_in
 from thermid.campaign.stages import Campaign
 from thermid.campaign.staging import request_of
+from thermid.campaign.swap.placing import known_below, placed
 from thermid.errors import MissingDataError, ThermidError
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.keys import key_of
 from thermid.fit.problem.request import Request
-from thermid.identify.placing import known_below, placed
 from thermid.knowledge.values import view
 from thermid.model.identity import definition_of, inside, instances
 from thermid.model.model import Model
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import InheritTable, StageTable
-    from thermid.identify.retune_plan import RetunePlan, StagePlan
+    from thermid.campaign.swap.retune_plan import RetunePlan, StagePlan
 
 __all__ = ["retuned"]
 

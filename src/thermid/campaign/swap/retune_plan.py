@@ -146,7 +146,7 @@ class RetunePlan:
         ------
         ThermidError   From reading or fitting.
         """
-        from thermid.identify.retune import retuned
+        from thermid.campaign.swap.retune import retuned
 
         return retuned(self, data, notice, everything, part_only)
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.campaign.sharing import Level, places_of
+from thermid.campaign.swap.retune_plan import RetunePlan, StagePlan, Touch
 from thermid.errors import DeckError, IdentificationError, SolverError
 from thermid.fit.calibration import Calibration
-from thermid.identify.retune_plan import RetunePlan, StagePlan, Touch
 from thermid.model.areas import ledger
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model
