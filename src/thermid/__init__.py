@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from thermid.campaign.stages import Campaign as Campaign
     from thermid.campaign.stages import joint as joint
     from thermid.campaign.stages import run_stages as run_stages
+    from thermid.campaign.study.file import load_study as load_study
+    from thermid.campaign.study.study import Study as Study
     from thermid.campaign.swap.retune_plan import RetunePlan as RetunePlan
     from thermid.campaign.swap.swap import plan_retune as plan_retune
     from thermid.design.actions import Action as Action
@@ -34,8 +36,6 @@ if TYPE_CHECKING:
     from thermid.fit.clocks.alignment import align as align
     from thermid.fit.discrepancy import Discrepancy as Discrepancy
     from thermid.fit.discrepancy import discrepancy as discrepancy
-    from thermid.identify.study import Study as Study
-    from thermid.identify.study_file import load_study as load_study
     from thermid.inference.identifiability import Identifiability as Identifiability
     from thermid.inference.identifiability import identifiability as identifiability
     from thermid.inference.posterior import Evidence as Evidence
@@ -267,8 +267,8 @@ _PUBLIC = {
     "Standing": "knowledge.standing",
     "validate": "judge.validate",
     "Verdict": "judge.validate",
-    "load_study": "identify.study_file",
-    "Study": "identify.study",
+    "load_study": "campaign.study.file",
+    "Study": "campaign.study.study",
     "macro_model": "qualify.macro",
     "assumed": "qualify.macro",
     "profile_of": "qualify.standards",

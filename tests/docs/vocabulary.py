@@ -16,7 +16,7 @@ from pydantic import BaseModel
 import thermid as td
 from thermid import errors
 from thermid.campaign import schema as campaign_schema
-from thermid.identify import study_schema
+from thermid.campaign.study import schema as study_schema
 from thermid.judge.validate import Criteria
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure.bindings import _KEYS as CHANNEL_KEYS

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
 from thermid.campaign.file import read_campaign
+from thermid.campaign.study.study import Action, Component, SensorSpec, Study
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.identify.study import Action, Component, SensorSpec, Study
 from thermid.model.boxes import part_boxes
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
@@ -21,7 +21,7 @@ from thermid.simulation.engine import Options
 from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:
-    from thermid.identify.study_schema import ComponentTable, SensorTable, StudyFile
+    from thermid.campaign.study.schema import ComponentTable, SensorTable, StudyFile
 
 __all__ = ["load_study"]
 
@@ -38,7 +38,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     """
     from pydantic import ValidationError
 
-    from thermid.identify.study_schema import StudyFile
+    from thermid.campaign.study.schema import StudyFile
     from thermid.model.faults import deck_error
 
     target = Path(path)
