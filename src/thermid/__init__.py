@@ -138,6 +138,8 @@ if TYPE_CHECKING:
     from thermid.qualify.standards import profile_of as profile_of
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
+    from thermid.reporting.look import Look as Look
+    from thermid.reporting.look import look as look
     from thermid.reporting.page import report as report
     from thermid.reporting.pdf import page_to_pdf as page_to_pdf
     from thermid.reporting.qualification_page import correlation_report as correlation_report
@@ -168,6 +170,7 @@ if TYPE_CHECKING:
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.transient import simulate as simulate
     from thermid.simulation.vapour import Volume as Volume
+    from thermid.simulation.vapour import WaterBalance as WaterBalance
 
 # in reading order: what the hardware is, what is done to it, what was measured, what a fit says, what is shown
 _PUBLIC = {
@@ -212,11 +215,14 @@ _PUBLIC = {
     "BlockSolution": "simulation.block_solution",
     "moisture": "simulation.moisture",
     "Volume": "simulation.vapour",
+    "WaterBalance": "simulation.vapour",
     "Moisture": "simulation.moisture",
     "Channel": "measure",
     "SensorPart": "measure",
     "SensorCertificate": "measure",
     "Record": "measure",
+    "look": "reporting.look",
+    "Look": "reporting.look",
     "read_record": "measure",
     "compare": "judge.compare",
     "align": "fit.clocks.alignment",

@@ -48,7 +48,10 @@ def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: 
         nodes[name] = {
             "final_C": trace.final,
             "max_C": trace.highest,
-            "at_C": [float(trace.at(t)) for t in at],
+            "max_time_s": trace.maximum.time,
+            "min_C": trace.lowest,
+            "min_time_s": trace.minimum.time,
+            "at_C": trace.at(at).tolist() if at else [],
             "steady_C": None if steady is None else steady[name] - ICE_POINT,
         }
     balance = solution.heat_balance()

@@ -38,7 +38,7 @@ class TestJson:
         assert (found["schema"], found["status"], found["warnings"]) == (1, "ok", [])
         assert set(found["nodes"]) == {"case", "air"}
         node = found["nodes"]["case"]
-        assert set(node) == {"final_C", "max_C", "at_C", "steady_C"}
+        assert set(node) == {"final_C", "max_C", "max_time_s", "min_C", "min_time_s", "at_C", "steady_C"}
         assert node["at_C"] == pytest.approx([expected(3600.0), expected(600.0)], abs=1e-4), "in the order of --at"
         assert node["final_C"] == pytest.approx(expected(18000.0), abs=1e-4)
         assert node["max_C"] == pytest.approx(node["final_C"], abs=1e-4)

@@ -48,7 +48,7 @@ def test_members_are_derivatives_once_all_sources_shrink(seed: int) -> None:
         setting = Setting.of(small, times=[1200.0, 2400.0])
         linear = setting.linear([node])
         drawn = small.drawn(small.numbers(seed, 0, 300))
-        actual, _ = setting.temperatures(drawn, [node])
+        actual = setting.temperatures(drawn, [node]).kelvin
         straight = linear.run[node].kelvin[:, None] + linear.columns[node][:-1] @ drawn
         size = straight.std(axis=1)
         assert (size > 0).all()
