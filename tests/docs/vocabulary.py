@@ -15,7 +15,8 @@ from pydantic import BaseModel
 
 import thermid as td
 from thermid import errors
-from thermid.identify import campaign_schema, study_schema
+from thermid.campaign import schema as campaign_schema
+from thermid.campaign.study import schema as study_schema
 from thermid.judge.validate import Criteria
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure.bindings import _KEYS as CHANNEL_KEYS
