@@ -48,7 +48,8 @@ _MONTHS: Final = {
     )
     for name in names.split()
 }
-_ORDERS: Final = {"day/month/year": "cba", "month/day/year": "cab", "year/month/day": "abc"}
+_ORDERS: Final = {"day/month/year": ("c", "b", "a"), "month/day/year": ("c", "a", "b"), "year/month/day": ("a", "b", "c")}
+"""Which of the three numbers of a stamp are year, month and day."""
 _HALF_DAY: Final = 43200.0
 _DAY: Final = 86400.0
 _SINCE_1970: Final = (9.4e8, 2.2e9)
