@@ -14,6 +14,20 @@ from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure.amounts import duration_text
 from thermid.measure.channel import FloatArray
 from thermid.measure.columns import name_and_unit, numbers
+from thermid.measure.dates import (
+    CLOCK,
+    HALF_DAY_CLOCK,
+    NUMERIC,
+    ORDERS,
+    day_number,
+    is_date,
+    is_iso,
+    is_stamp,
+    of_day,
+    one_stamp,
+    zone_of_header,
+    zone_of_stamp,
+)
 from thermid.measure.textfile import MISSING, Cells
 from thermid.units import require, unit
 
@@ -30,26 +44,6 @@ _OTHER_NAMES: Final = frozenset(
 )
 """Names that are taken where no column has one of the usual ones and the cells are times."""
 
-_CLOCK: Final = re.compile(r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+)?)\Z", re.ASCII)
-_HALF_DAY_CLOCK: Final = re.compile(r"(\d{1,2}):([0-5]\d)(?::([0-5]\d(?:[.,]\d+)?))?\s*([AaPp])\.?\s?[Mm]\.?\Z", re.ASCII)
-_ZONE: Final = r"(?:\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d))?"
-_HOURS: Final = (
-    r"(?:[T, ]+(?P<h>\d{1,2}):(?P<m>[0-5]\d)(?::(?P<s>[0-5]\d)(?:[.,:](?P<f>\d{1,9}))?)?"
-    r"\s*(?:(?P<half>[AaPp])\.?\s?[Mm]\.?)?" + _ZONE + r")?\Z"
-)
-_NUMERIC: Final = re.compile(r"(?P<a>\d{1,4})(?P<sign>[/.-])(?P<b>\d{1,2})(?P=sign)(?P<c>\d{1,4})\.?" + _HOURS, re.ASCII)
-_WORD: Final = r"(?P<word>[A-Za-zÀ-ÿ]{3,10})\.?"
-_NAMED: Final = re.compile(r"(?P<a>\d{1,2})[ ./-]+" + _WORD + r"[ ,./-]+(?P<c>\d{4}|\d\d)" + _HOURS)
-_AMERICAN: Final = re.compile(_WORD + r" (?P<a>\d{1,2}),? (?P<c>\d{4})" + _HOURS)
-_MONTHS: Final = {
-    name: month
-    for month, names in enumerate(
-        "jan ene|feb fev|mar mär mrz|apr abr avr|may mai|jun|jul|aug ago aoû|sep set|oct okt out|nov|dec dez dic déc".split("|"), 1
-    )
-    for name in names.split()
-}
-_ORDERS: Final = {"day/month/year": ("c", "b", "a"), "month/day/year": ("c", "a", "b"), "year/month/day": ("a", "b", "c")}
-"""Which of the three numbers of a stamp are year, month and day."""
 _HALF_DAY: Final = 43200.0
 _DAY: Final = 86400.0
 _SINCE_1970: Final = (9.4e8, 2.2e9)
@@ -145,35 +139,18 @@ def _kinds(cells: Cells) -> tuple[list[int], list[int]]:
     dates, clocks = [], []
     for at, column in enumerate(cells.columns):
         ends = (column[0].strip(), column[-1].strip())
-        if all(_CLOCK.match(each) or _HALF_DAY_CLOCK.match(each) or re.fullmatch(r"\d{1,2}:[0-5]\d", each) for each in ends):
+        if all(CLOCK.match(each) or HALF_DAY_CLOCK.match(each) or re.fullmatch(r"\d{1,2}:[0-5]\d", each) for each in ends):
             clocks.append(at)
-        elif all(_is_date(each) for each in ends):
+        elif all(is_date(each) for each in ends):
             dates.append(at)
     return dates, clocks
-
-
-def _is_date(text: str) -> bool:
-    match = _NUMERIC.match(text) or _NAMED.match(text) or _AMERICAN.match(text)
-    return match is not None and match["h"] is None and len(text) >= 6
-
-
-def _is_stamp(text: str) -> bool:
-    """Whether a text is a date with a clock time."""
-    plain = text.strip()
-    match = _NUMERIC.match(plain) or _NAMED.match(plain) or _AMERICAN.match(plain)
-    if match is not None:
-        return match["h"] is not None
-    try:
-        return len(plain) > 10 and datetime.fromisoformat(plain) is not None
-    except ValueError:
-        return False
 
 
 def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks: list[int]) -> int:
     hits = [at for at, name in enumerate(names) if (name.lower() if len(name) > 3 else name) in TIME_NAMES]
     if len(hits) == 1:
         return hits[0]
-    stamps = [at for at, column in enumerate(cells.columns) if _is_stamp(column[0]) and _is_stamp(column[-1])]
+    stamps = [at for at, column in enumerate(cells.columns) if is_stamp(column[0]) and is_stamp(column[-1])]
     if len(hits) > 1:
         # a date in one column and the clock time in the other are one time
         if len(hits) == 2 and {*hits} <= {*dates, *clocks}:
@@ -348,19 +325,19 @@ def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
 def _stamped(cells: Cells, clock: Clock, form: str | None) -> Times:
     """Return times that are stamps, from the first."""
     column, first = clock.texts, clock.texts[0].strip()
-    zone = _zone_of_header(clock.header)
+    zone = zone_of_header(clock.header)
     if form is not None:
         return Times(_by_form(cells, clock, form), first, (), form, zone)
-    if _CLOCK.match(first):
+    if CLOCK.match(first):
         return Times(_clock_times(cells, column, clock.name), first, (), "clock times", zone)
-    if _HALF_DAY_CLOCK.match(first):
+    if HALF_DAY_CLOCK.match(first):
         return Times(
             _past_midnight(np.array([_half_day(cells, clock, row) for row in range(len(column))])), first, (), "clock times, AM/PM", zone
         )
-    if _NUMERIC.match(first) and not _iso(first):
+    if NUMERIC.match(first) and not is_iso(first):
         values, order, said = _by_order(cells, clock)
-        return Times(values, first, said, order, zone or _zone(first))
-    return Times(*_plain_stamps(cells, clock), zone=zone or _zone(first))
+        return Times(values, first, said, order, zone or zone_of_stamp(first))
+    return Times(*_plain_stamps(cells, clock), zone=zone or zone_of_stamp(first))
 
 
 def stamp_seconds(texts: Sequence[str], file: str = "") -> tuple[FloatArray, str | None]:
@@ -376,82 +353,33 @@ def stamp_seconds(texts: Sequence[str], file: str = "") -> tuple[FloatArray, str
     if isinstance(parsed, np.ndarray):
         since = next((factor for _, factor in _EPOCHS if _SINCE_1970[0] * factor <= parsed[0] <= _SINCE_1970[1] * factor), 1.0)
         return parsed / since, None
-    if _NUMERIC.match(texts[0].strip()) and not _iso(texts[0].strip()):
+    if NUMERIC.match(texts[0].strip()) and not is_iso(texts[0].strip()):
         return _by_order(cells, clock, sort=True)[0], None
     return _plain_stamps(cells, clock)[0], None
-
-
-def _iso(text: str) -> bool:
-    try:
-        datetime.fromisoformat(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _zone(text: str) -> str:
-    match = re.search(r"(Z|UTC|GMT|[+-]\d\d:?\d\d)\s*\Z", text)
-    return match[1] if match and ":" in text else ""
-
-
-def _zone_of_header(header: str) -> str:
-    match = re.search(r"\b((?:GMT|UTC)(?:[+-]\d{1,2}(?::?\d\d)?)?)", header)
-    return match[1] if match else ""
-
-
-def _of_day(match: re.Match[str]) -> float:
-    """Return the seconds since midnight of a stamp."""
-    if match["h"] is None:
-        return 0.0
-    hour = int(match["h"])
-    if match["half"]:
-        hour = hour % 12 + (12 if match["half"] in "Pp" else 0)
-    fraction = float(f"0.{match['f']}") if match["f"] else 0.0
-    return 3600.0 * hour + 60.0 * int(match["m"]) + int(match["s"] or 0) + fraction - _offset(match["zone"])
-
-
-def _offset(zone: str | None) -> float:
-    if not zone or zone[0] not in "+-":
-        return 0.0
-    digits = zone[1:].replace(":", "")
-    return (1.0 if zone[0] == "+" else -1.0) * (3600.0 * int(digits[:2]) + 60.0 * int(digits[2:] or 0))
-
-
-def _years(text: str) -> int:
-    return int(text) if len(text) > 2 else 2000 + int(text)
-
-
-def _day_number(year: str, month: str, day: str) -> int | None:
-    if len(month) > 2 or len(day) > 2 or len(year) == 3:
-        return None
-    try:
-        return datetime(_years(year), int(month), int(day)).toordinal()
-    except ValueError:
-        return None
 
 
 def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArray, str, tuple[str, ...]]:
     """Return seconds from the first stamp of dates in numbers, the order of day, month and year, and a note."""
     matches = []
     for row, cell in enumerate(clock.texts):
-        match = _NUMERIC.match(cell.strip())
+        match = NUMERIC.match(cell.strip())
         if match is None:
             raise RecordError(f"'{cell}' is no stamp as the first line has: '{clock.texts[0].strip()}'.", cells.where(row, clock.name))
         matches.append(match)
-    of_day = np.array([_of_day(match) for match in matches])
+    seconds = np.array([of_day(match) for match in matches])
     german = matches[0]["sign"] == "." and len(matches[0]["a"]) <= 2
     kept: dict[str, FloatArray] = {}
     days: dict[tuple[str, ...], int | None] = {}
-    for order, (y, m, d) in _ORDERS.items():
+    for order, (y, m, d) in ORDERS.items():
         if german and order != "day/month/year":
             continue
         fields = [(match[y], match[m], match[d]) for match in matches]
         for key in dict.fromkeys(fields):
-            days[key] = _day_number(*key)
+            days[key] = day_number(*key)
         read = [days[key] for key in fields]
         if None in read:
             continue
-        values = np.array(read, dtype=np.float64) * _DAY + of_day
+        values = np.array(read, dtype=np.float64) * _DAY + seconds
         values = np.round(values - values[0], 9)
         if sort or not np.any(np.diff(values) < 0):
             kept[order] = values
@@ -486,7 +414,7 @@ def _chosen(cells: Cells, clock: Clock, kept: dict[str, FloatArray]) -> str:
 
 def _form(text: str, order: str) -> str:
     """Return the format of `datetime.strptime` of a stamp."""
-    match = _NUMERIC.match(text.strip())
+    match = NUMERIC.match(text.strip())
     assert match is not None
     sign = match["sign"]
     year = "%Y" if len(match["c"]) == 4 else "%y"
@@ -503,7 +431,7 @@ def _clock_times(cells: Cells, column: tuple[str, ...], name: str) -> FloatArray
     """Return seconds from the first clock time; a step back of more than half a day passes midnight."""
     out = np.empty(len(column))
     for row, cell in enumerate(column):
-        match = _CLOCK.match(cell.strip())
+        match = CLOCK.match(cell.strip())
         if match is None:
             raise RecordError(f"'{cell}' is no clock time HH:MM:SS, as the first line has.", cells.where(row, name))
         out[row] = 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
@@ -511,7 +439,7 @@ def _clock_times(cells: Cells, column: tuple[str, ...], name: str) -> FloatArray
 
 
 def _half_day(cells: Cells, clock: Clock, row: int) -> float:
-    match = _HALF_DAY_CLOCK.match(clock.texts[row].strip())
+    match = HALF_DAY_CLOCK.match(clock.texts[row].strip())
     if match is None:
         raise RecordError(f"'{clock.texts[row]}' is no clock time with AM or PM, as the first line has.", cells.where(row, clock.name))
     hour = int(match[1]) % 12 + (12 if match[4] in "Pp" else 0)
@@ -526,27 +454,13 @@ def _past_midnight(of_day: FloatArray) -> FloatArray:
     return times
 
 
-def _one_stamp(text: str) -> datetime:
-    """Return an ISO 8601 stamp, or one with the month as a word."""
-    if text[:1].isdigit() and text[4:5] in "-0123456789":
-        return datetime.fromisoformat(text)
-    match = _NAMED.match(text) or _AMERICAN.match(text)
-    if match is None:
-        return datetime.fromisoformat(text)
-    month = _MONTHS.get(match["word"].lower()[:3])
-    if month is None:
-        raise ValueError("no month")
-    day = datetime(_years(match["c"]), month, int(match["a"]), tzinfo=UTC if match["zone"] else None)
-    return day + timedelta(seconds=_of_day(match))
-
-
 def _plain_stamps(cells: Cells, clock: Clock) -> tuple[FloatArray, str, tuple[str, ...], str]:
     """Return seconds from the first stamp, and what `Times` holds beside them."""
     column, name = clock.texts, clock.name
     stamps: list[datetime] = []
     for row, cell in enumerate(column):
         try:
-            stamps.append(_one_stamp(cell.strip()))
+            stamps.append(one_stamp(cell.strip()))
         except ValueError:
             hint = "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'."
             raise RecordError(
