@@ -35,14 +35,17 @@ __all__ = ["TIME_NAMES", "Clock", "Times", "clock_column", "read_times", "stamp_
 
 TIME_NAMES: Final = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")
 """Names that a time column has by default; a single letter counts as written, because T is a temperature."""
-_OTHER_NAMES: Final = frozenset(
-    "date time|date/time|date & time|date_time|date|time stamp|time_ms|t_ms|ms|millis|millis()|elapsed|elapsed time|elapsed_s|uptime|epoch|"
-    "unix|unixtime|unix_time|ts|_time|last_changed|last_updated|scan sweep time|x_value|zeit|uhrzeit|zeitstempel|datum|datum/zeit|hora|"
-    "data|data/hora|data hora|data_hora|tempo|tempo_s|carimbo|fecha|fecha/hora|fecha hora|tiempo|temps|heure|date/heure|horodatage".split(
-        "|"
-    )
+_DATED: Final = frozenset(
+    "date time|date/time|date & time|date_time|date|time stamp|ts|_time|last_changed|last_updated|uhrzeit|zeitstempel|datum|datum/zeit|"
+    "hora|data|data/hora|data hora|data_hora|carimbo|fecha|fecha/hora|fecha hora|heure|date/heure|horodatage|scan sweep time|"
+    "elapsed time".split("|")
 )
-"""Names that are taken where no column has one of the usual ones and the cells are times."""
+"""Names that are taken where no column has one of the usual ones and the cells are stamps."""
+_COUNTED: Final = frozenset(
+    "time stamp|time_ms|t_ms|ms|millis|millis()|elapsed|elapsed time|elapsed_s|uptime|epoch|unix|unixtime|unix_time|scan sweep time|"
+    "x_value|zeit|tempo|tempo_s|tiempo".split("|")
+)
+"""Names that are taken where the cells are numbers that rise; up to three letters count as written, because Ts and mS are none."""
 
 _HALF_DAY: Final = 43200.0
 _DAY: Final = 86400.0
@@ -157,7 +160,13 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
             return hits[0]
         raise RecordError(f"{' and '.join(cells.header[at] for at in hits)} could each be the time column. Give time='...'.", cells.file)
     timely = {*stamps, *dates, *clocks}
-    named = [at for at, name in enumerate(names) if _plainly(name) in _OTHER_NAMES and (at in timely or _numeric(cells, at))]
+    named = [
+        at
+        for at, name in enumerate(names)
+        if (_plainly(name) in _DATED | _COUNTED and at in timely)
+        or (_plainly(name) in _COUNTED and _rises(cells, at))
+        or (_plainly(name) in _DATED and _since_1970(cells, at))
+    ]
     named = named or [at for at, name in enumerate(names) if _plainly(name).startswith(("date time", "time,", "datetime"))]
     for hits in (named, stamps, clocks, [at for at in range(len(names)) if _counts(cells, at)]):
         if len(hits) == 1:
@@ -176,7 +185,7 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
 
 
 def _plainly(name: str) -> str:
-    return name.strip().lower()
+    return name.strip().lower() if len(name.strip()) > 3 else name.strip()
 
 
 def _numeric(cells: Cells, at: int) -> bool:
@@ -184,12 +193,22 @@ def _numeric(cells: Cells, at: int) -> bool:
     return all(isinstance(numbers((each.strip().replace(",", "."),), "."), np.ndarray) and each.strip() for each in (column[0], column[-1]))
 
 
+def _rises(cells: Cells, at: int) -> bool:
+    """Whether a column has numbers that end above their begin."""
+    column = cells.columns[at]
+    return _numeric(cells, at) and float(column[0].replace(",", ".")) < float(column[-1].replace(",", "."))
+
+
+def _since_1970(cells: Cells, at: int) -> bool:
+    if not _numeric(cells, at):
+        return False
+    first = float(cells.columns[at][0].replace(",", "."))
+    return any(_SINCE_1970[0] * factor <= first <= _SINCE_1970[1] * factor for _, factor in _EPOCHS)
+
+
 def _counts(cells: Cells, at: int) -> bool:
     """Whether a column has a unit of time in its header and numbers below that rise."""
-    text = name_and_unit(cells.header[at])[1]
-    if text not in ("s", "ms", "us", "ns", "min", "h", "d") or not _numeric(cells, at):
-        return False
-    return float(cells.columns[at][0].replace(",", ".")) < float(cells.columns[at][-1].replace(",", "."))
+    return name_and_unit(cells.header[at])[1] in ("s", "ms", "us", "ns", "min", "h", "d") and _rises(cells, at)
 
 
 def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_text: str | None, given: bool = False) -> Times:
@@ -390,7 +409,11 @@ def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArra
             cells.where(0, clock.name),
         )
     order = _chosen(cells, clock, kept)
-    return kept[order], order, (f"stamps read as {order}",) if not german and len(matches[0]["a"]) <= 2 else ()
+    if german or len(matches[0]["a"]) > 2:
+        return kept[order], order, ()
+    open_ = len(kept) > 1 and all(np.array_equal(values, kept[order]) for values in kept.values())
+    said = f"day and month of the stamps are open ({' or '.join(kept)}); the times are the same" if open_ else f"stamps read as {order}"
+    return kept[order], " or ".join(kept) if open_ else order, (said,)
 
 
 def _chosen(cells: Cells, clock: Clock, kept: dict[str, FloatArray]) -> str:
