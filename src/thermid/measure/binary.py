@@ -34,6 +34,7 @@ _DAMAGE: Final = (
     AttributeError,
     EOFError,
     LookupError,
+    NameError,
     NotImplementedError,
     OSError,
     RuntimeError,
