@@ -51,7 +51,7 @@ def _none(given: Any) -> Any:
     """Return a coefficient of heat transfer; a plain 0, no convection on purpose, needs no unit."""
     table = _cleaned(given)
     if isinstance(table, Mapping):
-        return table | {"value": _none(table["value"])}
+        return {**table, "value": _none(table["value"])}
     return "0 [W/(m^2 K)]" if table == 0 or table == "0" else table
 
 
@@ -174,7 +174,9 @@ def _check_stream(given: set[str], fluid: str, where: str) -> None:
             raise DeckError(f"the density of {fluid} follows from its pressure and temperature: leave density out.", where)
         return
     if fluid not in ("", LIQUID):
-        raise DeckError(f"no fluid is called '{fluid}'.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.", where)
+        raise DeckError(
+            f"no fluid is called '{fluid}'.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.", where
+        )
     whole = given in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"})
     if not whole:
         what = f"of {fluid}" if fluid else "that names no fluid"
