@@ -30,15 +30,16 @@ def bay(**conductors: Any) -> td.Model:
             "title": "bay",
             "needs": ["inlet", "outlet"],
             "nodes": {"gas": {"capacitance": "5 [J/K]"}},
-            "conductors": conductors
-            | {"wall": {"kind": "conduction", "between": ["gas", "outlet"], "conductance": "0.1 [W/K]"}},
+            "conductors": conductors | {"wall": {"kind": "conduction", "between": ["gas", "outlet"], "conductance": "0.1 [W/K]"}},
             "loads": {"heat": {"into": "gas", "power": "10 [W]"}},
         }
     )
 
 
 def run(**changes: Any) -> td.Scenario:
-    return td.Scenario("run", boundaries={"inlet": "20 [degC]", "outlet": "20 [degC]"}, start="20 [degC]", duration="20 [min]").with_(**changes)
+    return td.Scenario("run", boundaries={"inlet": "20 [degC]", "outlet": "20 [degC]"}, start="20 [degC]", duration="20 [min]").with_(
+        **changes
+    )
 
 
 def carried(model: td.Model, scenario: td.Scenario, path: str = "fan") -> float:
