@@ -291,7 +291,7 @@ class Streams:
         course = self.still(path)
         if isinstance(course, Constant):
             return 0.0 if course.value == 0.0 else None
-        times = np.asarray(course.times)
+        times = np.asarray(getattr(course, "times", [0.0]))
         none = (course.at(times) == 0.0) & (times < end)
         return float(max(times[none.argmax()], 0.0)) if none.any() else None
 
