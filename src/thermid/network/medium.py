@@ -196,9 +196,7 @@ class Media:
         every, out = list(conductors), []  # type: list[FlatConductor], list[str]
         for gas in dict.fromkeys(c.gas for c in every):
             if self._environment(gas).windy:
-                fixed = [
-                    c.path for c in every if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields
-                ]
+                fixed = [c.path for c in every if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields]
                 out += [
                     f"the wind in '{gas}' does not change {', '.join(repr(p) for p in fixed)}: a coefficient that is given stays as it is;"
                     " htc = { length = ... } takes it from a correlation, with wind"
