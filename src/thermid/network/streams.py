@@ -252,12 +252,18 @@ def _shares(streams: Sequence[FlatConductor], values: Mapping[str, Any], inner: 
 
 def _fed(streams: Sequence[FlatConductor], entered: Sequence[str]) -> set[str]:
     """Return the nodes that a stream from a boundary reaches."""
+    after: dict[str, list[str]] = {}
+    for c in streams:
+        after.setdefault(c.ends[0], []).append(c.ends[1])
+    own = set(entered)
     out: set[str] = set()
-    while True:
-        more = {c.ends[1] for c in streams if c.ends[1] in entered and (c.ends[0] in out or c.ends[0] not in entered)} - out
-        if not more:
-            return out
-        out |= more
+    todo = [n for start, ends in after.items() if start not in own for n in ends]
+    while todo:
+        here = todo.pop()
+        if here in own and here not in out:
+            out.add(here)
+            todo += after.get(here, ())
+    return out
 
 
 def _lines(streams: Sequence[FlatConductor], inner: set[str]) -> dict[str, tuple[str, ...]]:
