@@ -193,12 +193,10 @@ class Media:
 
     def remarks(self, conductors: Iterable[FlatConductor]) -> tuple[str, ...]:
         """Return a sentence for each wind that does not reach a fixed coefficient."""
-        conductors, out = list(conductors), []  # type: list[FlatConductor], list[str]
-        for gas in dict.fromkeys(c.gas for c in conductors):
+        every, out = list(conductors), []  # type: list[FlatConductor], list[str]
+        for gas in dict.fromkeys(c.gas for c in every):
             if self._environment(gas).windy:
-                fixed = [
-                    c.path for c in conductors if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields
-                ]
+                fixed = [c.path for c in every if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields]
                 out += [
                     f"the wind in '{gas}' does not change {', '.join(repr(p) for p in fixed)}: a coefficient that is given stays as it is;"
                     " htc = { length = ... } takes it from a correlation, with wind"
