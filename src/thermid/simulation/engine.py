@@ -160,7 +160,7 @@ class Engine:
         if takes_over(self, options, gradients):
             return integrate_model(self, a, times, nodes, end, options, extremes)
         index = self._index()
-        why = self.modal.refusal(options.method, times, end, gradients, extremes)
+        why = self.modal.refusal(options.method, times, end, gradients)
         if not why:
             return self._by_modes(a, times, nodes, end, options, extremes)
         size = a.initial_gradient.shape[1]

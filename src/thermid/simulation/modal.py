@@ -50,7 +50,6 @@ class Work:
     waves : int         Sinusoidal inputs.
     stops : int         Knots at which the integrator ends a step.
     steps : float       Steps of the integrator between knots at which it ends one.
-    followed : bool     Whether turning points between outputs are looked for, which takes the modes stretch by stretch.
     """
 
     nodes: int
@@ -61,7 +60,6 @@ class Work:
     waves: int
     stops: int
     steps: float
-    followed: bool = False
 
     @property
     def modal(self) -> float:
@@ -69,8 +67,7 @@ class Work:
         n = self.nodes
         march = self.stretches * (15.0 + 0.25 * n * (1 + self.sampled)) + self.fresh * (400.0 + 50.0 * n)
         write = self.outputs * (n * (1.0 + 0.1 * n) + 30.0 * self.waves)
-        follow = self.stretches * (500.0 + 4.0 * n**2) if self.followed else 0.0
-        return 1e-9 * (10e3 + 100.0 * n**2 + 12.0 * n**3 + march + write + follow)
+        return 1e-9 * (10e3 + 100.0 * n**2 + 12.0 * n**3 + march + write)
 
     @property
     def integrator(self) -> float:
@@ -98,7 +95,7 @@ class Modal:
         self._grids: dict[tuple[float, ...], tuple[int, int]] = {}
         self._pace: tuple[float, float] | None = None
 
-    def refusal(self, method: str, times: Array, end: float, gradients: bool, extremes: bool = False) -> str:
+    def refusal(self, method: str, times: Array, end: float, gradients: bool) -> str:
         """Return why the integrator is to be used, in words; empty when the modes are.
 
         Raises
@@ -117,15 +114,15 @@ class Modal:
             )
         if why or method == "modal":
             return why
-        work = self.work(times, end, extremes)
+        work = self.work(times, end)
         return (
             ""
             if work.modal <= work.integrator
             else f"an estimated {1e3 * work.modal:.2g} ms by modes, {1e3 * work.integrator:.2g} ms by steps"
         )
 
-    def work(self, times: Array, end: float, extremes: bool = False) -> Work:
-        """Return what a run to `end` [s] with outputs at times (times,) [s] has to do, with `extremes` looked for between these."""
+    def work(self, times: Array, end: float) -> Work:
+        """Return what a run to `end` [s] with outputs at times (times,) [s] has to do."""
         signals = [self.wiring.signals[name] for name in self.wiring.used]
         tables = [s for s in signals if isinstance(s, Table)]
         key = (times.size, float(times[:1].sum()), float(times[-1:].sum()), end)
@@ -141,7 +138,7 @@ class Modal:
             self._pace = self._paces()
         fastest, rough = self._pace
         steps = max(20.0 * np.log1p(fastest * end), rough * end)
-        return Work(self.problem.nodes, *self._grids[key], times.size, len(tables), waves, stops, float(steps), extremes)
+        return Work(self.problem.nodes, *self._grids[key], times.size, len(tables), waves, stops, float(steps))
 
     def _paces(self) -> tuple[float, float]:
         """Return the rate of the fastest node, and how many steps a second the noise of inputs asks of the integrator. [1/s]
