@@ -167,6 +167,7 @@ class Engine:
         more: dict[str, Any] = {}
         if gradients and a.jacobian is not None:
             more = {"dcoef": (*a.jacobian, size), "dT0": np.ascontiguousarray(a.initial_gradient)}
+        gone, sums = self._sums(a) if extremes else ((), None)
         found = self.problem.integrate(
             a.coefficients,
             a.initial,
@@ -181,7 +182,7 @@ class Engine:
             max_steps=options.max_steps,
             breaks=break_times([self.wiring.signals[name] for name in self.wiring.used], end),
             turnings=extremes,
-            sums=self._sums(a)[1] if extremes else None,
+            sums=sums,
             **more,
         )
         if found.status != _kernel.OK:
@@ -197,19 +198,20 @@ class Engine:
         slopes = found.sensitivities if found.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
         switched = tuple(zip(found.event_times.tolist(), found.event_loads.tolist(), found.event_states.tolist(), strict=True))
         energies = (found.load_energy, found.boundary_energy, flows)
-        turnings = self._turnings(a, nodes, found.turnings) if extremes else None
+        turnings = dict(zip((*nodes, *gone), by_column(*found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(found.traces, slopes, a.initial, found.final_temperatures, *energies, end, statistics, found.on, switched, turnings)
 
     def _by_modes(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool) -> Answer:
         index = self._index()
-        found = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, self._sums(a)[1] if extremes else None)
+        gone, sums = self._sums(a) if extremes else ((), None)
+        found = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, sums)
         if found.status != _kernel.OK:
             raise SolverError(self.message(found, options, end, a), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
         slopes = np.zeros((times.size, len(nodes), 0))
         statistics = {"method": "modal", "reason": "", "steps": found.steps, "rejected": 0, "switchings": []}
         energies = (found.load_energy, found.boundary_energy, np.zeros(0))
         off = np.zeros(len(self.load_names), dtype=np.int32)
-        turnings = self._turnings(a, nodes, found.turnings) if extremes else None
+        turnings = dict(zip((*nodes, *gone), by_column(*found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(found.traces, slopes, a.initial, found.final, *energies, end, statistics, off, (), turnings)
 
     def _sums(self, a: Assembled) -> tuple[tuple[str, ...], tuple[NDArray[np.int32], NDArray[np.int32], Array] | None]:
@@ -227,11 +229,6 @@ class Engine:
         begin = ints(np.cumsum([0, *(len(p) for p in parts.values())]))
         places = ints([k for p in parts.values() for k in p])
         return tuple(parts), (begin, places, np.array([w for p in parts.values() for w in p.values()], dtype=float))
-
-    def _turnings(self, a: Assembled, nodes: Sequence[str], found: tuple[Any, Array, Array]) -> dict[str, Turnings]:
-        """Return node -> turning points, from the kernel's columns: nodes, then eliminated ones."""
-        names = (*nodes, *self._sums(a)[0])
-        return dict(zip(names, by_column(*found, len(names)), strict=True))
 
     def members(
         self, coefficients: Array, initial: Array, times: Array, nodes: Sequence[str], end: float, options: Options, simd: str
