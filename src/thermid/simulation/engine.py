@@ -17,6 +17,7 @@ from thermid.simulation.extremes import Turnings, by_column
 from thermid.simulation.kernel_form import break_times, ending, ints, kernel_input, row_form
 from thermid.simulation.modal import Modal
 from thermid.simulation.squares import LOSSES, Squares, Weighing
+from thermid.simulation.traces import Traces
 from thermid.simulation.wiring import Assembled, Wiring
 
 __all__ = ["Answer", "Engine", "Options"]
@@ -364,8 +365,6 @@ class Engine:
 
     def left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:
         """Return which tables that are refused outside their points are left at temperatures (nodes,) [K]; empty where none is."""
-        from thermid.simulation.traces import Traces
-
         network = self.wiring.network
         if not self.refuses:
             return ""
