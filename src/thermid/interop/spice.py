@@ -14,7 +14,7 @@ from thermid.interop.formula import number_text
 from thermid.interop.wired import Wired, identifiers, one_line, wired
 from thermid.model.kinds import SMOOTHING
 from thermid.model.model import Model
-from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.model.signal import Constant, Drawn, Sine, Table
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import Scenario
@@ -102,7 +102,7 @@ class _Netlist:
             return f"B_{name} {a} {b} I={text}*({one}^4-{two}^4)"
         raise DeckError(f"'{label}' is of a form that is not written to SPICE: {row.form}.", self.w.network.title)
 
-    def _source(self, start: str, signal: Signal, factor: float, zero: float) -> Iterator[str]:
+    def _source(self, start: str, signal: Drawn, factor: float, zero: float) -> Iterator[str]:
         """Yield a source: a number, a sine or a line of points; `zero` is where its scale begins."""
         if isinstance(signal, Constant) or (isinstance(signal, Table) and signal.times.size == 1):
             value = signal.value if isinstance(signal, Constant) else float(signal.values[0])

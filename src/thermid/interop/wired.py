@@ -11,7 +11,7 @@ from thermid.errors import DeckError, ScenarioError
 from thermid.interop.formula import Formula, with_formulas
 from thermid.model.kinds import HINGES
 from thermid.model.model import Model
-from thermid.model.signal import Constant, Signal, Table
+from thermid.model.signal import Constant, Drawn, Table
 from thermid.network.network import Network
 from thermid.network.rows import ConductorRow
 from thermid.simulation.engine import Engine
@@ -39,7 +39,7 @@ class Source:
     load: str
     node: str
     power: Formula | float
-    signal: Signal
+    signal: Drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +63,8 @@ class Wired:
     capacitances: Mapping[str, Formula | float | None]
     conductors: tuple[tuple[str, ConductorRow], ...]
     sources: tuple[Source, ...]
-    boundaries: Mapping[str, Signal]
-    gas: Mapping[str, Signal]
+    boundaries: Mapping[str, Drawn]
+    gas: Mapping[str, Drawn]
     initial: Mapping[str, float]
 
     @property
@@ -135,7 +135,7 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
         rows,
         tuple(sources),
         {b: wiring.signals[f"boundary {b}"] for b in network.boundaries},
-        network.media.signals(),
+        {name: given.drawn(wiring.scenario.seconds) for name, given in network.media.signals().items()},
         massive,
     )
 

@@ -17,7 +17,7 @@ from thermid.memo import Memo
 from thermid.model.flat import FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Signal, Table
-from thermid.network.environment import GROUND, Environment, extremes
+from thermid.network.environment import GROUND, Environment
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.pressure import levels_of, sampled, shares, stream, vented
 from thermid.network.rarefied import GasState, correlated, gap, thinned
@@ -45,12 +45,14 @@ class Media:
     environments : dict     Gas node -> Environment; ``*`` stands for every gas not named; one atmosphere where none is given.
     as_printed : bool       Whether convection is set to zero as the source document does, radiation inside it included: a bound.
     irradiation : dict      Surface -> what falls on it; ``*`` for every surface outdoors.
+    seconds : float         How long the run lasts that the signals of gases are drawn for. [s]
     memo : Memo             States of gases, and winds in time.
     """
 
     environments: Mapping[str, Environment] = field(default_factory=dict)
     as_printed: bool = False
     irradiation: Mapping[str, Irradiation | OpenSky] = field(default_factory=dict)
+    seconds: float = 0.0
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def signals(self) -> dict[str, Signal]:
@@ -63,24 +65,22 @@ class Media:
             if isinstance(p, Constant):
                 continue
             if isinstance(p, Table) and self._jumps(p):
-                present = (p.values > VACUUM_LIMIT).astype(float)
-                out[f"gas {gas}"] = Table(p.times, present, hold=True)
-                out[f"no gas {gas}"] = Table(p.times, 1.0 - present, hold=True)
-            table = sampled(p)
-            natural = environment.natural(table.values)
+                out[f"gas {gas}"] = p.mapped(_present)
+                out[f"no gas {gas}"] = p.mapped(lambda level: 1.0 - _present(level))
+            natural = sampled(p, self.seconds).mapped(environment.natural)
             out[f"pressure {gas}"] = p
-            out[f"natural {gas}"] = Table(table.times, natural, table.hold)
-            out[f"rest {gas}"] = Table(table.times, 1.0 - natural, table.hold)
+            out[f"natural {gas}"] = natural
+            out[f"rest {gas}"] = natural.mapped(lambda share: 1.0 - share)
         return out
 
     def _pressure(self, gas: str, environment: Environment) -> Signal:
         """Return the pressure of a gas node, that of a vented volume worked out."""
-        own: Signal = environment.pressure
+        own: Signal = environment.pressure.drawn(self.seconds)
         if not environment.vented:
             return own
         if environment.vented == gas or self._environment(environment.vented).vented:
             raise ScenarioError(f"'{gas}' is vented to '{environment.vented}', which has no pressure of its own.", "environment")
-        outside = self._environment(environment.vented).pressure
+        outside = self._environment(environment.vented).pressure.drawn(self.seconds)
         return vented(own, outside, environment.time_constant, f"environment.{gas}")
 
     def _key(self, gas: str) -> str:
@@ -89,13 +89,13 @@ class Media:
     def _environment(self, gas: str) -> Environment:
         return self.environments.get(self._key(gas), GROUND)
 
-    @staticmethod
-    def _jumps(p: Signal) -> bool:
+    def _jumps(self, p: Signal) -> bool:
         """Return whether a pressure only jumps between that of the ground and vacuum."""
-        if not (isinstance(p, Table) and p.hold):
+        if not (isinstance(p, Table) and p.held):
             return False
-        air = (p.values >= AIR_RANGE[0]) & (p.values <= AIR_RANGE[1])
-        return bool((air | (p.values <= VACUUM_LIMIT)).all())
+        levels = p.levels
+        air = (levels >= AIR_RANGE[0]) & (levels <= AIR_RANGE[1])
+        return bool((air | (levels <= VACUUM_LIMIT)).all())
 
     def _state(self, gas: str) -> str:
         """Return air, vacuum, jumping or thin for a gas node; asked for every conductor of every evaluation, worked out once."""
@@ -105,12 +105,12 @@ class Media:
     def _state_of(self, gas: str) -> str:
         environment = self._environment(gas)
         p = self._pressure(gas, environment)
-        values = extremes(p)
-        if (values <= VACUUM_LIMIT).all():
+        lowest, highest = p.bounds
+        if highest <= VACUUM_LIMIT:
             return "vacuum"
         if abs(environment.gravity - STANDARD_GRAVITY) > 0.01 * STANDARD_GRAVITY:
             return "thin"
-        if ((values >= AIR_RANGE[0]) & (values <= AIR_RANGE[1])).all():
+        if lowest >= AIR_RANGE[0] and highest <= AIR_RANGE[1]:
             return "air"
         return "jumping" if self._jumps(p) else "thin"
 
@@ -133,7 +133,7 @@ class Media:
         """Return the wind of a gas in time, thinned as its gas is, and the levels between which it is interpolated. [m/s]"""
 
         def made() -> tuple[Table, Array]:
-            given = stream(environment.wind, pressure)
+            given = stream(environment.wind, pressure, self.seconds)
             return given, levels_of(given)
 
         return self.memo.made(("stream", key), made)
@@ -267,3 +267,8 @@ class Media:
         if emissivity is None:
             raise self._unknown_share(c)
         return (radiation_coefficient(emissivity, fields["area"]),)
+
+
+def _present(pressure: Array) -> Array:
+    """Return 1 where there is gas at a pressure [Pa] and 0 where there is none (times,). [-]"""
+    return np.asarray(pressure > VACUUM_LIMIT, dtype=float)

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from thermid.errors import ScenarioError, SolverError
 from thermid.memo import Memo
 from thermid.model.model import Model
-from thermid.model.signal import Constant, Signal, Table
+from thermid.model.signal import Constant, Signal, Table, multiplied
 from thermid.network.environment import Environment
 from thermid.simulation.engine import Engine, Options
-from thermid.simulation.inputs import product
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.steady import settle
@@ -73,7 +72,7 @@ class Plan:
         given: dict[str, Any] = {}
         chamber = _straight(self.times, [s.chamber for s in self.states])
         given["boundaries"] = {name: chamber for name in bench.chamber}
-        given |= bench.switched(base, _steps(self.times, [float(s.power) for s in self.states]), end)
+        given |= bench.switched(base, _steps(self.times, [float(s.power) for s in self.states]))
         if self.states[0].pressure is not None:
             thin = _by_factors(self.times, [s.pressure or 0.0 for s in self.states], bench.ground)
             given["environment"] = {gas: replace(base.environment.get(gas, Environment()), pressure=thin) for gas in bench.gases}
@@ -90,7 +89,7 @@ def _straight(times: tuple[float, ...], values: list[float]) -> Signal:
         return Constant(values[0])
     t, v = np.array(times), np.array(values)
     keep = np.append(np.diff(t) > 0.0, True)
-    return Table(t[keep], v[keep])
+    return Table(t[keep], v[keep], after="hold")
 
 
 def _steps(times: tuple[float, ...], values: list[float]) -> Signal:
@@ -144,14 +143,14 @@ class Bench:
     memory: str
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
-    def switched(self, base: Scenario, on: Signal, seconds: float) -> dict[str, Any]:
+    def switched(self, base: Scenario, on: Signal) -> dict[str, Any]:
         """Return commands and loads with the equipment switched."""
         commands: dict[str, Any] = {}
         loads: dict[str, Any] = {}
         for load in self.equipment:
             kind = "loads" if load in base.loads else "commands"
             own = getattr(base, kind).get(load, Constant(1.0))
-            (loads if kind == "loads" else commands)[load] = product(own, on, seconds)
+            (loads if kind == "loads" else commands)[load] = multiplied(own, on)
         return {"commands": commands, "loads": loads}
 
     def leg(self, past: Plan, after: Conditions, span: float) -> Leg:

@@ -1,16 +1,14 @@
-"""The same scenario begun at another time of the day: weather moves, what is done stays."""
+"""The same scenario begun at another time of the day: what changes in time moves, commands count from the start."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from thermid.errors import ScenarioError
-from thermid.model.signal import Constant, Signal, Sine, Table, literal
+from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario
 
 __all__ = ["begun_at", "starts"]
@@ -20,22 +18,8 @@ STEP = 1800.0
 
 
 def begun_at(scenario: Scenario, seconds: float) -> Scenario:
-    """Return a scenario whose boundaries, loads and prescribed nodes are those from a time on; schedules, commands and gases stay."""
-    tables: dict[str, Mapping[str, Signal]] = {
-        key: {n: _later(s, seconds) for n, s in getattr(scenario, key).items()} for key in ("boundaries", "loads", "prescribed")
-    }
-    changed: dict[str, Any] = dict(tables)
-    return replace(scenario, **changed)
-
-
-def _later(signal: Signal, seconds: float) -> Signal:
-    if isinstance(signal, Constant):
-        return signal
-    if isinstance(signal, Sine):
-        return replace(signal, phase=signal.phase + 2.0 * math.pi * seconds / signal.period)
-    rest = signal.times > seconds
-    first = signal.at(np.array([seconds]))
-    return Table(np.concatenate(([0.0], signal.times[rest] - seconds)), np.concatenate((first, signal.values[rest])), signal.hold)
+    """Return a scenario as it is from a time on, sun, wind, gases and schedules with it; commands stay, as they count from its start."""
+    return scenario.begun(seconds, but=("commands",))
 
 
 def starts(given: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...]]:
@@ -58,11 +42,5 @@ def starts(given: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...]
     if not (0.0 <= low <= high and step > 0.0 and (high - low) / step <= 1000.0):
         raise ScenarioError("start times go from zero or later upward, in a thousand steps at most.", where)
     times = np.arange(low, high + 1e-9 * step, step).tolist()
-    short = [
-        n
-        for key in ("boundaries", "loads", "prescribed")
-        for n, s in getattr(scenario, key).items()
-        if isinstance(s, Table) and s.times.size > 1 and s.times[-1] < times[-1] + scenario.seconds - 1e-6
-    ]
-    remark = (f"the tables of {', '.join(short)} end before a run that begins last; they stay at their last value",) if short else ()
-    return times, remark
+    stay = [name for name, given in scenario.commands.items() if given.cycle is None or given.cycle > 0.0]
+    return times, (f"the start moves all that changes in time but the commands of {', '.join(stay)}, which count from it",) if stay else ()

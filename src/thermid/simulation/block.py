@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.model.block import FACES, Block, Exchange
 from thermid.model.block_cells import exchange_cells, links
-from thermid.model.signal import Constant, Signal, literal
+from thermid.model.signal import Constant, Drawn, literal, multiplied
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation.block_solution import BlockSolution
 from thermid.simulation.engine import Options
-from thermid.simulation.inputs import product
 from thermid.simulation.large import METHODS, LargeAnswer, Watched, integrate
 from thermid.simulation.scenario import STEADY, Scenario
 from thermid.simulation.simulator import output_times
@@ -119,22 +118,22 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
     """
     where = f"{block.title}, {scenario.title}"
     _check(block, scenario, where)
-    inputs: list[Signal] = []
+    inputs: list[Drawn] = []
 
-    def place(given: Signal) -> int:
+    def place(given: Drawn) -> int:
         if isinstance(given, Constant):
             return NONE
         inputs.append(given)
         return len(inputs) - 1
 
     boundaries = block.boundaries
-    given = [scenario.boundaries[b] for b in boundaries]
+    given = [scenario.boundaries[b].drawn(scenario.seconds) for b in boundaries]
     offsets = np.array([s.value if isinstance(s, Constant) else 0.0 for s in given])
     places = tuple(place(s) for s in given)
     rows = [row for e in block.exchanges for row in _rows(block, e, boundaries)]
     loads = []
     for tag, (name, heater) in enumerate(block.heaters.items()):
-        power = product(scenario.loads.get(name, heater.power), scenario.commands.get(name, Constant(1.0)), scenario.seconds)
+        power = multiplied(scenario.loads.get(name, heater.power), scenario.commands.get(name, Constant(1.0))).drawn(scenario.seconds)
         nodes = block.heater_cells(name)
         coefficients = np.zeros((4, nodes.size))
         coefficients[0] = (power.value if isinstance(power, Constant) else 1.0) / nodes.size
@@ -146,6 +145,7 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
 
 def _check(block: Block, scenario: Scenario, where: str) -> None:
     """Refuse what a block cannot follow."""
+    scenario.check_spans()
     for name in ("gains", "schedule", "prescribed", "environment"):
         if getattr(scenario, name):
             raise ScenarioError(f"a block takes no '{name}'; turn it into a model with model(), which does.", where)

@@ -175,7 +175,7 @@ def moisture(
             return Moisture(solution, found.dew_points, surfaces)
         before = solution.temperatures
         given = [(1.0 - step) * old + step * new for old, new in zip(given or found.latent, found.latent, strict=True)]
-        heats = {names[c.path]: Table(solution.times, latent) for c, latent in zip(parts, given, strict=True)}
+        heats = {names[c.path]: Table(solution.times, latent, after="hold") for c, latent in zip(parts, given, strict=True)}
     raise ScenarioError(f"latent heat and temperatures found no balance in {PASSES} passes; give a shorter `every`.", scenario.title)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, ThermidError, nearest
 from thermid.model.modelfile import read_toml, refuse_another_kind, resolve_inside
-from thermid.model.signal import Constant, Signal, Table, literal, signal
+from thermid.model.signal import CONDUCT, Constant, Signal, Table, conducted, literal, own_signal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.medium import Media
@@ -68,14 +68,16 @@ class Scenario:
     def __post_init__(self) -> None:
         """Turn texts into signals, so that a mistake shows here and not in a run."""
         for name, slot in SLOTS.items():
-            if not slot:
-                continue
             if not isinstance(getattr(self, name), Mapping):
                 raise ScenarioError(f"it takes a dictionary from names to values, not {getattr(self, name)!r}.", f"{self.title}, {name}")
+            if not slot:
+                by_itself = {k: own_signal(v, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
+                object.__setattr__(self, name, by_itself)
+                continue
             table = {k: signal(v, slot, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
             object.__setattr__(self, name, table)
             for key, given in table.items() if slot == TEMPERATURE else ():
-                lowest = given.value if isinstance(given, Constant) else given.values.min() if isinstance(given, Table) else 0.0
+                lowest = given.bounds[0]
                 if lowest < 0.0:
                     raise ScenarioError(f"{lowest - 273.15:g} degC lies below 0 K.", f"{self.title}, {name}.{key}")
         for gas, around in self.environment.items():
@@ -100,7 +102,63 @@ class Scenario:
 
     def media(self) -> Media:
         """Return the state of every gas, and what falls on outer surfaces."""
-        return Media(self.environment, self.as_printed, self.irradiation)
+        gases = {gas: e.mapped(lambda s: s.drawn(self.seconds)) for gas, e in self.environment.items()}
+        return Media(gases, self.as_printed, self.irradiation, self.seconds)
+
+    def signals(self) -> Iterator[tuple[str, Signal]]:
+        """Yield every signal with the place where the scenario has it; those of a schedule that are still text are left out."""
+        for table in SLOTS:
+            yield from ((f"{table}.{k}", v) for k, v in getattr(self, table).items() if isinstance(v, Signal))
+        for gas, e in self.environment.items():
+            yield f"environment.{gas}.pressure", e.pressure
+            yield f"environment.{gas}.wind", e.wind
+        for surface, falling in self.irradiation.items():
+            yield from ((f"irradiation.{surface}.{k}", v) for k, v in falling.signals().items())
+
+    def mapped(self, law: Callable[[Signal], Signal], but: Collection[str] = ()) -> Scenario:
+        """Return the scenario with what a law makes of each signal, of all tables but some."""
+        tables: dict[str, Any] = {
+            name: {k: law(v) if isinstance(v, Signal) else v for k, v in getattr(self, name).items()} for name in SLOTS if name not in but
+        }
+        tables["environment"] = {gas: e.mapped(law) for gas, e in self.environment.items()}
+        tables["irradiation"] = {surface: falling.mapped(law) for surface, falling in self.irradiation.items()}
+        return replace(self, **tables)
+
+    def begun(self, seconds: float, but: Collection[str] = ()) -> Scenario:
+        """Return the scenario of a run that begins later: all that changes in time as it is from then on, but for some tables. [s]
+
+        Sun and sky are worked out anew where their path is known. Tables are shifted and not cut, so nothing of them is lost.
+        """
+        if seconds == 0.0:
+            return self
+        moved = self.mapped(lambda s: s.shifted(seconds), but)
+        skies = {k: v.shifted(seconds) for k, v in self.irradiation.items() if isinstance(v, OpenSky)}
+        return replace(moved, irradiation={**moved.irradiation, **skies})
+
+    def check_spans(self, time: float = 0.0) -> None:
+        """Refuse signals that end before the run, or begin after it: nothing says what holds there.
+
+        Parameters
+        ----------
+        time : float    A time beyond the duration that is asked for too. [s]
+
+        Raises
+        ------
+        ScenarioError   With what can be said of the time beyond.
+        """
+        end = max(self.seconds, time)
+        for place, given in self.signals():
+            first, last = given.span
+            if last < end * (1.0 - 1e-6):
+                raise ScenarioError(
+                    f"it ends at {_hours(given.extent)} and the run lasts {_hours(end)}. Say what holds beyond: after = 'hold' (its last "
+                    "value) or 'repeat'; or give it to the end, or end the run.",
+                    f"{self.title}, {place}",
+                )
+            if first > 1e-6 * end:
+                raise ScenarioError(
+                    f"its first row is at {_hours(first)} and the run begins at zero: give the value there.", f"{self.title}, {place}"
+                )
 
     def vacuum(self, as_printed: bool = False) -> Scenario:
         """Return the same scenario without gas; sealed volumes keep theirs, vented ones lose it with their time constant.
@@ -127,6 +185,10 @@ class Scenario:
                 raise ScenarioError(f"a scenario has no '{name}'.{nearest(name, fields)}", self.title)
         merged: dict[str, Any] = {k: {**getattr(self, k), **v} if isinstance(v, Mapping) else v for k, v in changes.items()}
         return replace(self, **merged)
+
+
+def _hours(seconds: float) -> str:
+    return f"{seconds:g} s" if seconds < 3600.0 else f"{seconds / 3600.0:.5g} h"
 
 
 def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> Environment:
@@ -184,9 +246,11 @@ class LogColumns:
             return value
         from thermid.measure import read_plain, read_record
 
-        unknown = set(value) - {"file", "column", "unit", "time", "hold"}
+        unknown = set(value) - {"file", "column", "unit", "time", "hold", *CONDUCT}
         if unknown or "column" not in value:
-            raise ScenarioError("a column of a log is given by file and column, with unit, time and hold as needed.", where)
+            raise ScenarioError(
+                "a column of a log is given by file and column, with unit, time, hold, samples, after and period as needed.", where
+            )
         file, name, time = resolve_inside(self.folder, value["file"], where), value["column"], value.get("time")
         if file == self.cut:
             raise ScenarioError(
@@ -204,7 +268,12 @@ class LogColumns:
             raise error.within(where) from None
         times, values, _ = record.table(name)
         zero = self.zeros.get(file, float(record.times[0]))
-        return Table(times - zero, values, bool(value.get("hold", held)), record.channel(name).unit, (record.origin.sha256, zero))
+        held = bool(value.get("hold", held)) and value.get("samples") != "average"
+        rows = Table(times - zero, values, held, record.channel(name).unit, (record.origin.sha256, zero))
+        try:
+            return conducted(rows, value, where)
+        except ThermidError as error:
+            raise error.located(where) from None
 
 
 def _irradiation(table: Mapping[str, Any], columns: LogColumns, where: str) -> Irradiation:

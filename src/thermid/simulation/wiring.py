@@ -13,7 +13,7 @@ from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import ScenarioError, nearest
 from thermid.model.curves import Curve, slopes
 from thermid.model.kinds import law_conductance
-from thermid.model.signal import Constant, Signal, literal
+from thermid.model.signal import Constant, Drawn, Signal, literal
 from thermid.model.stores import Store
 from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
 from thermid.network.network import Network, Numbers
@@ -94,10 +94,11 @@ class Wiring:
             self._check_free(name)
         self.schedule = read_schedule(network, self.scenario)
         base = network.numbers()
-        self.signals: dict[str, Signal] = {f"boundary {b}": s for b, s in self.scenario.boundaries.items()}
+        signals: dict[str, Signal] = {f"boundary {b}": s for b, s in self.scenario.boundaries.items()}
         needed = {name for row in base.conductors for name in (row.signal, row.second)}
         gases = {name: given for name, given in network.media.signals().items() if name in needed}
-        self.signals |= load_inputs(network, self.scenario, base) | gases
+        signals |= load_inputs(network, self.scenario, base) | gases
+        self.signals: dict[str, Drawn] = {name: given.drawn(self.scenario.seconds) for name, given in signals.items()}
         self._follow: dict[tuple[str, int, int], str] = {}
         numbers = self._numbers({})
         # the kernel needs a node to solve for, even where all of them only follow
