@@ -129,6 +129,7 @@ class Weather:
                 self.name,
             )
         moved = {name: Series(s.times - first, s.values) for name, s in self.series.items()}
+        # instants are written to the second
         length = min(length, covered[1] - first)
         return replace(self, begin=None if self.begin is None else self.begin + timedelta(seconds=first), series=moved), length
 

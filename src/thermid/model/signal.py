@@ -52,12 +52,14 @@ SINE_SAMPLES = 400
 """Samples of a period where a sine must become a table: within 3e-5 of its amplitude. [-]"""
 MOST_SAMPLES = 5_000_000
 """Samples of one periodic signal: 80 MB."""
-JUMP = 1e-3
+JUMP = 1e-6
 """Time in which a held value jumps where it meets one that is not held. [s]"""
 BEND = 2e-5
 """Share of a signal's range by which straight lines may miss what follows from other signals. [-]"""
 MOST_HALVINGS = 8
 """Times that a stretch is halved until straight lines do."""
+NEAR = 0.01
+"""Share of its length by which a table may end before a run, or begin after it, if that is no more than one of its intervals. [-]"""
 FOREVER = (-math.inf, math.inf)
 CONDUCT = ("after", "period", "samples")
 """What may be said of a table and of a column of a log alike."""
@@ -195,14 +197,12 @@ class Table:
 
     @property
     def span(self) -> Span:
-        """Time that it holds for: of a log to one interval beyond its first and last sample. [s]"""
+        """Time that it holds for: to one interval beyond its first and last sample, of no log to a hundredth of its length at most. [s]"""
         first, last = float(self.times[0]), float(self.times[-1])
         if self.after == "repeat" or self.times.size == 1:
             return FOREVER
-        slack = 1e-9 * max(abs(first), abs(last))
-        before, beyond = slack, slack
-        if self.log is not None:
-            before, beyond = float(self.times[1] - self.times[0]), float(self.times[-1] - self.times[-2])
+        most = math.inf if self.log is not None else NEAR * (last - first)
+        before, beyond = (min(float(step), most) for step in (self.times[1] - self.times[0], self.times[-1] - self.times[-2]))
         return first - before, math.inf if self.after == "hold" or (self.hold and self.log is None) else last + beyond
 
     @property

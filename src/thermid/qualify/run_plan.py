@@ -60,6 +60,8 @@ def plan_runs(
     budget = budget_of(known, first, [*joint, *([stated] if stated else [])], without=without)
     check_variants(stated, budget.model, scenarios)
     variants = tuple(begun_at(s, t) for s in scenarios for t in begun)
+    for variant in variants:
+        variant.check_spans()
     chosen = " and ".join(n for n, several in (("scenario", len(scenarios)), ("start_time", len(begun))) if several > 1)
     budget = _with_variants(budget, chosen, len(variants)) if len(variants) > 1 else budget
     network = compile_network(budget.model, media=first.media(), prescribed=tuple(first.prescribed))

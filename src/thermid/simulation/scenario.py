@@ -149,13 +149,13 @@ class Scenario:
         end = max(self.seconds, time)
         for place, given in self.signals():
             first, last = given.span
-            if last < end * (1.0 - 1e-6):
+            if last < end:
                 raise ScenarioError(
                     f"it ends at {_hours(given.extent)} and the run lasts {_hours(end)}. Say what holds beyond: after = 'hold' (its last "
                     "value) or 'repeat'; or give it to the end, or end the run.",
                     f"{self.title}, {place}",
                 )
-            if first > 1e-6 * end:
+            if first > 0.0:
                 raise ScenarioError(
                     f"its first row is at {_hours(first)} and the run begins at zero: give the value there.", f"{self.title}, {place}"
                 )
