@@ -16,7 +16,7 @@ from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation.block_solution import BlockSolution
 from thermid.simulation.engine import Options
 from thermid.simulation.large import METHODS, LargeAnswer, Watched, integrate
-from thermid.simulation.scenario import STEADY, Scenario
+from thermid.simulation.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import output_times
 from thermid.simulation.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
 from thermid.units import TEMPERATURE
@@ -185,12 +185,15 @@ def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list
 def _start(block: Block, scenario: Scenario, network: SparseNetwork, where: str) -> Array:
     """Return the initial temperatures (cells,). [K]"""
     start = scenario.start
-    if start == STEADY:
+    asked = Start.of(start, where)
+    if asked is not None and asked.kind != STEADY:
+        raise ScenarioError(f"a block starts steady under the inputs of one time, not '{start}'; turn it into a model with model().", where)
+    if asked is not None:
         if scenario.initial:
             raise ScenarioError("a steady start holds for all cells; leave 'initial' out.", where)
         from thermid.simulation.large_steady import settle_large
 
-        return settle_large(network, 0.0, where)[0]
+        return settle_large(network, asked.time, where)[0]
     if start == "" and len(network.boundaries) != 1:
         raise ScenarioError("there is no start: give a temperature, the name of a boundary, or 'steady'.", where)
     initial = np.full(block.count, _temperature(start or network.boundaries[0], network, where))

@@ -18,14 +18,54 @@ from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.medium import Media
 from thermid.units import TEMPERATURE
 
-__all__ = ["SLOTS", "STEADY", "Scenario", "load_scenario"]
+__all__ = ["MEAN", "PERIODIC", "SLOTS", "STEADY", "Scenario", "Start", "load_scenario", "sampled_logs"]
 
 SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent")
 """Tables of a scenario file that stand for boundaries, gases and radiation."""
 SLOTS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ""}
 """Tables of signals, and what each holds; only the model knows the unit of a scheduled parameter."""
 STEADY = "steady"
-"""`start = "steady"`: the run starts where the inputs at its beginning would have settled."""
+"""`start = "steady"`: the run starts where the inputs at its beginning would have settled; an instant or `MEAN` may follow a comma."""
+MEAN = "mean"
+"""`start = "steady, mean"`: where the means of the inputs would have settled."""
+PERIODIC = "periodic"
+"""`start = "periodic"`: the run starts where it comes back to after every period of its inputs."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A start that is looked for.
+
+    Parameters
+    ----------
+    kind : str      ``steady``, ``mean`` or ``periodic``.
+    time : float    Whose inputs are held, of a steady one. [s]
+    """
+
+    kind: str
+    time: float = 0.0
+
+    @classmethod
+    def of(cls, written: str | float, where: str) -> Start | None:
+        """Return what a start says, or None where it is a temperature or a boundary.
+
+        Raises
+        ------
+        ScenarioError   When a time is none, or lies before the run.
+        """
+        if not isinstance(written, str):
+            return None
+        head, _, rest = (part.strip() for part in written.partition(","))
+        if written.strip() == PERIODIC:
+            return cls(PERIODIC)
+        if head != STEADY:
+            return None
+        if rest in ("", MEAN):
+            return cls(rest or STEADY)
+        time = literal(rest, "s", where)
+        if time < 0.0:
+            raise ScenarioError("a steady start takes inputs of the run, at zero or later.", where)
+        return cls(STEADY, time)
 
 
 @dataclass(frozen=True)
@@ -45,7 +85,9 @@ class Scenario:
     prescribed : dict       Node -> temperature that drives it. [K]
     environment : dict      Gas node -> `Environment`; ``*`` for every gas not named.
     irradiation : dict      Surface -> `Irradiation` on it; ``*`` -> the `OpenSky` over every surface outdoors.
-    start : str or float    A temperature, the name of a boundary (its temperature at the beginning), or ``steady``.
+    start : str or float    A temperature, the name of a boundary (its temperature at the beginning), ``steady`` (settled under the inputs
+                            of time zero), ``steady, 2 [h]`` (of another time), ``steady, mean`` (under their means) or ``periodic`` (the
+                            state that comes back after every period of the inputs).
     initial : dict          Node -> temperature or boundary name, where it differs from `start`.
     duration : float        [s]
     as_printed : bool       Vacuum as the source document prints it: every coefficient zero, radiation inside it included.
@@ -185,6 +227,17 @@ class Scenario:
                 raise ScenarioError(f"a scenario has no '{name}'.{nearest(name, fields)}", self.title)
         merged: dict[str, Any] = {k: {**getattr(self, k), **v} if isinstance(v, Mapping) else v for k, v in changes.items()}
         return replace(self, **merged)
+
+
+def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
+    """Return a sentence for the columns of logs whose samples nobody said to be averages or instants; none where there are none."""
+    assumed = [place for place, given in scenario.signals() if isinstance(given, Table) and given.log is not None and not given.samples]
+    if not assumed:
+        return ()
+    return (
+        f"samples of logs are taken as instants ({', '.join(assumed)}); say samples = 'instant', or 'average' where the logger gives the "
+        "mean over the interval that ends at the stamp",
+    )
 
 
 def _hours(seconds: float) -> str:
