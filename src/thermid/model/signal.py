@@ -39,6 +39,7 @@ __all__ = [
     "own_signal",
     "pulses",
     "signal",
+    "together",
 ]
 
 Array = NDArray[np.float64]
@@ -245,6 +246,11 @@ class Table:
         """Return the signal as it is from a time on: zero is where that time was."""
         log = None if self.log is None else (self.log[0], self.log[1] + seconds)
         return replace(self, times=self.times - seconds, log=log)
+
+    @property
+    def instants(self) -> Array:
+        """Times of its samples. [s]"""
+        return self.times
 
     def held_on(self) -> Table:
         """Return the signal with its last value held where nothing else is said of the time beyond."""
@@ -496,12 +502,12 @@ class Mixed:
         parts = [p.drawn(end) for p in self.parts]
         if all(isinstance(p, Constant) for p in parts):
             return Constant(float(self.at(np.zeros(1))[0]))
-        if self.held:
-            times = np.unique(np.concatenate([p.times for p in parts if isinstance(p, Table)]))
-            return Table(times, self.at(times), hold=True, after="hold")
-        times = np.unique(np.concatenate([p.knots(0.0, end) for p in parts]))
+        drawn = replace(self, parts=tuple(parts))
+        times, held = together(parts, end)
+        if held:
+            return Table(times, drawn.at(times), hold=True, after="hold")
         times = np.append(times[times < end], end) if times[0] < end < times[-1] else times
-        return Table(*_straightened(self.at, times, self.bend), after="hold")
+        return Table(*_straightened(drawn.at, times, self.bend), after="hold")
 
     def knots(self, begin: float, end: float) -> Array:
         """Return the times between which it is straight, over a stretch at least. [s]"""
@@ -555,6 +561,12 @@ class MeanOf(_Still):
 Signal = Constant | Table | Sine | Mixed | MeanOf
 Drawn = Constant | Table | Sine
 """What a run sees, and what is written for other programs."""
+
+
+def together(signals: Sequence[Drawn], end: float) -> tuple[Array, bool]:
+    """Return the times at which several signals are to be sampled as one table up to `end` [s], and whether all of them are held."""
+    held = all(s.held for s in signals)
+    return np.unique(np.concatenate([s.times if held and isinstance(s, Table) else s.knots(0.0, end) for s in signals])), held
 
 
 def multiplied(*factors: Signal) -> Signal:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ScenarioError, nearest
-from thermid.model.signal import Constant, Drawn, Mixed, Signal, Sine, Table, multiplied, pulses, signal
+from thermid.model.signal import Constant, Drawn, Mixed, Signal, Sine, Table, multiplied, pulses, signal, together
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow, LoadRow
 from thermid.simulation.scenario import Scenario
@@ -124,9 +124,7 @@ class Schedule:
     def __init__(self, signals: Mapping[str, Signal], duration: float) -> None:
         self.signals = dict(signals)
         drawn = [s.drawn(duration) for s in signals.values()]
-        self.hold = all(s.held for s in drawn)
-        every = [s.times if self.hold and isinstance(s, Table) else s.knots(0.0, duration) for s in drawn]
-        self.times: Array = np.unique(np.concatenate(every))
+        self.times, self.hold = together(drawn, duration)
         columns = np.column_stack([s.at(self.times) for s in drawn])
         self.rows, self.index = np.unique(columns, axis=0, return_inverse=True)
         self.index = self.index.ravel()
