@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.errors import RecordError
 from thermid.measure import Channel, Record
-from thermid.model.signal import Constant, Signal, Table
+from thermid.model.signal import Constant, Signal, Table, conducted
 from thermid.simulation.scenario import Scenario
 
 __all__ = ["Inputs", "corrected", "on_the_clock_of", "power_while_on", "signal_of"]
@@ -93,6 +93,8 @@ def corrected(scenario: Scenario, found: Mapping[str, float]) -> Scenario:
 
 def signal_of(record: Record, name: str, zero: float, held: bool) -> Signal:
     """Return a channel of a record as a signal of a run, whose time counts from `zero` [s]."""
-    table = record.table(name)
+    table, samples = record.table(name), record.channel(name).samples
     times = np.asarray(table.times) - zero
-    return Table(times, np.asarray(table.values), held) if times.size > 1 else Constant(float(table.values[0]))
+    if times.size == 1:
+        return Constant(float(table.values[0]))
+    return conducted(Table(times, np.asarray(table.values), held and samples != "average"), {"samples": samples}, record.name)

@@ -22,7 +22,7 @@ __all__ = ["ingredients_of", "key_for", "key_of", "keyed"]
 
 def _channel_key(c: Channel) -> list[Any]:
     """Return what a fit depends on of a channel beside its numbers in the file, whose hash is of them as they are written."""
-    known = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction]
+    known = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction, c.samples]
     return [*known, *([repr(c.part)] if c.part else [])]
 
 

@@ -180,6 +180,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         column=column,
         unit=unit_text,
         prompt=binding.prompt or column in cells.prompt,
+        samples=binding.samples,
     )
     return _masked(made, cells.reasons.get(column, {}))
 

@@ -69,6 +69,8 @@ class Plan:
     def scenario(self, base: Scenario, bench: Bench, title: str, tail: float = 0.0) -> Scenario:
         """Return the scenario of the whole course, with what holds at its end held for a time more. [s]"""
         end = self.times[-1] + tail
+        # a stretch is looked at beyond its end; the whole course, without a tail, is refused where a signal ends before it
+        base = base.mapped(lambda s: s.held_on()) if tail else base
         given: dict[str, Any] = {}
         chamber = _straight(self.times, [s.chamber for s in self.states])
         given["boundaries"] = {name: chamber for name in bench.chamber}
