@@ -97,7 +97,7 @@ class Channel:
     correction : float              What a certificate has taken off the readings. [SI]
     part : SensorPart or None       What else its sensor does: scale, lag, noise in time, mass, leads.
     prompt : bool                   Whether a power or command has a sample at every change, so that the log has its moment.
-    samples : str                   Of what drives a model: ``instant`` or ``average`` (the mean over the interval that ends at the stamp), as
+    samples : str                   Of what drives a model: ``instant`` or ``average`` (the mean over the interval up to the stamp), as
                                     somebody said; empty where nobody did, which is taken as instants.
 
     Raises

@@ -82,6 +82,11 @@ class _Still:
         return 0.0
 
     @property
+    def onset(self) -> float:
+        """Time of its first row, zero where it has none. [s]"""
+        return 0.0
+
+    @property
     def held(self) -> bool:
         """Whether it changes by jumps alone."""
         return True
@@ -210,6 +215,11 @@ class Table:
     def extent(self) -> float:
         """Time by which all that it does has happened. [s]"""
         return float(self.times[-1])
+
+    @property
+    def onset(self) -> float:
+        """Time of its first row, zero where it has none. [s]"""
+        return float(self.times[0])
 
     @property
     def held(self) -> bool:
@@ -364,6 +374,11 @@ class Sine:
         return self.period
 
     @property
+    def onset(self) -> float:
+        """Time of its first row, zero where it has none. [s]"""
+        return 0.0
+
+    @property
     def held(self) -> bool:
         """Whether it changes by jumps alone."""
         return False
@@ -452,6 +467,11 @@ class Mixed:
     def extent(self) -> float:
         """Time by which all that it does has happened. [s]"""
         return max(p.extent for p in self.parts)
+
+    @property
+    def onset(self) -> float:
+        """Time of its first row, zero where it has none. [s]"""
+        return max(p.onset for p in self.parts)
 
     @property
     def held(self) -> bool:

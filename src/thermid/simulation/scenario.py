@@ -199,7 +199,7 @@ class Scenario:
                 )
             if first > 0.0:
                 raise ScenarioError(
-                    f"its first row is at {_hours(first)} and the run begins at zero: give the value there.", f"{self.title}, {place}"
+                    f"its first row is at {_hours(given.onset)} and the run begins at zero: give the value there.", f"{self.title}, {place}"
                 )
 
     def vacuum(self, as_printed: bool = False) -> Scenario:
