@@ -158,23 +158,26 @@ class Scenario:
             yield from ((f"irradiation.{surface}.{k}", v) for k, v in falling.signals().items())
 
     def mapped(self, law: Callable[[Signal], Signal], but: Collection[str] = ()) -> Scenario:
-        """Return the scenario with what a law makes of each signal, of all tables but some."""
-        tables: dict[str, Any] = {
-            name: {k: law(v) if isinstance(v, Signal) else v for k, v in getattr(self, name).items()} for name in SLOTS if name not in but
-        }
-        tables["environment"] = {gas: e.mapped(law) for gas, e in self.environment.items()}
-        tables["irradiation"] = {surface: falling.mapped(law) for surface, falling in self.irradiation.items()}
+        """Return the scenario with what a law makes of each signal, but for some: of whole tables (``commands``) or single names."""
+
+        def each(name: str) -> dict[str, Any]:
+            given = getattr(self, name)
+            return {k: law(v) if isinstance(v, Signal) and not {name, k} & set(but) else v for k, v in given.items()}
+
+        tables: dict[str, Any] = {name: each(name) for name in SLOTS}
+        tables["environment"] = {gas: e if gas in but else e.mapped(law) for gas, e in self.environment.items()}
+        tables["irradiation"] = {face: falling if face in but else falling.mapped(law) for face, falling in self.irradiation.items()}
         return replace(self, **tables)
 
     def begun(self, seconds: float, but: Collection[str] = ()) -> Scenario:
-        """Return the scenario of a run that begins later: all that changes in time as it is from then on, but for some tables. [s]
+        """Return the scenario of a run that begins later: all that changes in time as it is from then on, but for some, as `mapped`. [s]
 
         Sun and sky are worked out anew where their path is known. Tables are shifted and not cut, so nothing of them is lost.
         """
         if seconds == 0.0:
             return self
         moved = self.mapped(lambda s: s.shifted(seconds), but)
-        skies = {k: v.shifted(seconds) for k, v in self.irradiation.items() if isinstance(v, OpenSky)}
+        skies = {k: v.shifted(seconds) for k, v in self.irradiation.items() if isinstance(v, OpenSky) and k not in but}
         return replace(moved, irradiation={**moved.irradiation, **skies})
 
     def check_spans(self, time: float = 0.0) -> None:

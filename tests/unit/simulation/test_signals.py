@@ -201,7 +201,7 @@ def test_a_start_time_moves_wind_pressure_sun_and_schedules_too() -> None:
 def test_what_stays_at_a_later_start_is_said() -> None:
     scenario = plain(commands={"heater": Table(np.array([0.0, 600.0]), np.array([1.0, 0.0]), hold=True)})
     runs = td.uncertain_runs(box(), scenario, spread={"start_time": {"low": "0 [h]", "high": "1 [h]"}}, n=2)
-    assert runs.warnings == ("the start moves all that changes in time but the commands of heater, which count from it",)
+    assert runs.warnings == ("the start moves all that changes in time but heater, which counts from it",)
 
 
 def _row(hour: int) -> str:
