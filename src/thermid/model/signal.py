@@ -31,6 +31,7 @@ __all__ = [
     "Sine",
     "Table",
     "added",
+    "check_span",
     "common_cycle",
     "conducted",
     "joined",
@@ -581,6 +582,34 @@ class MeanOf(_Still):
 Signal = Constant | Table | Sine | Mixed | MeanOf
 Drawn = Constant | Table | Sine
 """What a run sees, and what is written for other programs."""
+
+
+def check_span(given: Signal, end: float, where: str) -> None:
+    """Refuse a signal that ends before a run, or begins after it: nothing says what holds there.
+
+    Parameters
+    ----------
+    given : Signal
+    end : float     Of the run, which begins at zero. [s]
+    where : str     For messages.
+
+    Raises
+    ------
+    ScenarioError   With what can be said of the time beyond.
+    """
+    first, last = given.span
+    if last < end:
+        raise ScenarioError(
+            f"it ends at {_hours(given.extent)} and the run lasts {_hours(end)}. Say what holds beyond: after = 'hold' (its last value) or "
+            "'repeat'; or give it to the end, or end the run.",
+            where,
+        )
+    if first > 0.0:
+        raise ScenarioError(f"its first row is at {_hours(given.onset)} and the run begins at zero: give the value there.", where)
+
+
+def _hours(seconds: float) -> str:
+    return f"{seconds:g} s" if seconds < 3600.0 else f"{seconds / 3600.0:.5g} h"
 
 
 def together(signals: Sequence[Drawn], end: float) -> tuple[Array, bool]:

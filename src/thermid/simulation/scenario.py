@@ -12,7 +12,7 @@ from typing import Any
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, ThermidError, nearest
 from thermid.model.modelfile import read_toml, refuse_another_kind, resolve_inside
-from thermid.model.signal import CONDUCT, Constant, Signal, Table, conducted, literal, own_signal, signal
+from thermid.model.signal import CONDUCT, Constant, Signal, Table, check_span, conducted, literal, own_signal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.medium import Media
@@ -191,19 +191,8 @@ class Scenario:
         ------
         ScenarioError   With what can be said of the time beyond.
         """
-        end = max(self.seconds, time)
         for place, given in self.signals():
-            first, last = given.span
-            if last < end:
-                raise ScenarioError(
-                    f"it ends at {_hours(given.extent)} and the run lasts {_hours(end)}. Say what holds beyond: after = 'hold' (its last "
-                    "value) or 'repeat'; or give it to the end, or end the run.",
-                    f"{self.title}, {place}",
-                )
-            if first > 0.0:
-                raise ScenarioError(
-                    f"its first row is at {_hours(given.onset)} and the run begins at zero: give the value there.", f"{self.title}, {place}"
-                )
+            check_span(given, max(self.seconds, time), f"{self.title}, {place}")
 
     def vacuum(self, as_printed: bool = False) -> Scenario:
         """Return the same scenario without gas; sealed volumes keep theirs, vented ones lose it with their time constant.
@@ -241,10 +230,6 @@ def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
         f"samples of logs are taken as instants ({', '.join(assumed)}); say samples = 'instant', or 'average' where the logger gives the "
         "mean over the interval that ends at the stamp",
     )
-
-
-def _hours(seconds: float) -> str:
-    return f"{seconds:g} s" if seconds < 3600.0 else f"{seconds / 3600.0:.5g} h"
 
 
 def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> Environment:
@@ -323,6 +308,9 @@ class LogColumns:
         except ThermidError as error:
             raise error.within(where) from None
         times, values, _ = record.table(name)
+        known = record.times[record.channel(name).valid]
+        inside = (times >= known[0]) & (times <= known[-1])  # a blank end is no value that holds
+        times, values = times[inside], values[inside]
         zero = self.zeros.get(file, float(record.times[0]))
         held = bool(value.get("hold", held)) and value.get("samples") != "average"
         rows = Table(times - zero, values, held, record.channel(name).unit, (record.origin.sha256, zero))
