@@ -257,6 +257,6 @@ def memory_of(model: Model, scenario: Scenario) -> str:
             if not isinstance(given, Constant):
                 return f"{kind}.{name} changes with time"
     for gas, e in scenario.environment.items():
-        if e.vented or e.sealed or not isinstance(e.pressure, Constant):
+        if e.vented or e.sealed or e.pressure.cycle != 0.0:
             return f"the gas '{gas}' has a pressure of its own"
     return ""

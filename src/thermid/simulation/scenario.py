@@ -180,19 +180,15 @@ class Scenario:
         skies = {k: v.shifted(seconds) for k, v in self.irradiation.items() if isinstance(v, OpenSky) and k not in but}
         return replace(moved, irradiation={**moved.irradiation, **skies})
 
-    def check_spans(self, time: float = 0.0) -> None:
+    def check_spans(self) -> None:
         """Refuse signals that end before the run, or begin after it: nothing says what holds there.
-
-        Parameters
-        ----------
-        time : float    A time beyond the duration that is asked for too. [s]
 
         Raises
         ------
         ScenarioError   With what can be said of the time beyond.
         """
         for place, given in self.signals():
-            check_span(given, max(self.seconds, time), f"{self.title}, {place}")
+            check_span(given, self.seconds, f"{self.title}, {place}")
 
     def vacuum(self, as_printed: bool = False) -> Scenario:
         """Return the same scenario without gas; sealed volumes keep theirs, vented ones lose it with their time constant.
