@@ -43,19 +43,11 @@ double Integrator::curvature() {
     const Conductors& c = p_.con;
     for (const Entry& e : con_u_) {
         const int k = p_.coef_input[e.coef], r = e.row, kind = c.kind[r], node = e.what == 4 ? c.b[r] : c.a[r];
-        if (e.what < 4 || kind == LINEAR || kind == FLOW || node >= n_ || !noise_[k].active) continue;
+        if (e.what < 4 || is(kind, STRAIGHT) || node >= n_ || !noise_[k].active) continue;
         const double g = coef_[e.coef], ta = e_.t[c.a[r]], tb = e_.t[c.b[r]];
-        double second;  // d^2 q / d end^2
-        if (kind == RADIATION) {
-            second = 12.0 * e_.ceff[c.c0[r]] * (e.what == 4 ? ta * ta : tb * tb);
-        } else if (kind == POWER) {
-            const double d = ta - tb, x = d * d + SMOOTH2, m = e_.ceff[c.c1[r]];
-            second = e_.ceff[c.c0[r]] * m * e_.phi[r] / x * (3.0 + (m - 2.0) * d * d / x);
-        } else {
-            const auto x = conductor<Dual>(kind, Dual(ta, e.what == 4), Dual(tb, e.what == 5), e_.ceff[c.c0[r]], e_.ceff[c.c1[r]],
-                                            c.table[r] >= 0 ? &p_.tables[c.table[r]] : nullptr);
-            second = e.what == 4 ? x.qa.e : x.qb.e;
-        }
+        const auto x = conductor<false, Dual>(kind, Dual(ta, e.what == 4), Dual(tb, e.what == 5), e_.ceff[c.c0[r]], e_.ceff[c.c1[r]],
+                                              p_.tables.data() + c.table[r]);
+        const double second = e.what == 4 ? x.qa.e : x.qb.e;  // d^2 q / d end^2
         bend_[node] += 0.5 * std::fabs(second) * g * g * in_[k].variance;
     }
     double worst = 0.0;

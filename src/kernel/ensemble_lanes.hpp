@@ -14,8 +14,8 @@ struct LaneTable { const LanePiece* pieces; const int* first; double low, high, 
 
 // A conductor; `from` and `to`: nodes whose balance counts the heat (-1: a boundary, or the upstream end of a flow).
 // jac: places of df_from/dTa, df_from/dTb, df_to/dTa, df_to/dTb among the matrix entries (-1: none).
-struct LaneRow { int kind, a, b, c0, c1, table, from, to, jac[4]; };
-struct LaneLoad { int kind, node, sensor, c[4], table, jac; };
+struct LaneRow { int kind, a, b, c0, c1, table, kept, from, to, jac[4]; };  // kept: place of its first table among those of all rows
+struct LaneLoad { int kind, node, sensor, c[4], table, kept, jac; };
 // A coefficient that follows an input, and the row that it enters. what: 0 the law's first coefficient, 4 through the temperature
 // of end a (of a load: of its sensor), 5 through that of end b.
 struct LaneEntry { int row, what, coef, input; };
@@ -42,6 +42,7 @@ struct LanePlan {
     const LaneLower* lower;
     const LaneUpdate* updates;
     const LaneUpper* upper;
+    int looked;   // tables that rows look up
     bool curved;  // some law is not linear in temperature
 };
 
@@ -53,7 +54,7 @@ struct LaneGroup {
     double *J0, *J1, *lu, *inv;
     double *F, *d0, *dd0, *ddd0, *d1, *g, *base, *guess, *bend, *delta, *err;
     double *fu, *poly, *b, *ab, *aab, *db, *c;  // of each input: fu, b to c
-    double* kept;         // pieces of tables that conductors, then loads, stand on: (rows, KEPT, LANES)
+    double* kept;         // pieces of tables that conductors, then loads, stand on: (tables looked up, KEPT, LANES)
     const char* quarter;  // conductors whose exponent is 1/4 in all lanes
     const double* u;      // inputs at hand
     const double *slopes, *bends;  // their first and second derivatives in time
@@ -75,6 +76,8 @@ struct LaneCode {
     void (*improve)(LaneGroup&);                         // takes the error of a jump of projected inputs out of the step's end
     void (*dense)(LaneGroup&);                           // polynomials of the step
     void (*output)(const LaneGroup&, double x, const double* w, const int* obs, int nobs, double* out);
+    // One conductor in all lanes, c: Ta, Tb, c0, c1; out: q, phi, qa, qb, and the derivatives of qa and qb in Ta and Tb, for tests.
+    void (*conductor)(int kind, const LaneTable* tables, const double* c, double* out);
 };
 
 extern const LaneCode LANES_BASELINE;

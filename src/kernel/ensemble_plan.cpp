@@ -32,12 +32,13 @@ LaneNetwork::LaneNetwork(const Problem& p) {
     supported = p.massless.empty() && p.thermostats.empty() && p.n <= MOST;
     if (!supported) return;
     for (int r = 0; r < p.con.size(); ++r) {
-        const int a = p.con.a[r], b = p.con.b[r], from = a < p.n && p.con.kind[r] != FLOW ? a : -1, to = b < p.n ? b : -1;
-        supported = supported && p.con.kind[r] != POTENTIAL && !is_hinge(p.con.kind[r]);  // the lanes have no code for it
-        rows_.push_back({p.con.kind[r], a, b, p.con.c0[r], p.con.c1[r], p.con.table[r], from, to, {-1, -1, -1, -1}});
+        const int a = p.con.a[r], b = p.con.b[r], from = a < p.n && !is(p.con.kind[r], ONE_WAY) ? a : -1, to = b < p.n ? b : -1;
+        rows_.push_back({p.con.kind[r], a, b, p.con.c0[r], p.con.c1[r], p.con.table[r], p.con.place[r], from, to, {-1, -1, -1, -1}});
     }
+    plan.looked = p.con.place.back();
     for (int r = 0; r < p.load.size(); ++r) {
-        LaneLoad x{p.load.kind[r], p.load.node[r], p.load.sensor[r], {}, p.load.table[r], -1};
+        LaneLoad x{p.load.kind[r], p.load.node[r], p.load.sensor[r], {}, p.load.table[r], plan.looked, -1};
+        plan.looked += LOAD_LAWS[x.kind].tables;
         for (int k = 0; k < 4; ++k) x.c[k] = p.load.c[k][r];
         loads_.push_back(x);
     }
@@ -68,7 +69,7 @@ LaneNetwork::LaneNetwork(const Problem& p) {
     plan.nc = p.nc;
     plan.nk = static_cast<int>(varying.size());
     plan.curved = false;
-    for (int k : p.con.kind) plan.curved = plan.curved || (k != LINEAR && k != FLOW);
+    for (int k : p.con.kind) plan.curved = plan.curved || !is(k, STRAIGHT);
     for (int k : p.load.kind) plan.curved = plan.curved || k != SIGNAL;
     matrix(p);
     plan.rows = rows_.data();

@@ -50,10 +50,10 @@ bool Integrator::clear_of_knees(double& next) const {
         });
     }
     const Conductors& c = p_.con;
-    for (int r = p_.kind_begin[HINGE_MEAN]; r < c.size(); ++r) {
+    for (int r = 0; r < c.size(); ++r) {
+        if (!has_knee(c.kind[r])) continue;
         const Sweep a = sweep(c.a[r]), b = sweep(c.b[r]);
-        const double x = c.kind[r] == HINGE_MEAN ? 0.5 : 1.0, y = c.kind[r] == HINGE_MEAN ? 0.5 : -1.0;
-        const Sweep seen{x * a.t0 + y * b.t0, x * a.t1 + y * b.t1, x * a.a + y * b.a, x * a.b + y * b.b};
+        const Sweep seen = knee_of(c.kind[r], a, b);
         const double gain = std::fabs(e_.ceff[c.c0[r]] * (a.t1 - b.t1));
         for (int i : {c.a[r], c.b[r]})
             meets(i, gain, [&](double inertia) { knee.pass(seen, e_.ceff[c.c1[r]], gain, h_, inertia); });

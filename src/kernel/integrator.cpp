@@ -27,7 +27,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         if (moves(e.coef)) load_u_.push_back(e);
     }
     parameters_.build(p, d);
-    for (int k : p.con.kind) curved_ |= k != LINEAR && k != FLOW;
+    for (int k : p.con.kind) curved_ |= !is(k, STRAIGHT);
     for (int k : p.load.kind) curved_ |= k != SIGNAL && k != THERMOSTAT;
     constant_ = !curved_ && std::all_of(con_u_.begin(), con_u_.end(), [](const Entry& e) { return e.what >= 4; });
     for (auto* v : {&cap_, &inv_cap_}) v->assign(n, 0.0);
@@ -151,6 +151,7 @@ void Integrator::run(const double* t0_nodes, const double* s0, double t0, double
     std::copy(t0_nodes, t0_nodes + n_, T_.begin());
     Outputs out{out_t, nout, 0, obs, nobs};
     for (int i = 0; i < n_; ++i) all_.push_back(i);
+    if (o_.turnings) turnings_.begin(nobs + o_.sums.size(), out_t, nout);
     try {
         initial(s0, out);
         if (t_end > t_) advance(t_end, out);
@@ -160,6 +161,8 @@ void Integrator::run(const double* t0_nodes, const double* s0, double t0, double
     }
     r.time = t_;
     r.filled = out.next;
+    if (o_.turnings) turnings_.end();
+    r.turnings.swap(turnings_.found);
     const double nan = std::numeric_limits<double>::quiet_NaN();
     const size_t first = static_cast<size_t>(out.next) * nobs, last = static_cast<size_t>(nout) * nobs;
     if (r.traces) std::fill(r.traces + first, r.traces + last, nan);
@@ -173,7 +176,7 @@ void Integrator::run(const double* t0_nodes, const double* s0, double t0, double
     for (size_t k = 0; k < E_con_.size(); ++k) {
         r.conductor_energy[p_.con.original[k]] = E_con_[k];
         if (p_.con.b[k] >= n_) r.boundary_energy[p_.con.b[k] - n_] += E_con_[k];
-        if (p_.con.a[k] >= n_ && p_.con.kind[k] != FLOW) r.boundary_energy[p_.con.a[k] - n_] -= E_con_[k];
+        if (p_.con.a[k] >= n_ && !is(p_.con.kind[k], ONE_WAY)) r.boundary_energy[p_.con.a[k] - n_] -= E_con_[k];
     }
 }
 

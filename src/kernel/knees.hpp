@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "laws.hpp"
+
 namespace thermid {
 
 // A sensor over a step: temperatures at its ends, and their slopes times its length.
@@ -12,6 +14,13 @@ struct Sweep {
     double t0, t1, a, b;
     double at(double x) const { return t0 + x * (a + x * (3.0 * (t1 - t0) - 2.0 * a - b + x * (a + b - 2.0 * (t1 - t0)))); }
 };
+
+// What a conductor with a knee is over, from both ends' temperatures.
+inline Sweep knee_of(int kind, const Sweep& a, const Sweep& b) {
+    const bool mean = is(kind, KNEE_OF_MEAN);
+    const double x = mean ? Mean::OF_A : Difference::OF_A, y = mean ? Mean::OF_B : Difference::OF_B;
+    return {x * a.t0 + y * b.t0, x * a.t1 + y * b.t1, x * a.a + y * b.a, x * a.b + y * b.b};
+}
 
 struct Knee {
     double error = 0.0, least = 0.0, where = 0.0;  // of the step's end [K]: for the knee where it lies, at the worst place; part of the step before it

@@ -42,19 +42,26 @@ THERMID_CLONES void grid_stage(const double* THERMID_RESTRICT gx, const double* 
         z2[i] = mu * z1[i] + nu * z2[i] + a * ic[i] * grid_sum(gx, gy, gz, z1, i, plane, row) + b * rate[i];
 }
 
-// Conductors to one boundary at consecutive slots: flow out of each node, and its slope.
-THERMID_CLONES void quarter_power(const double* THERMID_RESTRICT t, const double* THERMID_RESTRICT c, double* THERMID_RESTRICT q, int m,
-                                  double tb, double f) {
-    for (int k = 0; k < m; ++k) {
-        const double d = t[k] - tb;
-        q[k] = f * c[k] * d * std::sqrt(std::sqrt(std::sqrt(d * d + SMOOTH2)));
-    }
+// Heat of conductors to one boundary at consecutive slots, without slopes.
+struct Towards {
+    const double *t, *c;
+    double tb, f, c1;
+    const Table* tables;
+    double* q;
+};
+template <class Law, class C>
+THERMID_INLINE void each(const Towards& x, int m, C c1) {
+    const double *THERMID_RESTRICT t = x.t, *THERMID_RESTRICT c = x.c;
+    double* THERMID_RESTRICT q = x.q;
+    for (int k = 0; k < m; ++k) q[k] = Law::heat(t[k], x.tb, x.f * c[k], c1, Tables{x.tables}).q;
 }
-
-THERMID_CLONES void radiation(const double* THERMID_RESTRICT t, const double* THERMID_RESTRICT c, double* THERMID_RESTRICT q, int m,
-                              double tb, double f) {
-    for (int k = 0; k < m; ++k) q[k] = f * c[k] * (t[k] * t[k] + tb * tb) * (t[k] + tb) * (t[k] - tb);
-}
+#define THERMID_HEATS(KIND, LAW, ...) THERMID_CLONES void heats_of_##KIND(const Towards& x, int m) { each<LAW>(x, m, x.c1); }
+THERMID_CONDUCTORS(THERMID_HEATS)
+#undef THERMID_HEATS
+THERMID_CLONES void quarter_heats(const Towards& x, int m) { each<Power>(x, m, Quarter{}); }
+#define THERMID_HEATS(KIND, ...) heats_of_##KIND,
+constexpr void (*HEATS_OF[])(const Towards&, int) = {THERMID_CONDUCTORS(THERMID_HEATS)};
+#undef THERMID_HEATS
 
 // Eight values at a time, so that none waits for the one before it.
 THERMID_CLONES void summarise(const double* THERMID_RESTRICT t, const double* THERMID_RESTRICT t1, const double* THERMID_RESTRICT g,
@@ -153,9 +160,10 @@ void LargeProblem::prepare() {
     int done = 0;
     for (RowGroup& g : rows) {
         require(g.begin == done && g.end >= g.begin && g.end <= static_cast<int>(a.size()), "rows: groups must follow one another");
-        require(g.kind >= 0 && g.kind < CONDUCTOR_KINDS && g.kind != FLOW, "rows: no such kind");
+        require(g.kind >= 0 && g.kind < CONDUCTOR_KINDS && !is(g.kind, ONE_WAY), "rows: no such kind");
         require(g.boundary >= -1 && g.boundary < nb && g.input >= -1 && g.input < inputs_n, "rows: no such boundary or input");
         require(!tables_of(g.kind) || (g.table >= 0 && g.table + tables_of(g.kind) <= tables_n), "rows: no such table");
+        g.table = std::max(g.table, 0);
         for (int r = g.begin; r < g.end; ++r) {
             require(a[r] >= 0 && a[r] < n && (g.boundary >= 0 || (b[r] >= 0 && b[r] < n && b[r] != a[r])), "rows: no such node");
             a_slot[r] = place(a[r]);
@@ -168,11 +176,12 @@ void LargeProblem::prepare() {
     require(done == static_cast<int>(a.size()), "rows: some belong to no group");
     done = 0;
     node_slot.resize(node.size());
-    for (const LoadGroup& g : loads) {
+    for (LoadGroup& g : loads) {
         require(g.begin == done && g.end >= g.begin && g.end <= static_cast<int>(node.size()), "loads: groups must follow one another");
         require(g.kind >= 0 && g.kind < LOAD_KINDS && g.kind != THERMOSTAT, "loads: no such kind");
         require(g.input >= -1 && g.input < inputs_n && g.tag >= 0 && g.tag < tags, "loads: no such input or tag");
-        require(g.kind != TABLE || (g.table >= 0 && g.table < tables_n), "loads: no such table");
+        require(!LOAD_LAWS[g.kind].tables || (g.table >= 0 && g.table < tables_n), "loads: no such table");
+        g.table = std::max(g.table, 0);
         for (int r = g.begin; r < g.end; ++r) require(node[r] >= 0 && node[r] < n, "loads: no such node");
         done = g.end;
     }
@@ -220,11 +229,11 @@ void RowHeat::evaluate_moving(const LargeProblem& p, const double* u) {
 
 void RowHeat::row_group(const LargeProblem& p, const RowGroup& g, const double* u, bool slopes) {
     const double f = g.input >= 0 ? u[g.input] : 1.0;
+    const Table* tables = p.tables.data() + g.table;
     if (g.boundary < 0) {
-        const Table* table = g.table >= 0 ? &p.tables[g.table] : nullptr;
         for (int r = g.begin; r < g.end; ++r) {
             const int i = p.a_slot[r], j = p.b_slot[r];
-            const Conduct<double> c = conductor<double>(g.kind, t[i], t[j], f * p.c0[r], g.c1, table);
+            const Conduct<double> c = conductor(g.kind, t[i], t[j], f * p.c0[r], g.c1, tables);
             heat[i] -= c.q;
             heat[j] += c.q;
             if (slopes) pair[r] = 0.5 * (c.qa - c.qb);  // symmetric part: Newton converges a little more slowly, gradients stay conjugate
@@ -234,19 +243,18 @@ void RowHeat::row_group(const LargeProblem& p, const RowGroup& g, const double* 
     const int input = p.boundary_input[g.boundary], m = g.end - g.begin;
     const double tb = p.boundary_offset[g.boundary] + (input >= 0 ? u[input] : 0.0);
     const int first = m ? p.a_slot[g.begin] : 0;
-    const bool fast = !slopes && g.consecutive && (g.kind == RADIATION || (g.kind == POWER && g.c1 == 0.25));
     double total = 0.0;
-    if (fast) {
-        (g.kind == POWER ? quarter_power : radiation)(t.data() + first, p.c0.data() + g.begin, q.data() + g.begin, m, tb, f);
+    if (!slopes && g.consecutive) {
+        const Towards x{t.data() + first, p.c0.data() + g.begin, tb, f, g.c1, tables, q.data() + g.begin};
+        (g.kind == POWER && g.c1 == 0.25 ? quarter_heats : HEATS_OF[g.kind])(x, m);
         for (int k = 0; k < m; ++k) {
             heat[first + k] -= q[g.begin + k];
             total += q[g.begin + k];
         }
     } else {
-        const Table* table = g.table >= 0 ? &p.tables[g.table] : nullptr;
         for (int r = g.begin; r < g.end; ++r) {
             const int i = p.a_slot[r];
-            const Conduct<double> c = conductor<double>(g.kind, t[i], tb, f * p.c0[r], g.c1, table);
+            const Conduct<double> c = conductor(g.kind, t[i], tb, f * p.c0[r], g.c1, tables);
             heat[i] -= c.q;
             total += c.q;
             if (slopes) {
@@ -260,21 +268,18 @@ void RowHeat::row_group(const LargeProblem& p, const RowGroup& g, const double* 
 
 void RowHeat::load_group(const LargeProblem& p, const LoadGroup& g, const double* u, bool slopes) {
     const double f = g.input >= 0 ? u[g.input] : 1.0;
-    const Table* table = g.table >= 0 ? &p.tables[g.table] : nullptr;
+    const Table* tables = p.tables.data() + g.table;
     double total = 0.0;
-    for (int r = g.begin; r < g.end; ++r) {
-        const int i = p.node_slot[r];
-        if (g.kind == SIGNAL) {
-            heat[i] += f * p.c[0][r];
-            total += f * p.c[0][r];
-            continue;
+    with_load(g.kind, [&](auto law) {
+        for (int r = g.begin; r < g.end; ++r) {
+            const int i = p.node_slot[r];
+            const double c[4] = {f * p.c[0][r], p.c[1][r], p.c[2][r], p.c[3][r]};
+            const Heat<double> w = law.heat(t[i], c, Tables{tables}, false);
+            heat[i] += w.p;
+            total += w.p;
+            if (slopes) slope[i] -= w.pt;
         }
-        const double c[4] = {f * p.c[0][r], p.c[1][r], p.c[2][r], p.c[3][r]};
-        const Heat<double> w = load<double>(g.kind, t[i], c, table, false);
-        heat[i] += w.p;
-        total += w.p;
-        if (slopes) slope[i] -= w.pt;
-    }
+    });
     power[g.tag] += total;
 }
 

@@ -1,6 +1,7 @@
 // The table of laws: heat of one conductor or load, and its first derivatives.
-// Each law is written once over a scalar type: with double it serves the integrator, with Dual (a directional
-// derivative) it gives the exact second derivatives that the dense output's sensitivities need.
+// Each law is one function over a scalar type X: with double it serves the integrator and large networks, with Dual (a directional
+// derivative) it gives exact second derivatives, with a vector of lanes it serves eight members of an ensemble at once. A new law is such
+// a function and a row in THERMID_CONDUCTORS or THERMID_LOADS; names, coefficients and tables are columns of that row, which Python reads.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -9,30 +10,9 @@
 #include <vector>
 
 #include "ensemble_lanes.hpp"
+#include "scalars.hpp"
 
 namespace thermid {
-
-struct Dual {
-    double v = 0.0, e = 0.0;
-    Dual() = default;
-    Dual(double value, double eps = 0.0) : v(value), e(eps) {}
-};
-inline Dual operator+(Dual a, Dual b) { return {a.v + b.v, a.e + b.e}; }
-inline Dual operator-(Dual a, Dual b) { return {a.v - b.v, a.e - b.e}; }
-inline Dual operator*(Dual a, Dual b) { return {a.v * b.v, a.e * b.v + a.v * b.e}; }
-inline Dual operator/(Dual a, Dual b) { return {a.v / b.v, (a.e - a.v / b.v * b.e) / b.v}; }
-inline Dual exp(Dual a) { double g = std::exp(a.v); return {g, g * a.e}; }
-inline Dual sqrt(Dual a) { double g = std::sqrt(a.v); return {g, 0.5 * a.e / g}; }
-inline Dual log(Dual a) { return {std::log(a.v), a.e / a.v}; }
-inline double value(double a) { return a; }
-inline double value(Dual a) { return a.v; }
-
-// e^m for e > 0; quarter powers (laminar natural convection) need no logarithm.
-inline double power(double e, double m) { return m == 0.125 ? std::sqrt(std::sqrt(std::sqrt(e))) : std::pow(e, m); }
-inline Dual power(Dual e, Dual m) {
-    double g = power(e.v, m.v);
-    return {g, g * (m.v * e.e / e.v + (m.e != 0.0 ? m.e * std::log(e.v) : 0.0))};
-}
 
 // Cubic Hermite table g(x): knots, values, slopes; constant outside. Knots may lie as close together as a law needs them; equal buckets
 // lead to them, most of which hold at most one, so that a look-up costs about as much as a power.
@@ -108,195 +88,275 @@ struct Table {
     int bucket(double at) const { return std::min(static_cast<int>((at - x.front()) * per_kelvin_), static_cast<int>(first_.size()) - 2); }
 };
 
-enum ConductorKind { LINEAR = 0, POWER, RADIATION, FLOW, TABLE_MEAN, TABLE_DIFF, GAS, NATURAL, POTENTIAL, HINGE_MEAN, HINGE_DIFF, CONDUCTOR_KINDS };
-enum LoadKind { SIGNAL = 0, POLY, EXP, TABLE, THERMOSTAT, PROPORTIONAL, LOAD_KINDS };
 enum InputKind { SAMPLED_LINEAR = 0, SAMPLED_HOLD, SINE, CONSTANT, INPUT_KINDS };
-
-// Laws of two coefficients, and how many tables stand one behind the other for a law.
-inline bool is_hinge(int kind) { return kind == HINGE_MEAN || kind == HINGE_DIFF; }
-inline bool has_second(int kind) { return kind == POWER || kind == GAS || kind == NATURAL || is_hinge(kind); }
-inline int tables_of(int kind) { return kind == NATURAL ? 3 : kind == POTENTIAL ? 2 : kind == TABLE_MEAN || kind == TABLE_DIFF || kind == GAS ? 1 : 0; }
 
 constexpr double COLDEST = -1e-6;  // what the error of steps may leave of a node that rests at 0 K [K]
 constexpr double GAS_ANCHOR = 300.0;  // temperature to which the coefficients of gas laws refer [K]
 constexpr double SMOOTH2 = 1e-4;  // (0.01 K)^2: |dT|^c1 has no second derivative at dT = 0, where runs start
 
-// (u)+, rounded over ROUND on either side, and its slope: a table of straight lines is a sum of these, one for each of its points, so
-// that its points may move with their derivatives.
-constexpr double ROUND = 1e-3;  // [K]
+// A table's value and slope, and where laws look up their tables, one behind the other.
 template <class X>
-inline void hinge(X u, X& g, X& g1) {
-    if (!(value(u) > -ROUND)) { g = g1 = X(0.0); return; }
-    if (value(u) >= ROUND) { g = u; g1 = X(1.0); return; }
-    const X w = u + X(ROUND);
-    g = w * w * X(0.25 / ROUND);
-    g1 = w * X(0.5 / ROUND);
-}
+struct Looked { X g, g1; };
+struct Tables {
+    const Table* first;
+    template <class X>
+    THERMID_INLINE Looked<X> at(int k, X x) const {
+        Looked<X> r;
+        first[k].eval(x, r.g, r.g1);
+        return r;
+    }
+};
+struct KeptTables {  // each first on the piece of the time before
+    const Table* first;
+    int* piece;
+    THERMID_INLINE Looked<double> at(int k, double x) const {
+        Looked<double> r;
+        first[k].eval(x, r.g, r.g1, piece[k]);
+        return r;
+    }
+};
 
-// Conductor: heat a->b is c0 * phi; q_a, q_b are dq/dTa and dq/dTb; q_1 is dq/dc1.
+// ---- Laws of conductors
+
+// Heat from a to b is q = c0 phi; qa, qb and q1 are dq/dTa, dq/dTb and dq/dc1.
 template <class X>
 struct Conduct { X q, phi, qa, qb, q1; };
 
-template <class X>
-inline Conduct<X> conductor(int kind, X ta, X tb, X c0, X c1, const thermid::Table* table) {
-    Conduct<X> r;
-    const X d = ta - tb;
-    r.q1 = X(0.0);
-    switch (kind) {
-        case POWER: {
-            const X e = d * d + X(SMOOTH2), p = power(e, c1 * X(0.5));
-            r.phi = d * p;
-            r.qa = c0 * p * (X(1.0) + c1 * d * d / e);
-            r.qb = X(0.0) - r.qa;
-            break;
-        }
-        case RADIATION: {
-            const X a2 = ta * ta, b2 = tb * tb;
-            r.phi = (a2 + b2) * (ta + tb) * d;
-            r.qa = X(4.0) * c0 * a2 * ta;
-            r.qb = X(-4.0) * c0 * b2 * tb;
-            break;
-        }
-        case TABLE_MEAN: {
-            X g, g1;
-            table->eval((ta + tb) * X(0.5), g, g1);
-            r.phi = g * d;
-            r.qa = c0 * (X(0.5) * g1 * d + g);
-            r.qb = c0 * (X(0.5) * g1 * d - g);
-            break;
-        }
-        case TABLE_DIFF: {
-            X g, g1;
-            table->eval(d, g, g1);
-            r.phi = g * d;
-            r.qa = c0 * (g1 * d + g);
-            r.qb = X(0.0) - r.qa;
-            break;
-        }
-        case GAS: {  // gas at rest: c0 the conductance of the continuum, c1 that of free molecules over it, which goes with pressure
-            using std::sqrt;
-            const X tm = (ta + tb) * X(0.5);
-            X g, g1;
-            table->eval(tm, g, g1);
-            const X s = sqrt(tm * X(1.0 / GAS_ANCHOR)), k = g * s, w = c1 + k, share = c1 / w;
-            const X dt = X(0.5) * d * share * (g1 - g * (g1 * s + k / (tm * X(2.0))) / w);
-            r.phi = d * g * share;
-            r.qa = c0 * (dt + g * share);
-            r.qb = c0 * (dt - g * share);
-            r.q1 = c0 * d * g * k / (w * w);
-            break;
-        }
-        case NATURAL: {  // free convection beyond conduction: tables of Nu over signed Ra^(1/4), k and Ra^(1/4) over film temperature
-            const X tm = (ta + tb) * X(0.5), e = d * d + X(SMOOTH2), y = power(e, X(0.125)), y3 = X(1.0) / (y * y * y), w = d * y3;
-            X n, n1, g, g1, f, f1;
-            table[1].eval(tm, g, g1);
-            table[2].eval(tm, f, f1);
-            table[0].eval(c1 * f * w, n, n1);
-            const X rise = d * g * n1 * c1, dt = X(0.5) * (d * g1 * n + rise * f1 * w);
-            const X dd = g * n + rise * f * y3 * (X(1.0) - X(0.75) * d * d / e);
-            r.phi = d * g * n;
-            r.qa = c0 * (dt + dd);
-            r.qb = c0 * (dt - dd);
-            r.q1 = c0 * d * g * n1 * f * w;
-            break;
-        }
-        case POTENTIAL: {  // each end has a table: integrals of k over temperature, or the temperature that belongs to an enthalpy
-            X g, g1, f, f1;
-            table[0].eval(ta, g, g1);
-            table[1].eval(tb, f, f1);
-            r.phi = g - f;
-            r.qa = c0 * g1;
-            r.qb = X(0.0) - c0 * f1;
-            break;
-        }
-        case HINGE_MEAN: {  // c1 the mean temperature where it begins
-            X g, g1;
-            hinge((ta + tb) * X(0.5) - c1, g, g1);
-            const X bend = X(0.5) * g1 * d;
-            r.phi = g * d;
-            r.qa = c0 * (bend + g);
-            r.qb = c0 * (bend - g);
-            r.q1 = X(-1.0) * c0 * g1 * d;
-            break;
-        }
-        case HINGE_DIFF: {  // c1 the difference where it begins
-            X g, g1;
-            hinge(d - c1, g, g1);
-            r.phi = g * d;
-            r.qa = c0 * (g1 * d + g);
-            r.qb = X(0.0) - r.qa;
-            r.q1 = X(-1.0) * c0 * g1 * d;
-            break;
-        }
-        default:  // LINEAR, FLOW
-            r.phi = d;
-            r.qa = c0;
-            r.qb = X(0.0) - c0;
+struct Linear {  // c0 (Ta - Tb); of a flow it is what b gains, and a keeps its heat
+    template <class X, class C, class T>
+    static THERMID_INLINE Conduct<X> heat(X ta, X tb, X c0, C, const T&) {
+        const X d = ta - tb;
+        return {c0 * d, d, c0, -c0, number<X>(0.0)};
     }
-    r.q = c0 * r.phi;
-    return r;
-}
+};
 
-// dq/dc1 of a POWER conductor, wanted only where the exponent is a parameter; gas laws have theirs at hand.
-template <class X>
-inline X conductor_exponent(X ta, X tb, X q) {
-    using std::log;
-    const X d = ta - tb;
-    return X(0.5) * q * log(d * d + X(SMOOTH2));
-}
+struct Power {  // c0 d (d^2 + s)^(c1/2), d = Ta - Tb
+    template <class X, class C, class T>
+    static THERMID_INLINE Conduct<X> heat(X ta, X tb, X c0, C c1, const T&) {
+        const X d = ta - tb, dd = d * d, e = dd + SMOOTH2;
+        const Roots<X> r = Elementary<X>::roots(e, dd, c1);
+        const X phi = d * r.power, qa = c0 * r.power * (1.0 + exponent_of<X>(c1) * r.share);
+        return {c0 * phi, phi, qa, -qa, 0.5 * (c0 * phi) * Elementary<X>::logarithm(e)};
+    }
+};
 
-// Load: power, its slope in the sensor temperature, and dp/dc.
+struct Radiation {  // c0 (Ta^4 - Tb^4)
+    template <class X, class C, class T>
+    static THERMID_INLINE Conduct<X> heat(X ta, X tb, X c0, C, const T&) {
+        const X a2 = ta * ta, b2 = tb * tb, phi = (a2 + b2) * (ta + tb) * (ta - tb);
+        return {c0 * phi, phi, 4.0 * c0 * a2 * ta, -4.0 * c0 * b2 * tb, number<X>(0.0)};
+    }
+};
+
+// What a conductance g is over: the mean of both temperatures, or the first less the second.
+struct Mean {
+    static constexpr double OF_A = 0.5, OF_B = 0.5;
+    template <class X>
+    static THERMID_INLINE X of(X ta, X tb) { return (ta + tb) * 0.5; }
+    template <class X>
+    static THERMID_INLINE Conduct<X> heat(X d, X c0, Looked<X> x) {
+        const X bend = 0.5 * x.g1 * d, phi = x.g * d;
+        return {c0 * phi, phi, c0 * (bend + x.g), c0 * (bend - x.g), number<X>(0.0)};
+    }
+};
+struct Difference {
+    static constexpr double OF_A = 1.0, OF_B = -1.0;
+    template <class X>
+    static THERMID_INLINE X of(X ta, X tb) { return ta - tb; }
+    template <class X>
+    static THERMID_INLINE Conduct<X> heat(X d, X c0, Looked<X> x) {
+        const X phi = x.g * d, qa = c0 * (x.g1 * d + x.g);
+        return {c0 * phi, phi, qa, -qa, number<X>(0.0)};
+    }
+};
+
+template <class Over>
+struct Tabulated {  // c0 g(u) (Ta - Tb)
+    template <class X, class C, class T>
+    static THERMID_INLINE Conduct<X> heat(X ta, X tb, X c0, C, const T& tables) { return Over::heat(ta - tb, c0, tables.at(0, Over::of(ta, tb))); }
+};
+
+// c0 (u - c1)+ (Ta - Tb), the corner rounded over ROUND on either side: a table of straight lines is a sum of these, one for each of its
+// points, so that its points may move with their derivatives.
+constexpr double ROUND = 1e-3;  // [K]
+template <class Over>
+struct Hinge {
+    template <class X, class C, class T>
+    static THERMID_INLINE Conduct<X> heat(X ta, X tb, X c0, C c1, const T&) {
+        const X d = ta - tb, u = Over::of(ta, tb) - c1, w = u + ROUND, none = number<X>(0.0);
+        const auto near = u > number<X>(-ROUND), past = u >= number<X>(ROUND);
+        const Looked<X> x{pick(past, u, pick(near, w * w * (0.25 / ROUND), none)), pick(past, number<X>(1.0), pick(near, w * (0.5 / ROUND), none))};
+        Conduct<X> r = Over::heat(d, c0, x);
+        r.q1 = -(c0 * x.g1 * d);
+        return r;
+    }
+};
+
+struct Gas {  // gas at rest: c0 the conductance of the continuum, c1 that of free molecules over it, which goes with pressure
+    template <class X, class C, class T>
+    static THERMID_INLINE Conduct<X> heat(X ta, X tb, X c0, C c1, const T& tables) {
+        const X tm = (ta + tb) * 0.5, d = ta - tb;
+        const Looked<X> g = tables.at(0, tm);
+        const X s = Elementary<X>::root(tm * (1.0 / GAS_ANCHOR)), k = g.g * s, w = c1 + k, share = c1 / w;
+        const X dt = 0.5 * d * share * (g.g1 - g.g * (g.g1 * s + k / (2.0 * tm)) / w), phi = d * g.g * share;
+        return {c0 * phi, phi, c0 * (dt + g.g * share), c0 * (dt - g.g * share), c0 * d * g.g * k / (w * w)};
+    }
+};
+
+struct Natural {  // free convection beyond conduction: tables of Nu over signed Ra^(1/4), k and Ra^(1/4) over film temperature
+    template <class X, class C, class T>
+    static THERMID_INLINE Conduct<X> heat(X ta, X tb, X c0, C c1, const T& tables) {
+        const X tm = (ta + tb) * 0.5, d = ta - tb, dd = d * d, e = dd + SMOOTH2;
+        const Roots<X> r = Elementary<X>::roots(e, dd, Quarter{});
+        const X y3 = 1.0 / (r.power * r.power * r.power), w = d * y3;
+        const Looked<X> g = tables.at(1, tm), f = tables.at(2, tm), n = tables.at(0, c1 * f.g * w);
+        const X rise = d * g.g * n.g1 * c1, dt = 0.5 * (d * g.g1 * n.g + rise * f.g1 * w), phi = d * g.g * n.g;
+        const X across = g.g * n.g + rise * f.g * y3 * (1.0 - 0.75 * r.share);
+        return {c0 * phi, phi, c0 * (dt + across), c0 * (dt - across), c0 * d * g.g * n.g1 * f.g * w};
+    }
+};
+
+struct Potential {  // each end has a table: integrals of k over temperature, or the temperature that belongs to an enthalpy
+    template <class X, class C, class T>
+    static THERMID_INLINE Conduct<X> heat(X ta, X tb, X c0, C, const T& tables) {
+        const Looked<X> g = tables.at(0, ta), f = tables.at(1, tb);
+        const X phi = g.g - f.g;
+        return {c0 * phi, phi, c0 * g.g1, -(c0 * f.g1), number<X>(0.0)};
+    }
+};
+
+// How a conductor stands in a network: linear in temperatures; heat to its second end only; a knee where what it is over passes c1.
+enum ConductorTrait { PLAIN = 0, STRAIGHT = 1, ONE_WAY = 2, KNEE_OF_MEAN = 4, KNEE_OF_DIFFERENCE = 8 };
+
+// One row for each law: its number, function, name, coefficients, tables and traits. Rows of one law stand together, in this order.
+#define THERMID_CONDUCTORS(ROW)                                                          \
+    ROW(LINEAR, Linear, "linear", 1, 0, STRAIGHT)                                        \
+    ROW(POWER, Power, "power", 2, 0, PLAIN)                                              \
+    ROW(RADIATION, Radiation, "radiation", 1, 0, PLAIN)                                  \
+    ROW(FLOW, Linear, "flow", 1, 0, STRAIGHT | ONE_WAY)                                  \
+    ROW(TABLE_MEAN, Tabulated<Mean>, "table", 1, 1, PLAIN)                               \
+    ROW(TABLE_DIFF, Tabulated<Difference>, "table of difference", 1, 1, PLAIN)           \
+    ROW(GAS, Gas, "gas", 2, 1, PLAIN)                                                    \
+    ROW(NATURAL, Natural, "natural", 2, 3, PLAIN)                                        \
+    ROW(POTENTIAL, Potential, "potential", 1, 2, PLAIN)                                  \
+    ROW(HINGE_MEAN, Hinge<Mean>, "hinge", 2, 0, KNEE_OF_MEAN)                            \
+    ROW(HINGE_DIFF, Hinge<Difference>, "hinge of difference", 2, 0, KNEE_OF_DIFFERENCE)
+
+// ---- Laws of loads
+
+// Power, its slope in the temperature that counts, and dp/dc.
 template <class X>
 struct Heat { X p, pt, pc[4]; };
 
-template <class X>
-inline Heat<X> load(int kind, X t, const X c[4], const thermid::Table* table, bool on) {
-    using std::exp;
-    Heat<X> r;
-    r.p = r.pt = r.pc[0] = r.pc[1] = r.pc[2] = r.pc[3] = X(0.0);
-    switch (kind) {
-        case SIGNAL: r.p = c[0]; r.pc[0] = X(1.0); break;
-        case POLY: {
-            const X x = t - c[3];
-            r.pc[0] = X(1.0) + x * (c[1] + c[2] * x);
-            r.pc[1] = c[0] * x;
-            r.pc[2] = c[0] * x * x;
-            r.pt = c[0] * (c[1] + X(2.0) * c[2] * x);
-            r.pc[3] = X(0.0) - r.pt;
-            r.p = c[0] * r.pc[0];
-            break;
-        }
-        case EXP: {
-            const X x = t - c[3];
-            r.pc[0] = exp(c[1] * x);
-            r.p = c[0] * r.pc[0];
-            r.pc[1] = r.p * x;
-            r.pt = r.p * c[1];
-            r.pc[3] = X(0.0) - r.pt;
-            break;
-        }
-        case TABLE: {
-            X g, g1;
-            table->eval(t, g, g1);
-            r.p = c[0] * g;
-            r.pt = c[0] * g1;
-            r.pc[0] = g;
-            break;
-        }
-        case THERMOSTAT:
-            if (on) { r.p = c[0]; r.pc[0] = X(1.0); }
-            break;
-        case PROPORTIONAL: {
-            const X p = c[0] * (c[1] - t);
-            if (!(value(p) > 0.0)) break;
-            if (value(p) >= value(c[2])) { r.p = c[2]; r.pc[2] = X(1.0); break; }
-            r.p = p;
-            r.pt = X(0.0) - c[0];
-            r.pc[0] = c[1] - t;
-            r.pc[1] = c[0];
-            break;
-        }
+struct Signal {  // c0
+    template <class X, class T>
+    static THERMID_INLINE Heat<X> heat(X, const X c[4], const T&, bool) {
+        const X none = number<X>(0.0);
+        return {c[0], none, {number<X>(1.0), none, none, none}};
     }
+};
+
+struct Polynomial {  // c0 (1 + c1 x + c2 x^2), x = T - c3
+    template <class X, class T>
+    static THERMID_INLINE Heat<X> heat(X t, const X c[4], const T&, bool) {
+        const X x = t - c[3], unit = 1.0 + x * (c[1] + c[2] * x), slope = c[0] * (c[1] + 2.0 * c[2] * x);
+        return {c[0] * unit, slope, {unit, c[0] * x, c[0] * x * x, -slope}};
+    }
+};
+
+struct Exponential {  // c0 exp(c1 (T - c3))
+    template <class X, class T>
+    static THERMID_INLINE Heat<X> heat(X t, const X c[4], const T&, bool) {
+        const X x = t - c[3], unit = Elementary<X>::exponential(c[1] * x), p = c[0] * unit, slope = p * c[1];
+        return {p, slope, {unit, p * x, number<X>(0.0), -slope}};
+    }
+};
+
+struct TabulatedPower {  // c0 g(T)
+    template <class X, class T>
+    static THERMID_INLINE Heat<X> heat(X t, const X c[4], const T& tables, bool) {
+        const Looked<X> x = tables.at(0, t);
+        const X none = number<X>(0.0);
+        return {c[0] * x.g, c[0] * x.g1, {x.g, none, none, none}};
+    }
+};
+
+struct Thermostat {  // c0 while it is on; c1, c2: where it switches on and off
+    template <class X, class T>
+    static THERMID_INLINE Heat<X> heat(X, const X c[4], const T&, bool on) {
+        const X none = number<X>(0.0);
+        return {on ? c[0] : none, none, {number<X>(on ? 1.0 : 0.0), none, none, none}};
+    }
+};
+
+struct Proportional {  // c0 (c1 - T), between zero and c2
+    template <class X, class T>
+    static THERMID_INLINE Heat<X> heat(X t, const X c[4], const T&, bool) {
+        const X gap = c[1] - t, wanted = c[0] * gap, none = number<X>(0.0);
+        const auto some = wanted > none, full = wanted >= c[2];
+        auto within = [&](X band, X top) { return pick(some, pick(full, top, band), none); };
+        return {within(wanted, c[2]), within(-c[0], none), {within(gap, none), within(c[0], none), within(none, number<X>(1.0)), none}};
+    }
+};
+
+// One row for each law: its number, function, name, coefficients and tables.
+#define THERMID_LOADS(ROW)                               \
+    ROW(SIGNAL, Signal, "signal", 1, 0)                  \
+    ROW(POLY, Polynomial, "polynomial", 4, 0)            \
+    ROW(EXP, Exponential, "exponential", 4, 0)           \
+    ROW(TABLE, TabulatedPower, "table", 1, 1)            \
+    ROW(THERMOSTAT, Thermostat, "thermostat", 3, 0)      \
+    ROW(PROPORTIONAL, Proportional, "proportional", 3, 0)
+
+// ---- The tables of laws
+
+#define THERMID_KIND(KIND, ...) KIND,
+enum ConductorKind { THERMID_CONDUCTORS(THERMID_KIND) CONDUCTOR_KINDS };
+enum LoadKind { THERMID_LOADS(THERMID_KIND) LOAD_KINDS };
+#undef THERMID_KIND
+
+struct LawRow { const char *kind, *name; int coefficients, tables, traits; };
+#define THERMID_LAW_ROW(KIND, LAW, NAME, COEFFICIENTS, TABLES, TRAITS) {#KIND, NAME, COEFFICIENTS, TABLES, TRAITS},
+#define THERMID_LOAD_ROW(KIND, LAW, NAME, COEFFICIENTS, TABLES) {#KIND, NAME, COEFFICIENTS, TABLES, PLAIN},
+constexpr LawRow CONDUCTOR_LAWS[] = {THERMID_CONDUCTORS(THERMID_LAW_ROW)};
+constexpr LawRow LOAD_LAWS[] = {THERMID_LOADS(THERMID_LOAD_ROW)};
+#undef THERMID_LAW_ROW
+#undef THERMID_LOAD_ROW
+
+constexpr int MOST_TABLES = 3;  // of one law
+
+constexpr bool has_second(int kind) { return CONDUCTOR_LAWS[kind].coefficients > 1; }
+constexpr int tables_of(int kind) { return CONDUCTOR_LAWS[kind].tables; }
+constexpr bool is(int kind, int trait) { return (CONDUCTOR_LAWS[kind].traits & trait) != 0; }
+constexpr bool has_knee(int kind) { return is(kind, KNEE_OF_MEAN | KNEE_OF_DIFFERENCE); }
+
+// Calls f with the law of a kind.
+#define THERMID_CASE(KIND, LAW, ...) case KIND: f(LAW{}); return;
+template <class F>
+THERMID_INLINE void with_conductor(int kind, F f) {
+    switch (kind) { THERMID_CONDUCTORS(THERMID_CASE) }
+}
+template <class F>
+THERMID_INLINE void with_load(int kind, F f) {
+    switch (kind) { THERMID_LOADS(THERMID_CASE) }
+}
+#undef THERMID_CASE
+
+// Heat of one conductor; dq/dc1, which may cost a logarithm, where it is SOUGHT.
+template <bool SOUGHT = false, class X>
+inline Conduct<X> conductor(int kind, X ta, X tb, X c0, X c1, const Table* tables) {
+    Conduct<X> r;
+    with_conductor(kind, [&](auto law) {
+        const Conduct<X> x = law.heat(ta, tb, c0, c1, Tables{tables});
+        r = {x.q, x.phi, x.qa, x.qb, SOUGHT ? x.q1 : number<X>(0.0)};
+    });
+    return r;
+}
+
+template <class X>
+inline Heat<X> load(int kind, X t, const X c[4], const Table* tables, bool on) {
+    Heat<X> r;
+    with_load(kind, [&](auto law) { r = law.heat(t, c, Tables{tables}, on); });
     return r;
 }
 

@@ -42,7 +42,8 @@ void Problem::prepare() {
         require(!wanted || (con.table[r] >= 0 && con.table[r] + wanted <= static_cast<int>(tables.size())), where + ": no such table");
         slot(con.c0[r], nc, where);
         slot(con.c1[r], nc, where);
-        knees = knees || is_hinge(con.kind[r]);
+        con.table[r] = std::max(con.table[r], 0);
+        knees = knees || has_knee(con.kind[r]);
     }
     std::vector<int> order(m);
     std::iota(order.begin(), order.end(), 0);
@@ -54,11 +55,13 @@ void Problem::prepare() {
     };
     for (auto* v : {&con.kind, &con.a, &con.b, &con.c0, &con.c1, &con.table}) permute(*v);
     con.original = order;
+    con.place.assign(1, 0);
+    for (int r = 0; r < m; ++r) con.place.push_back(con.place[r] + tables_of(con.kind[r]));
     for (int k = 0; k <= CONDUCTOR_KINDS; ++k)
         kind_begin[k] = static_cast<int>(std::lower_bound(con.kind.begin(), con.kind.end(), k) - con.kind.begin());
 
     // Rows that meet at each node, in the order of rows: counted, then filled.
-    auto meets = [&](int r, int i) { return i < n && (con.b[r] == i || con.kind[r] != FLOW); };
+    auto meets = [&](int r, int i) { return i < n && (con.b[r] == i || !is(con.kind[r], ONE_WAY)); };
     meet_begin.assign(n + 1, 0);
     for (int r = 0; r < m; ++r)
         for (int i : {con.a[r], con.b[r]})
@@ -88,7 +91,8 @@ void Problem::prepare() {
         require(load.kind[r] >= 0 && load.kind[r] < LOAD_KINDS, where + ": no such kind");
         require(load.node[r] >= 0 && load.node[r] < n, where + ": a load needs an unknown node");
         require(load.sensor[r] >= 0 && load.sensor[r] < nodes(), where + ": no such sensor node");
-        require(load.kind[r] != TABLE || (load.table[r] >= 0 && load.table[r] < static_cast<int>(tables.size())), where + ": no such table");
+        require(!LOAD_LAWS[load.kind[r]].tables || (load.table[r] >= 0 && load.table[r] < static_cast<int>(tables.size())), where + ": no such table");
+        load.table[r] = std::max(load.table[r], 0);
         for (int k = 0; k < 4; ++k) {
             slot(load.c[k][r], load.kind[r] == PROPORTIONAL && k == 2 ? nc + 1 : nc, where);
             if (load.c[k][r] < nc) load_entry.push_back({r, k, load.c[k][r]});
@@ -113,7 +117,7 @@ void Problem::find_pattern() {
     for (int r = 0; r < con.size(); ++r) {
         if (con.a[r] >= n || con.b[r] >= n) continue;
         cols[con.b[r]].push_back(con.a[r]);
-        if (con.kind[r] != FLOW) cols[con.a[r]].push_back(con.b[r]);
+        if (!is(con.kind[r], ONE_WAY)) cols[con.a[r]].push_back(con.b[r]);
     }
     for (int r = 0; r < load.size(); ++r)
         if (load.sensor[r] < n && load.kind[r] != SIGNAL) cols[load.node[r]].push_back(load.sensor[r]);
@@ -128,7 +132,7 @@ void Problem::find_pattern() {
         const int a = con.a[r], b = con.b[r];
         add(b, a, {r, 0, 1.0});
         add(b, b, {r, 1, 1.0});
-        if (con.kind[r] == FLOW) continue;
+        if (is(con.kind[r], ONE_WAY)) continue;
         add(a, a, {r, 0, -1.0});
         add(a, b, {r, 1, -1.0});
     }
@@ -164,7 +168,7 @@ Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&
     power.assign(l, 0.0);
     slope.assign(l, 0.0);
     on.assign(l, 0);
-    piece.assign(m, 0);
+    piece.assign(p->con.place.back(), 0);
     f.assign(p->nodes(), 0.0);
     quarter = true;
     for (int r = p->kind_begin[POWER]; r < p->kind_begin[POWER + 1]; ++r) {
@@ -188,10 +192,8 @@ double Evaluation::con_slope(const Entry& e) const {
         case 0: return phi[e.row];
         case 1: {
             const Conductors& c = p->con;
-            const double ta = t[c.a[e.row]], tb = t[c.b[e.row]];
-            if (c.kind[e.row] == POWER) return conductor_exponent<double>(ta, tb, q[e.row]);
-            return conductor<double>(c.kind[e.row], ta, tb, ceff[c.c0[e.row]], ceff[c.c1[e.row]],
-                                     c.table[e.row] >= 0 ? &p->tables[c.table[e.row]] : nullptr).q1;
+            const int r = e.row;
+            return conductor<true>(c.kind[r], t[c.a[r]], t[c.b[r]], ceff[c.c0[r]], ceff[c.c1[r]], p->tables.data() + c.table[r]).q1;
         }
         case 4: return qa[e.row];
         default: return qb[e.row];
@@ -204,7 +206,7 @@ double Evaluation::load_slope(const Entry& e) const {
     const int r = e.row;
     if (ld.kind[r] == SIGNAL) return 1.0;
     const double cs[4] = {ceff[ld.c[0][r]], ceff[ld.c[1][r]], ceff[ld.c[2][r]], ceff[ld.c[3][r]]};
-    return thermid::load<double>(ld.kind[r], t[ld.sensor[r]], cs, ld.table[r] >= 0 ? &p->tables[ld.table[r]] : nullptr, on[r]).pc[e.what];
+    return thermid::load<double>(ld.kind[r], t[ld.sensor[r]], cs, p->tables.data() + ld.table[r], on[r]).pc[e.what];
 }
 
 void Scatter::build(const Problem& p, const CoefJacobian& d) {
@@ -220,7 +222,7 @@ void Scatter::build(const Problem& p, const CoefJacobian& d) {
         const bool plain = e.what == 0 && p.coef_input[e.coef] < 0;
         const int from = plain ? e.row : static_cast<int>(other.size());
         put(plain ? plain_ : parts_, from, p.con.b[e.row], e.coef, 1.0);
-        if (p.con.kind[e.row] != FLOW) put(plain ? plain_ : parts_, from, p.con.a[e.row], e.coef, -1.0);
+        if (!is(p.con.kind[e.row], ONE_WAY)) put(plain ? plain_ : parts_, from, p.con.a[e.row], e.coef, -1.0);
         if (!plain) other.push_back(e);
         exponents = exponents || e.what == 1;
     }
@@ -241,7 +243,7 @@ void Evaluation::add_parameters(Scatter& s, double* fp, double scale) const {
 void Evaluation::pushes_of(const Entry& e, std::vector<Push>& out) const {
     const int n = p->n, first = p->coef_input[e.coef] * n, a = p->con.a[e.row], b = p->con.b[e.row], at = e.what == 4 ? e.row : e.row + p->con.size();
     if (b < n) out.push_back({first + b, at, coef[e.coef]});
-    if (p->con.kind[e.row] != FLOW && a < n) out.push_back({first + a, at, -coef[e.coef]});
+    if (!is(p->con.kind[e.row], ONE_WAY) && a < n) out.push_back({first + a, at, -coef[e.coef]});
 }
 
 void Evaluation::input_slopes(const std::vector<Push>& pushes, const std::vector<Entry>& con, const std::vector<Entry>& load, double* fu) const {
@@ -252,7 +254,7 @@ void Evaluation::input_slopes(const std::vector<Push>& pushes, const std::vector
         double* to = fu + static_cast<size_t>(p->coef_input[e.coef]) * n;
         const double v = con_slope(e) * coef[e.coef];
         if (p->con.b[e.row] < n) to[p->con.b[e.row]] += v;
-        if (p->con.kind[e.row] != FLOW && p->con.a[e.row] < n) to[p->con.a[e.row]] -= v;
+        if (!is(p->con.kind[e.row], ONE_WAY) && p->con.a[e.row] < n) to[p->con.a[e.row]] -= v;
     }
     for (const Entry& e : load) fu[static_cast<size_t>(p->coef_input[e.coef]) * n + p->load.node[e.row]] += load_slope(e) * coef[e.coef];
 }

@@ -16,6 +16,7 @@ struct Entry { int row, what, coef; };
 
 struct Conductors {
     std::vector<int> kind, a, b, c0, c1, table, original;
+    std::vector<int> place;  // of the first table of each among all that conductors look up, and behind it their number
     int size() const { return static_cast<int>(kind.size()); }
 };
 
@@ -102,7 +103,7 @@ struct Evaluation {
     std::vector<double> power, slope;   // loads
     std::vector<uint8_t> on;            // thermostat states (loads)
     std::vector<double> f;              // heat into each unknown node
-    std::vector<int> piece;             // of its table that each conductor stands on
+    std::vector<int> piece;             // of each table that conductors look up, where they stand
     bool quarter = false;               // the exponent of every power law is 1/4, always
 
     Evaluation(const Problem& problem, const double* coefficients);

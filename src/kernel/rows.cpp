@@ -8,75 +8,42 @@ namespace thermid {
 
 namespace {
 
-// Where conductors stand: ends, coefficients, and what is found for each.
+// Where conductors stand: ends, coefficients, tables, and what is found for each.
 struct Rows {
-    const int *a, *b, *c0, *c1;
+    const int *a, *b, *c0, *c1, *table, *place;
     const double *t, *c;
+    const Table* tables;
+    int* piece;
     double *q, *phi, *qa, *qb;
 };
 
-THERMID_CLONES void linear_rows(const Rows x, int first, int last) {
-    const int *THERMID_RESTRICT a = x.a, *THERMID_RESTRICT b = x.b, *THERMID_RESTRICT c0 = x.c0;
+// All rows of one law; `exponent` stands for their second coefficient where it is the same number in all.
+template <class Law, class... C>
+THERMID_INLINE void each(const Rows& x, int first, int last, C... exponent) {
+    const int *THERMID_RESTRICT a = x.a, *THERMID_RESTRICT b = x.b, *THERMID_RESTRICT c0 = x.c0, *THERMID_RESTRICT c1 = x.c1;
     const double *THERMID_RESTRICT t = x.t, *THERMID_RESTRICT c = x.c;
     double *THERMID_RESTRICT q = x.q, *THERMID_RESTRICT phi = x.phi, *THERMID_RESTRICT qa = x.qa, *THERMID_RESTRICT qb = x.qb;
     for (int r = first; r < last; ++r) {
-        const double d = t[a[r]] - t[b[r]], g = c[c0[r]];
-        phi[r] = d;
-        qa[r] = g;
-        qb[r] = -g;
-        q[r] = g * d;
+        const KeptTables tables{x.tables + x.table[r], x.piece + x.place[r]};
+        Conduct<double> y;
+        if constexpr (sizeof...(C) > 0) y = Law::heat(t[a[r]], t[b[r]], c[c0[r]], exponent..., tables);
+        else y = Law::heat(t[a[r]], t[b[r]], c[c0[r]], c[c1[r]], tables);
+        q[r] = y.q;
+        phi[r] = y.phi;
+        qa[r] = y.qa;
+        qb[r] = y.qb;
     }
 }
 
-// Exponent 1/4: |d|^(1/4) = (d^2 + s)^(1/8), three square roots.
-THERMID_CLONES void quarter_rows(const Rows x, int first, int last) {
-    const int *THERMID_RESTRICT a = x.a, *THERMID_RESTRICT b = x.b, *THERMID_RESTRICT c0 = x.c0;
-    const double *THERMID_RESTRICT t = x.t, *THERMID_RESTRICT c = x.c;
-    double *THERMID_RESTRICT q = x.q, *THERMID_RESTRICT phi = x.phi, *THERMID_RESTRICT qa = x.qa, *THERMID_RESTRICT qb = x.qb;
-    for (int r = first; r < last; ++r) {
-        const double d = t[a[r]] - t[b[r]], g = c[c0[r]], e = d * d + SMOOTH2, s = std::sqrt(std::sqrt(std::sqrt(e)));
-        phi[r] = d * s;
-        qa[r] = g * s * (1.0 + 0.25 * d * d / e);
-        qb[r] = -qa[r];
-        q[r] = g * phi[r];
-    }
-}
+#define THERMID_ROWS(KIND, LAW, ...) \
+    THERMID_CLONES void rows_of_##KIND(const Rows& x, int first, int last) { each<LAW>(x, first, last); }
+THERMID_CONDUCTORS(THERMID_ROWS)
+#undef THERMID_ROWS
+THERMID_CLONES void quarter_rows(const Rows& x, int first, int last) { each<Power>(x, first, last, Quarter{}); }
 
-void power_rows(const Rows& x, int first, int last) {
-    for (int r = first; r < last; ++r) {
-        const double d = x.t[x.a[r]] - x.t[x.b[r]], g = x.c[x.c0[r]], c1 = x.c[x.c1[r]], e = d * d + SMOOTH2, s = power(e, 0.5 * c1);
-        x.phi[r] = d * s;
-        x.qa[r] = g * s * (1.0 + c1 * d * d / e);
-        x.qb[r] = -x.qa[r];
-        x.q[r] = g * x.phi[r];
-    }
-}
-
-THERMID_CLONES void radiation_rows(const Rows x, int first, int last) {
-    const int *THERMID_RESTRICT a = x.a, *THERMID_RESTRICT b = x.b, *THERMID_RESTRICT c0 = x.c0;
-    const double *THERMID_RESTRICT t = x.t, *THERMID_RESTRICT c = x.c;
-    double *THERMID_RESTRICT q = x.q, *THERMID_RESTRICT phi = x.phi, *THERMID_RESTRICT qa = x.qa, *THERMID_RESTRICT qb = x.qb;
-    for (int r = first; r < last; ++r) {
-        const double ta = t[a[r]], tb = t[b[r]], a2 = ta * ta, b2 = tb * tb, g = c[c0[r]];
-        phi[r] = (a2 + b2) * (ta + tb) * (ta - tb);
-        qa[r] = 4.0 * g * a2 * ta;
-        qb[r] = -4.0 * g * b2 * tb;
-        q[r] = g * phi[r];
-    }
-}
-
-void table_rows(const Rows& x, const int* table, const Table* tables, int* piece, bool mean, int first, int last) {
-    for (int r = first; r < last; ++r) {
-        const double ta = x.t[x.a[r]], tb = x.t[x.b[r]], d = ta - tb, c = x.c[x.c0[r]];
-        double g, g1;
-        tables[table[r]].eval(mean ? (ta + tb) * 0.5 : d, g, g1, piece[r]);
-        const double bend = (mean ? 0.5 : 1.0) * g1 * d;
-        x.phi[r] = g * d;
-        x.qa[r] = c * (bend + g);
-        x.qb[r] = mean ? c * (bend - g) : -x.qa[r];
-        x.q[r] = c * x.phi[r];
-    }
-}
+#define THERMID_ROWS(KIND, ...) rows_of_##KIND,
+constexpr void (*ROWS_OF[])(const Rows&, int, int) = {THERMID_CONDUCTORS(THERMID_ROWS)};
+#undef THERMID_ROWS
 
 // Behind m numbers, what each of them is less than zero.
 THERMID_CLONES void negatives(double* x, int m) {
@@ -106,21 +73,10 @@ void Evaluation::lean(double w, const double* dir, double* conductors, double* l
 void Evaluation::rows() {
     const Conductors& c = p->con;
     const int* first = p->kind_begin;
-    const Rows x{c.a.data(), c.b.data(), c.c0.data(), c.c1.data(), t.data(), ceff.data(), q.data(), phi.data(), qa, qb};
-    linear_rows(x, first[LINEAR], first[POWER]);
-    if (quarter) quarter_rows(x, first[POWER], first[RADIATION]);
-    else power_rows(x, first[POWER], first[RADIATION]);
-    radiation_rows(x, first[RADIATION], first[FLOW]);
-    table_rows(x, c.table.data(), p->tables.data(), piece.data(), true, first[TABLE_MEAN], first[TABLE_DIFF]);
-    table_rows(x, c.table.data(), p->tables.data(), piece.data(), false, first[TABLE_DIFF], first[GAS]);
-    linear_rows(x, first[FLOW], first[TABLE_MEAN]);
-    for (int r = first[GAS]; r < c.size(); ++r) {
-        const auto y = conductor<double>(c.kind[r], t[c.a[r]], t[c.b[r]], ceff[c.c0[r]], ceff[c.c1[r]], c.table[r] >= 0 ? &p->tables[c.table[r]] : nullptr);
-        q[r] = y.q;
-        phi[r] = y.phi;
-        qa[r] = y.qa;
-        qb[r] = y.qb;
-    }
+    const Rows x{c.a.data(), c.b.data(), c.c0.data(), c.c1.data(), c.table.data(), c.place.data(), t.data(), ceff.data(), p->tables.data(),
+                 piece.data(), q.data(), phi.data(), qa, qb};
+    for (int k = 0; k < CONDUCTOR_KINDS; ++k)
+        if (first[k] < first[k + 1]) (k == POWER && quarter ? quarter_rows : ROWS_OF[k])(x, first[k], first[k + 1]);
     const int *begin = p->meet_begin.data(), *row = p->meet_row.data();
     const double* heat = q.data();
     negatives(q.data(), c.size());
@@ -137,7 +93,7 @@ void Evaluation::rows() {
             continue;
         }
         const double cs[4] = {ce[ld.c[0][r]], ce[ld.c[1][r]], ce[ld.c[2][r]], ce[ld.c[3][r]]};
-        const auto y = thermid::load<double>(ld.kind[r], t[ld.sensor[r]], cs, ld.table[r] >= 0 ? &p->tables[ld.table[r]] : nullptr, on[r]);
+        const auto y = thermid::load<double>(ld.kind[r], t[ld.sensor[r]], cs, p->tables.data() + ld.table[r], on[r]);
         power[r] = y.p;
         slope[r] = y.pt;
         f[ld.node[r]] += y.p;
@@ -162,7 +118,7 @@ void Evaluation::jacobian(double* j) const {
     const Conductors& c = p->con;
     for (int r = 0; r < c.size(); ++r) {
         const size_t a = c.a[r], b = c.b[r];
-        if (c.a[r] < n && c.kind[r] != FLOW) {
+        if (c.a[r] < n && !is(c.kind[r], ONE_WAY)) {
             j[a * n + a] -= qa[r];
             if (c.b[r] < n) j[a * n + b] -= qb[r];
         }

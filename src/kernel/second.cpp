@@ -21,75 +21,53 @@ namespace {
 
 // Where conductors stand, the direction, and what is found for each.
 struct Seconds {
-    const int *a, *b, *c0;
-    const double *t, *dt, *c, *dc, *phi;
-    double *da, *db, *d0;
+    const int *a, *b, *c0, *c1, *table;
+    const double *t, *dt, *c, *dc;
+    const Table* tables;
+    double *da, *db, *d0, *d1;
 };
 
-// q_a = g s (1 + m d^2 / e) with e = d^2 + smoothing, s = e^(m/2), phi = d s, and m = 1/4
-THERMID_CLONES void quarter_seconds(const Seconds x, int first, int last, double rest) {
-    const int *THERMID_RESTRICT a = x.a, *THERMID_RESTRICT b = x.b, *THERMID_RESTRICT c0 = x.c0;
+template <class Law, bool SOUGHT, class... C>
+THERMID_INLINE void each(const Seconds& x, int first, int last, C... exponent) {
+    const int *THERMID_RESTRICT a = x.a, *THERMID_RESTRICT b = x.b, *THERMID_RESTRICT c0 = x.c0, *THERMID_RESTRICT c1 = x.c1;
     const double *THERMID_RESTRICT t = x.t, *THERMID_RESTRICT dt = x.dt, *THERMID_RESTRICT c = x.c, *THERMID_RESTRICT dc = x.dc;
-    const double* THERMID_RESTRICT phi = x.phi;
-    double *THERMID_RESTRICT da = x.da, *THERMID_RESTRICT db = x.db, *THERMID_RESTRICT d0 = x.d0;
+    double *THERMID_RESTRICT da = x.da, *THERMID_RESTRICT db = x.db, *THERMID_RESTRICT d0 = x.d0, *THERMID_RESTRICT d1 = x.d1;
     for (int r = first; r < last; ++r) {
-        const double d = t[a[r]] - t[b[r]], v = dt[a[r]] - dt[b[r]], e = 1.0 / (d * d + SMOOTH2), part = d * d * e;
-        const double s = d != 0.0 ? phi[r] / d : rest, rise = s * (1.0 + 0.25 * part);
-        da[r] = c[c0[r]] * 0.25 * phi[r] * e * (3.0 - 1.75 * part) * v + dc[c0[r]] * rise;
-        db[r] = -da[r];
-        d0[r] = rise * v;
+        const Dual ta(t[a[r]], dt[a[r]]), tb(t[b[r]], dt[b[r]]), g(c[c0[r]], dc[c0[r]]);
+        const Tables tables{x.tables + x.table[r]};
+        Conduct<Dual> y;
+        if constexpr (sizeof...(C) > 0) y = Law::heat(ta, tb, g, exponent..., tables);
+        else y = Law::heat(ta, tb, g, Dual(c[c1[r]], dc[c1[r]]), tables);
+        da[r] = y.qa.e;
+        db[r] = y.qb.e;
+        d0[r] = y.phi.e;
+        if (SOUGHT) d1[r] = y.q1.e;
     }
 }
 
-THERMID_CLONES void radiation_seconds(const Seconds x, int first, int last) {
-    const int *THERMID_RESTRICT a = x.a, *THERMID_RESTRICT b = x.b, *THERMID_RESTRICT c0 = x.c0;
-    const double *THERMID_RESTRICT t = x.t, *THERMID_RESTRICT dt = x.dt, *THERMID_RESTRICT c = x.c, *THERMID_RESTRICT dc = x.dc;
-    double *THERMID_RESTRICT da = x.da, *THERMID_RESTRICT db = x.db, *THERMID_RESTRICT d0 = x.d0;
-    for (int r = first; r < last; ++r) {
-        const double ta = t[a[r]], tb = t[b[r]], va = dt[a[r]], vb = dt[b[r]], a2 = ta * ta, b2 = tb * tb, g = c[c0[r]], e0 = dc[c0[r]];
-        da[r] = 4.0 * a2 * (3.0 * g * va + e0 * ta);
-        db[r] = -4.0 * b2 * (3.0 * g * vb + e0 * tb);
-        d0[r] = 4.0 * (a2 * ta * va - b2 * tb * vb);
-    }
-}
+#define THERMID_SECONDS(KIND, LAW, ...)                                                                                    \
+    THERMID_CLONES void seconds_of_##KIND(const Seconds& x, int first, int last) { each<LAW, false>(x, first, last); }      \
+    void sought_seconds_of_##KIND(const Seconds& x, int first, int last) { each<LAW, true>(x, first, last); }
+THERMID_CONDUCTORS(THERMID_SECONDS)
+#undef THERMID_SECONDS
+THERMID_CLONES void quarter_seconds(const Seconds& x, int first, int last) { each<Power, false>(x, first, last, Quarter{}); }
+
+using Pass = void (*)(const Seconds&, int, int);
+#define THERMID_SECONDS(KIND, ...) {seconds_of_##KIND, sought_seconds_of_##KIND},
+constexpr Pass SECONDS_OF[][2] = {THERMID_CONDUCTORS(THERMID_SECONDS)};
+#undef THERMID_SECONDS
 
 }  // namespace
 
-// Of q_a, q_b and of the heat per coefficient.
+// Of q_a, q_b and of the heat per coefficient; per second coefficient where some of these are sought.
 void SecondOrder::conductors(const Evaluation& at, bool exponents) {
     const Problem& p = *at.p;
     const Conductors& c = p.con;
-    const int *a = c.a.data(), *b = c.b.data(), *first = p.kind_begin;
-    const double *t = at.t.data(), *dt = dt_.data();
-    auto generic = [&](int r) {
-        const Dual ta(t[a[r]], dt[a[r]]), tb(t[b[r]], dt[b[r]]), c0(at.ceff[c.c0[r]], dc_[c.c0[r]]), c1(at.ceff[c.c1[r]], dc_[c.c1[r]]);
-        const auto x = conductor<Dual>(c.kind[r], ta, tb, c0, c1, c.table[r] >= 0 ? &p.tables[c.table[r]] : nullptr);
-        da_[r] = x.qa.e;
-        db_[r] = x.qb.e;
-        d0_[r] = x.phi.e;
-        d1_[r] = c.kind[r] == POWER ? conductor_exponent<Dual>(ta, tb, x.q).e : x.q1.e;
-    };
-    for (int r = first[LINEAR]; r < first[POWER]; ++r) {
-        da_[r] = dc_[c.c0[r]];
-        db_[r] = -da_[r];
-        d0_[r] = dt[a[r]] - dt[b[r]];
-    }
-    const Seconds x{a, b, c.c0.data(), t, dt, at.ceff.data(), dc_.data(), at.phi.data(), da_, db_, d0_.data()};
-    const bool quarter = at.quarter && !exponents;
-    if (quarter) quarter_seconds(x, first[POWER], first[RADIATION], power(SMOOTH2, 0.125));
-    for (int r = first[POWER]; r < first[RADIATION] && !quarter; ++r) {
-        if (exponents || dc_[c.c1[r]] != 0.0) {
-            generic(r);
-            continue;
-        }
-        const double d = t[a[r]] - t[b[r]], v = dt[a[r]] - dt[b[r]], e = 1.0 / (d * d + SMOOTH2), m = at.ceff[c.c1[r]];
-        const double phi = at.phi[r], part = d * d * e, s = d != 0.0 ? phi / d : power(SMOOTH2, 0.5 * m), rise = s * (1.0 + m * part);
-        da_[r] = at.ceff[c.c0[r]] * m * phi * e * (3.0 + (m - 2.0) * part) * v + dc_[c.c0[r]] * rise;
-        db_[r] = -da_[r];
-        d0_[r] = rise * v;
-    }
-    radiation_seconds(x, first[RADIATION], first[FLOW]);
-    for (int r = first[FLOW]; r < c.size(); ++r) generic(r);
+    const Seconds x{c.a.data(), c.b.data(), c.c0.data(), c.c1.data(), c.table.data(), at.t.data(), dt_.data(), at.ceff.data(), dc_.data(),
+                    p.tables.data(), da_, db_, d0_.data(), d1_.data()};
+    for (int k = 0; k < CONDUCTOR_KINDS; ++k)
+        if (p.kind_begin[k] < p.kind_begin[k + 1])
+            (k == POWER && at.quarter && !exponents ? quarter_seconds : SECONDS_OF[k][exponents])(x, p.kind_begin[k], p.kind_begin[k + 1]);
 }
 
 void SecondOrder::loads(const Evaluation& at) {
@@ -100,7 +78,7 @@ void SecondOrder::loads(const Evaluation& at) {
         Dual cs[4];
         for (int k = 0; k < 4; ++k) cs[k] = Dual(at.ceff[ld.c[k][r]], dc_[ld.c[k][r]]);
         const int sensor = ld.sensor[r];
-        const auto x = thermid::load<Dual>(ld.kind[r], Dual(at.t[sensor], dt_[sensor]), cs, ld.table[r] >= 0 ? &p.tables[ld.table[r]] : nullptr,
+        const auto x = thermid::load<Dual>(ld.kind[r], Dual(at.t[sensor], dt_[sensor]), cs, p.tables.data() + ld.table[r],
                                            at.on[r]);
         dl_[r] = x.pt.e;
         for (int k = 0; k < 4; ++k) dlc_[4 * static_cast<size_t>(r) + k] = x.pc[k].e;

@@ -89,19 +89,19 @@ void Integrator::slaved_rows(const Slaved& s, Evaluation& e) const {
     for (int i : s.nodes) e.f[i] = 0.0;
     const Conductors& c = p_.con;
     for (int r : s.con_rows) {
-        const auto x = conductor<double>(c.kind[r], e.t[c.a[r]], e.t[c.b[r]], e.ceff[c.c0[r]], e.ceff[c.c1[r]],
-                                         c.table[r] >= 0 ? &p_.tables[c.table[r]] : nullptr);
+        const auto x = conductor(c.kind[r], e.t[c.a[r]], e.t[c.b[r]], e.ceff[c.c0[r]], e.ceff[c.c1[r]],
+                                         p_.tables.data() + c.table[r]);
         e.q[r] = x.q;
         e.phi[r] = x.phi;
         e.qa[r] = x.qa;
         e.qb[r] = x.qb;
         if (s.is[c.b[r]]) e.f[c.b[r]] += x.q;
-        if (s.is[c.a[r]] && c.kind[r] != FLOW) e.f[c.a[r]] -= x.q;
+        if (s.is[c.a[r]] && !is(c.kind[r], ONE_WAY)) e.f[c.a[r]] -= x.q;
     }
     const Loads& l = p_.load;
     for (int r : s.load_rows) {
         const double cs[4] = {e.ceff[l.c[0][r]], e.ceff[l.c[1][r]], e.ceff[l.c[2][r]], e.ceff[l.c[3][r]]};
-        const auto x = load<double>(l.kind[r], e.t[l.sensor[r]], cs, l.table[r] >= 0 ? &p_.tables[l.table[r]] : nullptr, e.on[r]);
+        const auto x = load<double>(l.kind[r], e.t[l.sensor[r]], cs, p_.tables.data() + l.table[r], e.on[r]);
         e.power[r] = x.p;
         e.slope[r] = x.pt;
         e.f[l.node[r]] += x.p;

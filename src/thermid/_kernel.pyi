@@ -48,6 +48,18 @@ SINGULAR_NODE: Final[int]
 BAD_INPUT: Final[int]
 CHATTER: Final[int]
 
+# The tables of laws: form -> (kind, coefficients, tables, linear in temperatures, one way)
+CONDUCTOR_LAWS: Final[dict[str, tuple[int, int, int, bool, bool]]]
+LOAD_LAWS: Final[dict[str, tuple[int, int, int, bool, bool]]]
+GAS_ANCHOR: Final[float]
+SMOOTHING: Final[float]
+
+def conductor_heat(
+    kind: int, hot: _Reals, cold: _Reals, coefficients: _Reals, tables: Sequence[tuple[_Reals, _Reals, _Reals]], by: int = -1
+) -> _Reals: ...
+def conductor_lanes(
+    kind: int, hot: _Reals, cold: _Reals, coefficients: _Reals, tables: Sequence[tuple[_Reals, _Reals, _Reals]], simd: str = ...
+) -> _Reals: ...
 def modal(
     problem: Problem, coef: _Reals, T0: _Reals, t0: float, t_end: float, output_times: _Reals, output_nodes: _Ints
 ) -> tuple[int, int, float, int, _Reals, _Reals, _Reals, _Reals]: ...

@@ -13,10 +13,9 @@ from thermid.files import EXPORT, write_text
 from thermid.interop.formula import Formula, Text, number_text
 from thermid.interop.units_of import si_unit
 from thermid.interop.wired import Wired, identifiers, one_line, refuse_crooked, wired
-from thermid.model.kinds import SMOOTHING
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Drawn, Sine, Table
-from thermid.network.rows import ConductorRow
+from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import Scenario
 
@@ -198,10 +197,10 @@ class _Writer:
             heat.setdefault(source.node, []).append(f"Q_{k}")
         yield "  % Conductances. [W/K]"
         for label, row in w.conductors:
-            if row.form in ("linear", "flow"):
+            if row.law.linear:
                 yield f"  G_{self.rows[label]} = {self._conductance(row)};"
         yield from self._massless(heat)
-        bent = [(label, row) for label, row in w.conductors if row.form not in ("linear", "flow")]
+        bent = [(label, row) for label, row in w.conductors if not row.law.linear]
         for label, row in bent:
             yield f"  G_{self.rows[label]} = {self._conductance(row)};"
         yield "  % Heat flows. [W]"

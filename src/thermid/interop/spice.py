@@ -12,10 +12,9 @@ from thermid.errors import DeckError
 from thermid.files import EXPORT, write_text
 from thermid.interop.formula import number_text
 from thermid.interop.wired import Wired, identifiers, one_line, wired
-from thermid.model.kinds import SMOOTHING
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Drawn, Sine, Table
-from thermid.network.rows import ConductorRow
+from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import Scenario
 

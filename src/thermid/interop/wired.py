@@ -14,6 +14,7 @@ from thermid.model.model import Model
 from thermid.model.signal import Constant, Drawn, Table
 from thermid.network.network import Network
 from thermid.network.rows import ConductorRow
+from thermid.network.streams import signal_of
 from thermid.simulation.engine import Engine
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import network_for
@@ -21,7 +22,6 @@ from thermid.simulation.wiring import Wiring
 
 __all__ = ["Source", "Wired", "identifiers", "named_rows", "one_line", "refuse_crooked", "wired"]
 
-LINEAR = ("linear", "flow")
 TABLES = ("table", "potential", *HINGES.values())
 
 
@@ -105,9 +105,9 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
         raise ScenarioError('an export of a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".', scenario.title)
     network = network_for(model, scenario)
     wiring = Wiring(network, scenario)
-    numbers = with_formulas(network)
+    numbers = wiring.flowing(with_formulas(network), {})
     for row in numbers.conductors:
-        if row.form in (*TABLES, "gas", "natural"):
+        if row.law.tables or row.form in TABLES:
             kind = "a table of points" if row.form in TABLES else "a law of gas at a pressure, which rests on tables"
             raise DeckError(f"'{row.name}' is {kind}, which is not written to {what}.", network.title)
     for node in network.stores:
@@ -135,7 +135,8 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
         rows,
         tuple(sources),
         {b: wiring.signals[f"boundary {b}"] for b in network.boundaries},
-        {name: given.drawn(wiring.scenario.seconds) for name, given in network.media.signals().items()},
+        {name: given.drawn(wiring.scenario.seconds) for name, given in network.media.signals().items()}
+        | {name: given for name, given in wiring.signals.items() if name.startswith(signal_of(""))},
         massive,
     )
 
@@ -159,7 +160,7 @@ def refuse_crooked(w: Wired, what: str) -> None:
     """
     for label, row in w.conductors:
         at = [end for end in row.ends if end in w.massless]
-        if at and row.form not in LINEAR:
+        if at and not row.law.linear:
             raise DeckError(
                 f"'{label}' is not linear ({row.form}) and ends at the massless node '{at[0]}', whose temperature has no formula then. "
                 f"Give the node a capacitance to write the model to {what}.",

@@ -99,6 +99,7 @@ class Channel:
     prompt : bool                   Whether a power or command has a sample at every change, so that the log has its moment.
     samples : str                   Of what drives a model: ``instant`` or ``average`` (the mean over the interval up to the stamp), as
                                     somebody said; empty where nobody did, which is taken as instants.
+    assumed : bool                  Whether nothing said its unit, so that the usual one was taken.
 
     Raises
     ------
@@ -122,6 +123,7 @@ class Channel:
     part: SensorPart | None = None
     prompt: bool = False
     samples: str = ""
+    assumed: bool = False
 
     def __post_init__(self) -> None:
         """Check the parts against each other and lock the arrays."""

@@ -6,25 +6,18 @@ To add a kind: write one recipe below, add one line to KINDS, one test, and one 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Final
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Final
 
 from thermid.dual import Number, value_of
 from thermid.errors import DeckError
-from thermid.model.curves import Curve, evaluate, value_and_slope
 from thermid.physics import conduction, contact, convection, radiation
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.units import TEMPERATURE
 
-__all__ = ["ANCHOR", "HINGES", "KINDS", "Kind", "Law", "law_conductance"]
-
-ANCHOR: Final = 300.0
-"""Temperature to which the coefficients of gas laws refer, here and in the kernel. [K]"""
+__all__ = ["HINGES", "KINDS", "Kind", "Law"]
 
 ACCOMMODATION: Final = 0.9
 """Thermal accommodation of air and heavier gases at surfaces of equipment, where none is given: Springer, Advances in Heat Transfer 7
@@ -33,10 +26,6 @@ ROOM: Final = 293.15
 """Temperature at which the radiation of a lead is made linear. [K]"""
 HINGES: Final = {"temperature": "hinge", "difference": "hinge of difference"}
 """Form of a hinge by what it is over."""
-ROUND: Final = 1e-3
-"""Temperature on either side of a hinge over which it is rounded, here and in the kernel. [K]"""
-SMOOTHING: Final = 0.01
-"""Temperature difference below which a power law is smoothed, so that its derivative stays finite at zero. [K]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +34,14 @@ class Law:
 
     Parameters
     ----------
-    form : str                      linear, power, radiation, flow, table, gas (at rest, rarefied), natural (convection by tables),
-                                    potential (conduction by the integral of a conductivity), or hinge (part of a table that moves).
+    form : str                      A row of `thermid.network.rows.CONDUCTORS`: linear, power, radiation, flow, table, gas (at rest,
+                                    rarefied), natural (convection by tables), potential (conduction by the integral of a
+                                    conductivity), hinge (part of a table that moves), and whatever the kernel has besides.
     coefficients : tuple of Number  What the form needs, the conductance-like one first.
     medium : str                    'solid', 'radiation' or 'gas' (falls with pressure) or 'mixed' (an effective value, gas and radiation);
                                     'rest' (gas in a gap) and 'correlation' are written out where the gas is known; 'fin' has conductances
-                                    in air, bare, and with radiation alone where that is known.
+                                    in air, bare, and with radiation alone where that is known; 'left' is the radiation that an effective
+                                    coefficient holds and that is on its own only where its gas is gone.
     points : tuple                  Of a table that follows values: temperature [K] and conductance [W/K] of each point, joined by straight
                                     lines, constant beyond both ends. A table that an author gives stands in the deck.
     over : str                      What such a table is over: 'temperature', the mean of both ends, or 'difference'.
@@ -181,8 +172,9 @@ def _radiation(f: Fields) -> Law:
 
 
 def _flow(f: Fields) -> Law:
-    mass = f["mass_flow"] if "mass_flow" in f else f["volume_flow"] * f["density"]
-    return Law("flow", (mass * f["specific_heat"],))
+    """Return the heat capacity rate of a stream; of a gas what its density and specific heat are still to be multiplied with."""
+    flow = f["mass_flow"] if "mass_flow" in f else f["volume_flow"]
+    return Law("flow", (flow * f.get("density", 1.0) * f.get("specific_heat", 1.0),))
 
 
 def _lead(f: Fields) -> Law:
@@ -263,8 +255,10 @@ KINDS: Final[Mapping[str, Kind]] = {
     ),
     "flow": Kind(
         _flow,
-        (_ALL({"mass_flow", "specific_heat"}), _ALL({"volume_flow", "density", "specific_heat"})),
+        (_ALL({"mass_flow"}), _ALL({"volume_flow"})),
         {"mass_flow": "kg/s", "specific_heat": "J/(kg K)", "volume_flow": "m^3/s", "density": "kg/m^3"},
+        optional=_ALL({"density", "specific_heat"}),
+        words=_ALL({"fluid"}),
     ),
     "lead": Kind(
         _lead,
@@ -282,40 +276,3 @@ KINDS: Final[Mapping[str, Kind]] = {
     ),
     "table": Kind(_table, (_ALL({"scale"}), _ALL()), {"scale": "1"}, needs_curve=True),
 }
-
-
-def law_conductance(
-    form: str, c: Sequence[Any], curve: Curve | None, hot: NDArray[np.float64], cold: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the conductance of a law at given end temperatures; heat flow is always ``G (T_a - T_b)``. [W/K]
-
-    Parameters
-    ----------
-    form : str                  As in `Law`.
-    c : sequence                Its coefficients, floats or arrays (times,).
-    curve : Curve or None       For tables.
-    hot, cold : array (times,)  Temperatures of the ends a and b. [K]
-    """
-    difference = hot - cold
-    if form in HINGES.values():
-        beyond = (0.5 * (hot + cold) if form == HINGES["temperature"] else difference) - c[1]
-        return np.asarray(c[0] * np.where(beyond >= ROUND, beyond, 0.25 / ROUND * np.maximum(beyond + ROUND, 0.0) ** 2))
-    if form == "power":
-        return np.asarray(c[0] * (difference**2 + SMOOTHING**2) ** (0.5 * c[1]))
-    if form == "radiation":
-        return np.asarray(c[0] * (hot**2 + cold**2) * (hot + cold))
-    if form == "gas" and curve is not None:
-        mean = 0.5 * (hot + cold)
-        k = evaluate(curve, mean)
-        return np.asarray(c[0] * k * c[1] / (c[1] + k * np.sqrt(mean / ANCHOR)))
-    if form == "natural" and curve is not None:
-        film = 0.5 * (hot + cold)
-        k, root = (evaluate(each, film) for each in curve.film)
-        return np.asarray(c[0] * k * evaluate(curve, c[1] * root * difference * (difference**2 + SMOOTHING**2) ** -0.375))
-    if form == "potential" and curve is not None:
-        (first, slope), second = value_and_slope(curve, hot), evaluate(curve.film[0], cold)
-        apart = difference != 0.0
-        return np.asarray(c[0] * np.where(apart, (first - second) / np.where(apart, difference, 1.0), slope))
-    if form == "table" and curve is not None:
-        return np.asarray(c[0] * evaluate(curve, difference if curve.over == "difference" else 0.5 * (hot + cold)))
-    return np.broadcast_to(np.asarray(c[0], dtype=float), np.shape(hot))

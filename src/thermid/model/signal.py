@@ -130,6 +130,10 @@ class Constant(_Still):
 
     value: float
 
+    def drawn(self, end: float) -> Constant:
+        """Return the signal as a run from zero to `end` [s] sees it: itself."""
+        return self
+
     def shifted(self, seconds: float) -> Constant:
         """Return the signal as it is from a time on: zero is where that time was."""
         return self

@@ -11,8 +11,8 @@ import numpy as np
 from thermid.dual import Number, value_of
 from thermid.model.curves import Curve
 from thermid.model.flat import FlatConductor
-from thermid.model.kinds import ACCOMMODATION, ANCHOR, Law
-from thermid.network.rows import ConductorRow
+from thermid.model.kinds import ACCOMMODATION, Law
+from thermid.network.rows import ANCHOR, ConductorRow
 from thermid.physics.bodies import THINNEST
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.correlations import forced_plate_nusselt, signed_nusselt

@@ -2,12 +2,105 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid import _kernel
 from thermid.dual import Number
-from thermid.model.curves import Curve
+from thermid.model.curves import Curve, slopes
 
-__all__ = ["ConductorRow", "LoadRow"]
+__all__ = [
+    "ANCHOR",
+    "CONDUCTORS",
+    "LOADS",
+    "SMOOTHING",
+    "ConductorRow",
+    "KernelLaw",
+    "LoadRow",
+    "conductance",
+    "conductor_law",
+    "curve_arrays",
+    "heat",
+]
+
+Array = NDArray[np.float64]
+
+ANCHOR: Final = _kernel.GAS_ANCHOR
+"""Temperature to which the coefficients of gas laws refer. [K]"""
+SMOOTHING: Final = _kernel.SMOOTHING
+"""Temperature difference below which a power law is smoothed, so that its derivative stays finite at zero. [K]"""
+
+
+class KernelLaw(NamedTuple):
+    """One row of the kernel's table of laws.
+
+    Parameters
+    ----------
+    kind : int              Its number in the kernel.
+    coefficients : int      How many it has.
+    tables : int            How many tables it looks up.
+    linear : bool           Whether its heat is linear in temperatures.
+    one_way : bool          Whether its heat counts at the second end only, as that of a stream.
+    """
+
+    kind: int
+    coefficients: int
+    tables: int
+    linear: bool
+    one_way: bool
+
+
+CONDUCTORS: Final[Mapping[str, KernelLaw]] = {name: KernelLaw(*row) for name, row in _kernel.CONDUCTOR_LAWS.items()}
+"""The kernel's laws of conductors by form."""
+LOADS: Final[Mapping[str, KernelLaw]] = {name: KernelLaw(*row) for name, row in _kernel.LOAD_LAWS.items()}
+"""The kernel's laws of loads by form."""
+
+
+def conductor_law(form: str, curve: Curve | None = None) -> KernelLaw:
+    """Return the kernel's law of a form; a table is one over the mean temperature or over the difference."""
+    over_difference = form == "table" and curve is not None and curve.over == "difference"
+    return CONDUCTORS["table of difference" if over_difference else form]
+
+
+def curve_arrays(given: Curve) -> tuple[Array, Array, Array]:
+    """Return knots, values and slopes of a table for the kernel."""
+    return given.x, given.y, slopes(given)
+
+
+def _evaluated(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array, cold: Array) -> Array:
+    """Return heat, its derivatives by both temperatures, by the first and by the second coefficient (5, times), as the kernel has them."""
+    law = conductor_law(form, curve)
+    hot, cold = (np.ascontiguousarray(t, dtype=float) for t in np.broadcast_arrays(hot, cold))
+    pair = [np.broadcast_to(np.asarray(c, dtype=float), hot.shape) for c in (*coefficients, 0.0)[:2]]
+    tables = [curve_arrays(each) for each in (curve, *curve.film)] if curve is not None else []
+    return _kernel.conductor_heat(law.kind, hot.ravel(), cold.ravel(), np.column_stack([c.ravel() for c in pair]), tables)
+
+
+def heat(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array, cold: Array) -> Array:
+    """Return the heat flow (times,) of a law from its first end to its second. [W]
+
+    Parameters
+    ----------
+    form : str                  As in `thermid.model.kinds.Law`.
+    coefficients : sequence     Floats or arrays (times,). [SI]
+    curve : Curve or None       For tables.
+    hot, cold : array (times,)  Temperatures of the first and the second end. [K]
+    """
+    return _evaluated(form, coefficients, curve, hot, cold)[0]
+
+
+def conductance(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array, cold: Array) -> Array:
+    """Return heat flow over temperature difference (times,); where that is zero, its limit. [W/K]
+
+    Parameters as of `heat`.
+    """
+    flow, slope, *_ = _evaluated(form, coefficients, curve, hot, cold)
+    apart = np.broadcast_to(hot - cold, flow.shape)
+    return np.asarray(np.where(apart != 0.0, flow / np.where(apart != 0.0, apart, 1.0), slope))
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +110,7 @@ class ConductorRow:
     Parameters
     ----------
     name : str                      Path of the conductor it comes from.
-    form : str                      linear, power, radiation, flow, table, gas, natural, potential, hinge or hinge of difference.
+    form : str                      One of `CONDUCTORS`.
     ends : (str, str)               Node paths; heat flow is positive from the first to the second.
     coefficients : tuple of Number  The first one scales the heat flow.
     curve : Curve or None           For tables.
@@ -32,6 +125,11 @@ class ConductorRow:
     curve: Curve | None = None
     signal: str = ""
     second: str = ""
+
+    @property
+    def law(self) -> KernelLaw:
+        """The kernel's law of it."""
+        return conductor_law(self.form, self.curve)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from thermid.identify.residuals import Problem
-from thermid.identify.unknowns import Prior
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import Prior
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter
 from thermid.model.signal import Signal

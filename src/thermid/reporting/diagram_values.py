@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from thermid.dual import value_of
-from thermid.model.kinds import law_conductance
 from thermid.network.network import Network, Numbers
+from thermid.network.rows import conductance
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.folding import Folded
 
@@ -41,8 +41,8 @@ def _single(network: Network, numbers: Numbers, given: Mapping[str, float]) -> d
     totals: dict[str, tuple[float, bool]] = {}
     for row in numbers.conductors:
         ends = [given.get(end, nominal) for end, nominal in zip(row.ends, NOMINAL, strict=True)]
-        fixed = row.form in ("linear", "flow") or all(end in given for end in row.ends)
-        found = law_conductance(row.form, [value_of(c) for c in row.coefficients], row.curve, *(np.array([t]) for t in ends))
+        fixed = row.law.linear or all(end in given for end in row.ends)
+        found = conductance(row.form, [value_of(c) for c in row.coefficients], row.curve, *(np.array([t]) for t in ends))
         total, sure = totals.get(row.name, (0.0, True))
         totals[row.name] = (total + float(found[0]), sure and fixed)
     return totals

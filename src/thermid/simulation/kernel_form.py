@@ -11,23 +11,12 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.model.curves import Curve
 from thermid.model.signal import Constant, Drawn, Signal, Sine, Table
-from thermid.simulation.wiring import curve_arrays
+from thermid.network.rows import LOADS, conductor_law, curve_arrays
 
-__all__ = ["CONDUCTORS", "LOADS", "break_times", "ending", "ints", "kernel_input", "load_places", "row_form"]
+__all__ = ["break_times", "ending", "ints", "kernel_input", "load_places", "row_form"]
 
 Array = NDArray[np.float64]
 
-CONDUCTORS = {"linear": _kernel.LINEAR, "power": _kernel.POWER, "radiation": _kernel.RADIATION, "flow": _kernel.FLOW}
-CONDUCTORS |= {"gas": _kernel.GAS, "natural": _kernel.NATURAL, "potential": _kernel.POTENTIAL}
-CONDUCTORS |= {"hinge": _kernel.HINGE_MEAN, "hinge of difference": _kernel.HINGE_DIFF}
-LOADS = {
-    "signal": _kernel.SIGNAL,
-    "polynomial": _kernel.POLY,
-    "exponential": _kernel.EXP,
-    "table": _kernel.TABLE,
-    "thermostat": _kernel.THERMOSTAT,
-    "proportional": _kernel.PROPORTIONAL,
-}
 PLACES = {"exponential": (0, 1, 3)}
 """Where the coefficients of a form stand among the kernel's four places, when not simply in order."""
 
@@ -59,11 +48,8 @@ def row_form(form: str, places: Sequence[int], curve: Curve | None, tables: list
     if curve is not None:
         table = len(tables)
         tables += [curve_arrays(each) for each in (curve, *curve.film)]
-    if load:
-        return LOADS[form], four, table
-    if form == "table" and curve is not None:
-        return (_kernel.TABLE_DIFF if curve.over == "difference" else _kernel.TABLE_MEAN), four, table
-    return CONDUCTORS[form], four, table
+    law = LOADS[form] if load else conductor_law(form, curve)
+    return law.kind, four, table
 
 
 def kernel_input(given: Drawn) -> tuple[int, Array, Array]:

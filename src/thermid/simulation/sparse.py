@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.memo import Memo
 from thermid.model.curves import Curve
-from thermid.model.signal import Drawn
-from thermid.simulation.kernel_form import CONDUCTORS, LOADS, kernel_input
-from thermid.simulation.wiring import curve_arrays
+from thermid.model.signal import Constant, Drawn
+from thermid.network.rows import LOADS, conductor_law, curve_arrays
+from thermid.simulation.extremes import Turnings, signal_turnings
+from thermid.simulation.kernel_form import kernel_input
 
 __all__ = ["Csr", "Grid", "LoadGroup", "RowGroup", "SparseNetwork", "link_arrays"]
 
@@ -166,11 +167,11 @@ class SparseNetwork:
 
         rows, done = [], 0
         for g in self.rows:
-            rows.append((_conductor(g), g.boundary, g.input, table(g.curve), done, done + g.first.size))
+            rows.append((conductor_law(g.form, g.curve).kind, g.boundary, g.input, table(g.curve), done, done + g.first.size))
             done += g.first.size
         loads, done = [], 0
         for h in self.loads:
-            loads.append((LOADS[h.form], h.input, table(h.curve), h.tag, done, done + h.nodes.size))
+            loads.append((LOADS[h.form].kind, h.input, table(h.curve), h.tag, done, done + h.nodes.size))
             done += h.nodes.size
         return _kernel.LargeProblem(
             self.capacities,
@@ -196,11 +197,10 @@ class SparseNetwork:
         varying = self.inputs[given].at(times) if given != NONE else np.zeros(times.shape)
         return np.asarray(varying + self.offsets[k], dtype=np.float64)
 
-
-def _conductor(group: RowGroup) -> int:
-    if group.form == "table" and group.curve is not None:
-        return _kernel.TABLE_DIFF if group.curve.over == "difference" else _kernel.TABLE_MEAN
-    return CONDUCTORS[group.form]
+    def boundary_turnings(self, k: int, end: float) -> Turnings:
+        """Return the turning points of a boundary from zero to `end` [s]."""
+        given = self.boundary_inputs[k]
+        return signal_turnings(self.inputs[given] if given != NONE else Constant(0.0), end, float(self.offsets[k]))
 
 
 def joined(parts: Sequence[NDArray[Any]], kind: Any) -> NDArray[Any]:

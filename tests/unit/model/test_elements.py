@@ -11,9 +11,10 @@ import pytest
 from thermid.errors import DeckError
 from thermid.model.areas import ledger
 from thermid.model.curves import curve, evaluate, slopes
-from thermid.model.kinds import KINDS, law_conductance
+from thermid.model.kinds import KINDS
 from thermid.model.model import Model
 from thermid.model.modelfile import model_from_dict
+from thermid.network import rows
 from thermid.network.network import compile_network
 
 Build = Callable[..., Model]
@@ -193,13 +194,13 @@ def test_every_kind_is_tested_above() -> None:
 def test_conductance_at_given_temperatures() -> None:
     hot, cold = np.array([309.088]), np.array([297.15])
     shape = curve("temperature", [(290.0, 1.0), (310.0, 2.0)])
-    assert law_conductance("linear", (2.0,), None, hot, cold).tolist() == [2.0]
-    assert law_conductance("power", (2.0, 0.25), None, hot, cold)[0] == pytest.approx(2.0 * 11.938**0.25, rel=1e-6)
+    assert rows.conductance("linear", (2.0,), None, hot, cold).tolist() == [2.0]
+    assert rows.conductance("power", (2.0, 0.25), None, hot, cold)[0] == pytest.approx(2.0 * 11.938**0.25, rel=1e-6)
     # radiation at 309.088/297.15 K, emissivity 0.3: h = 1.896 W/(m^2 K) (acceptance sheet, B1)
-    assert law_conductance("radiation", (0.3 * 5.670374419e-8,), None, hot, cold)[0] == pytest.approx(1.896, abs=5e-4)
-    assert law_conductance("table", (3.0,), shape, hot, cold)[0] == pytest.approx(3.0 * evaluate(shape, np.array([303.119]))[0], rel=1e-14)
+    assert rows.conductance("radiation", (0.3 * 5.670374419e-8,), None, hot, cold)[0] == pytest.approx(1.896, abs=5e-4)
+    assert rows.conductance("table", (3.0,), shape, hot, cold)[0] == pytest.approx(3.0 * evaluate(shape, np.array([303.119]))[0], rel=1e-14)
     over = curve("difference", [(0.0, 1.0), (20.0, 2.0)])
-    assert law_conductance("table", (1.0,), over, hot, cold)[0] == pytest.approx(evaluate(over, np.array([11.938]))[0], rel=1e-14)
+    assert rows.conductance("table", (1.0,), over, hot, cold)[0] == pytest.approx(evaluate(over, np.array([11.938]))[0], rel=1e-14)
 
 
 def test_curves_are_monotone_and_constant_beyond_their_ends() -> None:

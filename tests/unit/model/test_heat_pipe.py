@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermid as td
-from thermid.model.kinds import HINGES, Law, law_conductance
+from thermid.model.kinds import HINGES, Law
+from thermid.network.rows import conductance
 
 FREE = ("pipe.start_temperature", "pipe.on_conductance", "pipe.off_conductance", "pipe.transition")
 DECK: dict[str, Any] = {
@@ -61,11 +62,12 @@ def test_members_are_single_runs() -> None:
         "pipe.off_conductance": np.array([0.2, 0.1, 0.3, 0.2]),
         "pipe.transition": np.array([4.0, 2.0, 6.0, 1.0]),
     }
-    found = td.ensemble(model(), WARM, drawn, every=300.0)
+    found = td.ensemble(model(), WARM, drawn, every=300.0, options=td.Options(tolerance=1e-9, relative=0.0))
+    assert found.statistics["one_by_one"] == 0
     units = {"start_temperature": "K", "transition": "K"}
     for k in range(4):
         given = {p.removeprefix("pipe."): f"{float(v[k])!r} [{units.get(p.removeprefix('pipe.'), 'W/K')}]" for p, v in drawn.items()}
-        alone = td.simulate(model(**given), WARM, every=300.0)
+        alone = td.simulate(model(**given), WARM, every=300.0, options=td.Options(tolerance=1e-9, relative=0.0))
         for node in ("source", "end"):
             assert found.temperatures(node)[:, k] == pytest.approx(alone[node].kelvin, rel=1e-9)
     assert np.ptp(found.temperatures("source")[-1]) > 5.0
@@ -103,7 +105,7 @@ def test_a_table_over_the_difference_and_its_ends() -> None:
     x, y = np.array([-5.0, 0.0, 1.0, 8.0]), np.array([2.0, 1.0, 4.0, 3.0])
     law = Law("table", (2.0,), points=tuple(zip(x.tolist(), y.tolist(), strict=True)), over="difference")
     apart = np.array([-9.0, -5.0, -2.5, 0.5, 0.75, 4.0, 8.5, 40.0])
-    found = sum(law_conductance(p.form, p.coefficients, None, 300.0 + apart, np.full(apart.size, 300.0)) for p in law.pieces())
+    found = sum(conductance(p.form, p.coefficients, None, 300.0 + apart, np.full(apart.size, 300.0)) for p in law.pieces())
     assert found == pytest.approx(2.0 * np.interp(apart, x, y), abs=2e-3)
     assert [p.form for p in law.pieces()][1:] == [HINGES["difference"]] * 4
 
