@@ -43,7 +43,6 @@ void Problem::prepare() {
         slot(con.c0[r], nc, where);
         slot(con.c1[r], nc, where);
         con.table[r] = std::max(con.table[r], 0);
-        knees = knees || has_knee(con.kind[r]);
     }
     std::vector<int> order(m);
     std::iota(order.begin(), order.end(), 0);
@@ -59,6 +58,12 @@ void Problem::prepare() {
     for (int r = 0; r < m; ++r) con.place.push_back(con.place[r] + tables_of(con.kind[r]));
     for (int k = 0; k <= CONDUCTOR_KINDS; ++k)
         kind_begin[k] = static_cast<int>(std::lower_bound(con.kind.begin(), con.kind.end(), k) - con.kind.begin());
+
+    for (int r = 0; r < m; ++r) {
+        const int count = tables_of(con.kind[r]);
+        auto bent = [&](int k) { return !tables[con.table[r] + k].bends.empty(); };
+        if (has_knee(con.kind[r]) && (count == 0 || bent(0) || (count > 1 && bent(1)))) bent_conductors.push_back(r);
+    }
 
     // Rows that meet at each node, in the order of rows: counted, then filled.
     auto meets = [&](int r, int i) { return i < n && (con.b[r] == i || !is(con.kind[r], ONE_WAY)); };
@@ -99,7 +104,7 @@ void Problem::prepare() {
         }
         boundary_entries(load_entry, r, load.sensor[r], 4);
         if (load.kind[r] == THERMOSTAT) thermostats.push_back(r);
-        knees = knees || load.kind[r] == PROPORTIONAL;
+        if (load.kind[r] == PROPORTIONAL || (load.kind[r] == TABLE && !tables[load.table[r]].bends.empty())) bent_loads.push_back(r);
     }
     for (int j = 0; j < nc; ++j)
         if (coef_input[j] >= 0) {

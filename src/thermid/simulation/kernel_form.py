@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.model.curves import Curve
 from thermid.model.signal import Constant, Drawn, Signal, Sine, Table
-from thermid.network.rows import LOADS, conductor_law, curve_arrays
+from thermid.network.rows import LOADS, conductor_law, curve_arrays, tables_behind
 
 __all__ = ["break_times", "ending", "ints", "kernel_input", "load_places", "row_form"]
 
@@ -39,15 +39,17 @@ def load_places(form: str) -> tuple[int, ...]:
     return PLACES.get(form, (0, 1, 2, 3))
 
 
-def row_form(form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False) -> tuple[int, list[int], int]:
-    """Return the kernel's kind, coefficient places and table of a row."""
+def row_form(
+    form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False, refuse: bool = True
+) -> tuple[int, list[int], int]:
+    """Return the kernel's kind, coefficient places and table of a row; without `refuse` tables are held where they would be refused."""
     four = [-1, -1, -1, -1]
     for place, coefficient in zip(load_places(form), places, strict=False):
         four[place] = coefficient
     table = -1
     if curve is not None:
         table = len(tables)
-        tables += [curve_arrays(each) for each in (curve, *curve.film)]
+        tables += [curve_arrays(each, refuse) for each in tables_behind(form, curve)]
     law = LOADS[form] if load else conductor_law(form, curve)
     return law.kind, four, table
 
