@@ -171,6 +171,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         unit=unit_text if watts is None else "W",
         assumed=not stated and not column.endswith(("_C", "_W")),
         prompt=binding.prompt or column in cells.prompt,
+        samples=binding.samples,
     )
     return _masked(made, cells.reasons.get(column, {}))
 

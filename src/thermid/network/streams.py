@@ -18,11 +18,10 @@ from thermid.errors import ScenarioError, quoted
 from thermid.memo import Memo
 from thermid.model.flat import Flat, FlatConductor
 from thermid.model.kinds import Law
-from thermid.model.signal import Constant, Signal
+from thermid.model.signal import Constant, Drawn, Mixed, Signal
 from thermid.model.streams import by_volume, flow_of, fluid_of, streams_of, unfed
 from thermid.network.environment import extremes
 from thermid.network.medium import AIR_RANGE, VACUUM_LIMIT, Media
-from thermid.network.pressure import combined
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.physics.gas import GASES
@@ -79,7 +78,7 @@ class Streams:
             out[node] = out.get(node, 0.0) + share
         return out
 
-    def course(self, path: str, temperatures: Mapping[str, Signal]) -> Signal:
+    def course(self, path: str, temperatures: Mapping[str, Signal]) -> Drawn:
         """Return the mass flow of a stream over that with its gas at one atmosphere and 20 degC, in time; zero where a gas is gone. [-]
 
         Parameters
@@ -100,7 +99,7 @@ class Streams:
             dense = [given[place[n]] / ATMOSPHERE * (STANDARD / given[at[n]] if n in at else 1.0) for n in sources]
             return sum(share * each for share, each in zip(sources.values(), dense, strict=True)) * there
 
-        return combined(flow, *several, *warm.values())
+        return Mixed(flow, (*several, *warm.values())).drawn(self.media.seconds)
 
     def _pressures(self, line: tuple[str, ...]) -> tuple[list[Signal], dict[str, int]]:
         """Return the pressures of a line, one for all gases that share it, and node -> its place among them."""
@@ -108,7 +107,7 @@ class Streams:
         several = {id(s): s for s in pressures.values()}
         return list(several.values()), {n: list(several).index(id(s)) for n, s in pressures.items()}
 
-    def still(self, path: str) -> Signal:
+    def still(self, path: str) -> Drawn:
         """Return the course of a stream whose sources have 20 degC: what a network without a scenario's temperatures has. [-]"""
         return self.memo.made(path, lambda: self.course(path, {}))
 
@@ -160,7 +159,7 @@ class Streams:
         after: Number = before
         for n, share in sources.items():
             given = boundaries[n]
-            mean = given.value if isinstance(given, Constant) else float(np.mean(given.at(np.asarray(getattr(given, "times", [0.0])))))
+            mean = given.mean_over(0.0, self.media.seconds)
             now = offsets[n] if isinstance(given, Constant) else offsets[n] + mean
             before, after = before + share / mean * STANDARD, after + share * STANDARD / now
         return after / before
@@ -205,13 +204,13 @@ class Streams:
         course = self.still(path)
         if isinstance(course, Constant):
             return 0.0 if course.value == 0.0 else None
-        times = np.asarray(getattr(course, "times", [0.0]))
+        times = course.knots(0.0, end)
         none = (course.at(times) == 0.0) & (times < end)
         return float(max(times[none.argmax()], 0.0)) if none.any() else None
 
     def _emptied(self, node: str, end: float) -> bool:
-        given = combined(lambda p: 1.0 * (p > VACUUM_LIMIT), self.media.pressure(node))
-        return bool((given.at(np.append(np.asarray(getattr(given, "times", [0.0])), end)) == 0.0).any())
+        given = self.media.pressure(node)
+        return bool((given.at(np.append(given.knots(0.0, end), end)) <= VACUUM_LIMIT).any())
 
 
 def signal_of(path: str) -> str:
@@ -291,5 +290,4 @@ def _check_named(flat: Flat, media: Media) -> None:
 
 
 def _on_ground(pressure: Signal) -> bool:
-    values = extremes(pressure)
-    return bool(((values >= AIR_RANGE[0]) & (values <= AIR_RANGE[1])).all())
+    return pressure.bounds[0] >= AIR_RANGE[0] and pressure.bounds[1] <= AIR_RANGE[1]
