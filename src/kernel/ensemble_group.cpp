@@ -243,47 +243,48 @@ void Group::emit(long from, long last, double* out) {
 // Turning points inside the step just made, as Integrator::turnings_end; nodes of the lane code all have a delay.
 void Group::turn() {
     const int m = g_.plan->n * LANES, nobs = static_cast<int>(s_.observed.size()), columns = nobs * LANES;
-    double moved = 0.0;  // |b| int |v| <= |b| h sqrt(mean v^2)
-    for (int k = 0; k < g_.plan->nk; ++k) {
-        if (!active_[k]) continue;
-        double most = 0.0;
-        for (int i : s_.observed)
-            for (int l = 0; l < LANES; ++l) most = std::max(most, std::fabs(g_.b[static_cast<size_t>(k) * m + i * LANES + l]));
-        moved += most * g_.h * std::sqrt(in_[k].variance);
-    }
-    if (moved < Turnings::NOISE) {
+    std::vector<double>& at = seen_times_;
+    at.clear();
+    for (int k = 0; k < g_.plan->nk; ++k)
+        if (active_[k]) input(k).knots(origin_, end_, at);
+    std::sort(at.begin(), at.end());
+    at.erase(std::unique(at.begin(), at.end()), at.end());
+    at.push_back(end_);
+    if (leftover_ && moved_by(at) >= Turnings::NOISE) {
+        seen_.resize(at.size() * columns);
+        for (size_t r = 0; r < at.size(); ++r) {
+            weigh(at[r]);
+            s_.code.output(g_, at[r] == end_ ? 1.0 : (at[r] - origin_) / g_.h, weights_.data(), s_.observed.data(), nobs, seen_.data() + r * columns);
+        }
+        turnings_.see_rows(at.data(), static_cast<long>(at.size()), seen_.data());
+    } else {
         for (int j = 0; j < columns; ++j) {
             const int i = s_.observed[j / LANES] * LANES + j % LANES;
             turnings_.see_polynomial(j, g_.poly + i, m, origin_, g_.h, end_, g_.T1[i]);
         }
-        return;
     }
-    std::vector<double>& at = seen_times_;
-    at.clear();
-    for (int k = 0; k < g_.plan->nk; ++k)
-        if (active_[k])
-            for (double t = input(k).next_knot(origin_, -1); t < end_; t = input(k).next_knot(t, -1)) at.push_back(t);
-    at.push_back(end_);
-    std::sort(at.begin(), at.end());
-    seen_.resize(3 * static_cast<size_t>(columns));
-    double *y0 = seen_.data(), *y1 = y0 + columns, *y2 = y1 + columns, before = origin_;
-    auto look = [&](double time, double* to) {
-        weigh(time);
-        s_.code.output(g_, time == end_ ? 1.0 : (time - origin_) / g_.h, weights_.data(), s_.observed.data(), nobs, to);
-    };
-    look(before, y0);
-    for (int j = 0; j < columns; ++j) turnings_.see(j, before, y0[j]);
-    for (double time : at) {
-        if (!(time > before)) continue;
-        const double half = 0.5 * (before + time);
-        look(half, y1);
-        look(time, y2);
-        for (int j = 0; j < columns; ++j) turnings_.see_three(j, before, y0[j], half, y1[j], time, y2[j]);
-        std::swap(y0, y2);
-        before = time;
-    }
-    for (int k = 0; k < g_.plan->nk; ++k)  // the outputs of the step begin at its start again
+    for (int k = 0; leftover_ && k < g_.plan->nk; ++k)  // the outputs of the step begin at its start again
         if (input(k).sampled()) cursor_[k].begin(&input(k), origin_);
+}
+
+// By how much what is left over of the inputs moves an observed node at most, from its integral at knots: |b w|. [K]
+double Group::moved_by(const std::vector<double>& knots) {
+    const int m = g_.plan->n * LANES;
+    std::vector<double> most(g_.plan->nk, 0.0);
+    for (double time : knots) {
+        weigh(time);
+        for (int k = 0; k < g_.plan->nk; ++k)
+            if (active_[k]) most[k] = std::max(most[k], std::fabs(weights_[1 + 3 * k]));
+    }
+    double moved = 0.0;
+    for (int k = 0; k < g_.plan->nk; ++k) {
+        double b = 0.0;
+        for (int i : s_.observed)
+            for (int l = 0; active_[k] && l < LANES; ++l) b = std::max(b, std::fabs(g_.b[static_cast<size_t>(k) * m + i * LANES + l]));
+        moved += b * most[k];
+        if (active_[k]) cursor_[k].begin(&input(k), origin_);
+    }
+    return moved;
 }
 
 const std::vector<Turnings::Point>& Group::turnings() {

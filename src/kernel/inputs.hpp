@@ -1,6 +1,7 @@
 // Inputs u(t): sampled, sine, constant. Sampled ones are projected: over a step they are replaced by the quadratic
 // with the same three moments, from exact iterated integrals of the piecewise-linear signal.
 #pragma once
+#include <cstddef>
 #include <vector>
 
 namespace thermid {
@@ -33,6 +34,11 @@ class Input {
     // Appends the knots inside (t0, t1) where the signal is not smooth, if there are at most `most`.
     void breaks(double t0, double t1, int most, std::vector<double>& out) const;
     double next_knot(double t, int hint) const;
+    // Appends the knots of a sampled input inside (t0, t1).
+    void knots(double t0, double t1, std::vector<double>& out) const {
+        for (size_t i = static_cast<size_t>(segment(t0, -1) + 1); i < seg.size() && seg[i].t < t1; ++i)
+            if (seg[i].t > t0) out.push_back(seg[i].t);
+    }
 
     struct Segment { double t, u, s; };
     std::vector<Segment> seg;  // u is relative to mean

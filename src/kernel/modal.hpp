@@ -65,14 +65,15 @@ class Modal {
 
     // modal_turnings.cpp
     Turnings turnings_;
-    bool jumps_ = false;             // some column takes from sampled inputs directly
-    double fastest_ = 0.0, kink_ = 0.0;  // largest rate; when an input last had a knot
+    double fastest_ = 0.0, kink_ = 0.0;  // largest rate; end of the last stretch at which an input had a knot
     std::vector<double> course_shape_, course_base_, course_direct_, course_wave_;  // (columns; modes, -, sampled, 2 sines)
     std::vector<double> before_, level_, tilt_, slope_[2], reached_;                // states at the start; forces and their slopes
     void follow(const double* out_t, long nout, const int* obs, int nobs, const Sums& sums, double t0);
     void parts_of(Stretch& x) const;
-    double course(int column, const double* z, const double* drive, double s, double t) const;
-    double course_slope(int column, const double* z, const double* drive, double s, double t) const;
+    std::vector<double> wave_now_;  // (sines, 2)
+    void waves_at(double time);
+    double course(int column, const double* z, const double* drive, double s) const;
+    double course_slope(int column, const double* z, const double* drive, double s) const;
     double slope_at(int column, const double* drive, double s, double t);
     void turn(Stretch& x, const double* drive, double t, double until);
     double wave(int k, double t, bool sine) const;

@@ -36,11 +36,11 @@ void Modal::follow(const double* out_t, long nout, const int* obs, int nobs, con
     for (int c = 0; c < nobs; ++c) add(c, obs[c], 1.0);
     for (int c = 0; c < sums.size(); ++c)
         for (int k = sums.begin[c]; k < sums.begin[c + 1]; ++k) add(nobs + c, sums.node[k], sums.weight[k]);
-    jumps_ = std::any_of(course_direct_.begin(), course_direct_.end(), [](double x) { return x != 0.0; });
     fastest_ = ns > 0 ? *std::max_element(rate_.begin(), rate_.begin() + ns) : 0.0;
     kink_ = t0;
     for (auto* v : {&level_, &tilt_, &reached_}) v->assign(ns, 0.0);
     for (auto& v : slope_) v.assign(columns, 0.0);
+    wave_now_.assign(2 * nw, 0.0);
 }
 
 void Modal::parts_of(Stretch& x) const {
@@ -54,28 +54,36 @@ void Modal::parts_of(Stretch& x) const {
     } while (fastest_ * s > SHORT);
 }
 
-// A column at s from the start of a stretch at t, where the states are z and inputs, by value and slope, are `drive` at its start.
-double Modal::course(int column, const double* z, const double* drive, double s, double t) const {
+// Sines and cosines of the inputs that are waves, at a time.
+void Modal::waves_at(double time) {
+    for (size_t k = 0; k < sines_.size(); ++k) {
+        wave_now_[2 * k] = wave(static_cast<int>(k), time, true);
+        wave_now_[2 * k + 1] = wave(static_cast<int>(k), time, false);
+    }
+}
+
+// A column at s from the start of a stretch, where the states are z and inputs, by value and slope, are `drive` at its start; after waves_at.
+double Modal::course(int column, const double* z, const double* drive, double s) const {
     const int nin = static_cast<int>(sampled_.size()), nw = static_cast<int>(sines_.size());
     double y = course_base_[column];
     for (int j = 0; j < modes_; ++j) y += course_shape_[column * modes_ + j] * z[j];
     for (int k = 0; k < nin; ++k) y += course_direct_[column * nin + k] * (drive[2 * k] + s * drive[2 * k + 1]);
     for (int k = 0; k < nw; ++k) {
         const double* w = course_wave_.data() + 2 * (column * nw + k);
-        y += w[0] * wave(k, t + s, true) + w[1] * wave(k, t + s, false);
+        y += w[0] * wave_now_[2 * k] + w[1] * wave_now_[2 * k + 1];
     }
     return y;
 }
 
 // Its slope: z' = -rate z + force.
-double Modal::course_slope(int column, const double* z, const double* drive, double s, double t) const {
+double Modal::course_slope(int column, const double* z, const double* drive, double s) const {
     const int nin = static_cast<int>(sampled_.size()), nw = static_cast<int>(sines_.size());
     double y = 0.0;
     for (int j = 0; j < modes_; ++j) y += course_shape_[column * modes_ + j] * (level_[j] + s * tilt_[j] - rate_[j] * z[j]);
     for (int k = 0; k < nin; ++k) y += course_direct_[column * nin + k] * drive[2 * k + 1];
     for (int k = 0; k < nw; ++k) {
         const double *w = course_wave_.data() + 2 * (column * nw + k), omega = 2.0 * 3.14159265358979323846 / p_.inputs[sines_[k]].period;
-        y += omega * (w[0] * wave(k, t + s, false) - w[1] * wave(k, t + s, true));
+        y += omega * (w[0] * wave_now_[2 * k + 1] - w[1] * wave_now_[2 * k]);
     }
     return y;
 }
@@ -85,7 +93,8 @@ double Modal::slope_at(int column, const double* drive, double s, double t) {
         const Phi f = phi(rate_[j] * s);
         reached_[j] = f.e * before_[j] + s * (f.p1 * level_[j] + s * f.p2 * tilt_[j]);
     }
-    return course_slope(column, reached_.data(), drive, s, t);
+    waves_at(t + s);
+    return course_slope(column, reached_.data(), drive, s);
 }
 
 // One stretch that has been carried out, from t to `until`: states before_ at its start, z_ at its end.
@@ -107,9 +116,12 @@ void Modal::turn(Stretch& x, const double* drive, double t, double until) {
         parts_of(x);
         for (double s = 0.25 * x.h; many < static_cast<int>(x.parts.size()) && (many == 0 || s > 0.25 * least); s *= 0.25) ++many;
     }
-    for (int c = 0; c < columns; ++c) {
-        slope_[0][c] = course_slope(c, before_.data(), drive, 0.0, t);
-        turnings_.see(c, t, course(c, before_.data(), drive, 0.0, t));
+    if (t == kink_) {  // elsewhere values and slopes are those at the end of the last stretch
+        waves_at(t);
+        for (int c = 0; c < columns; ++c) {
+            slope_[0][c] = course_slope(c, before_.data(), drive, 0.0);
+            turnings_.see(c, t, course(c, before_.data(), drive, 0.0));
+        }
     }
     double from = 0.0;
     for (int k = many; k >= 0; --k) {
@@ -120,18 +132,20 @@ void Modal::turn(Stretch& x, const double* drive, double t, double until) {
             for (int j = 0; j < modes_; ++j) reached_[j] = own[j].e * before_[j] + to * (own[j].p1 * level_[j] + to * own[j].p2 * tilt_[j]);
             z = reached_.data();
         }
-        for (int c = 0; c < columns; ++c) slope_[1][c] = course_slope(c, z, drive, to, t);
+        waves_at(t + to);
+        for (int c = 0; c < columns; ++c) slope_[1][c] = course_slope(c, z, drive, to);
         for (int c = 0; c < columns; ++c) {
             if (!(slope_[0][c] * slope_[1][c] < 0.0) || (std::fabs(slope_[0][c]) + std::fabs(slope_[1][c])) * (to - from) < 1e-6) continue;
             const auto f = [&](double s) { return slope_at(c, drive, s, t); };
             const double s = Turnings::root(f, from, slope_[0][c], to, slope_[1][c], CLOSE * x.h);
             f(s);
-            turnings_.see(c, t + s, course(c, reached_.data(), drive, s, t));
+            turnings_.see(c, t + s, course(c, reached_.data(), drive, s));
         }
         slope_[0].swap(slope_[1]);
         from = to;
     }
-    for (int c = 0; c < columns; ++c) turnings_.see(c, until, course(c, z_.data(), drive, x.h, t));
+    waves_at(until);
+    for (int c = 0; c < columns; ++c) turnings_.see(c, until, course(c, z_.data(), drive, x.h));
 }
 
 }  // namespace thermid

@@ -6,11 +6,12 @@
 #include <cmath>
 
 #include "integrator.hpp"
+#include "traces.hpp"
 
 namespace thermid {
 
 namespace {
-constexpr int PARTS = 4;  // of a step, where a course is sampled, and halfway between
+constexpr int PARTS = 2;  // of a step, where a course is sampled, and halfway between
 }  // namespace
 
 // With the inputs of this step: massless nodes and boundaries jump where these do.
@@ -28,16 +29,29 @@ bool Integrator::quiet(int node) const {
 
 // After an accepted step, before the state moves on; dense() has been called.
 void Integrator::turnings_end(const Outputs& out) {
-    bool smooth_all = true;
-    for (int j = 0; j < out.nobs && smooth_all; ++j) {
-        const int i = out.obs[j];
-        smooth_all = i < n_ && cap_[i] > 0.0 && !fast_.is[i] && (!leftover_ || quiet(i));
-    }
-    if (smooth_all && o_.sums.size() == 0) {
+    if (o_.sums.size() > 0 || !delayed(out.obs, out.nobs)) return turnings_sampled(out);
+    if (!leftover_ || std::all_of(out.obs, out.obs + out.nobs, [&](int i) { return quiet(i); })) {
         for (int j = 0; j < out.nobs; ++j) turnings_of(j, out.obs[j]);
         return;
     }
-    turnings_sampled(out);
+    // At the knots of what is left over, but for those at which outputs are.
+    std::vector<double>& at = seen_times_;
+    at.clear();
+    for (int k = 0; k < nk_; ++k)
+        if (noise_[k].active) p_.inputs[k].knots(t_, end_, at);
+    std::sort(at.begin(), at.end());
+    at.push_back(end_);
+    long next = out.next;
+    const auto stored = [&](double t) {
+        while (next < out.n && out.t[next] < t) ++next;
+        return next < out.n && out.t[next] == t;
+    };
+    at.erase(std::remove_if(at.begin(), at.end() - 1, stored), at.end() - 1);
+    at.erase(std::unique(at.begin(), at.end()), at.end());
+    count_ = POWERS + 4 * static_cast<int>(std::count_if(noise_.begin(), noise_.end(), [](const Noise& z) { return z.active; }));
+    seen_values_.resize(at.size() * out.nobs);
+    rows(at.data(), static_cast<long>(at.size()), out.obs, out.nobs, seen_values_.data(), nullptr);
+    turnings_.see_rows(at.data(), static_cast<long>(at.size()), seen_values_.data());
 }
 
 // The whole network at samples of the step: at the knots of what is left over, just before them, and halfway; else at even parts.
@@ -47,10 +61,10 @@ void Integrator::turnings_sampled(const Outputs& out) {
     if (leftover_) {
         for (int k = 0; k < nk_; ++k) {
             if (!noise_[k].active) continue;
-            for (double t = p_.inputs[k].next_knot(t_, -1); t < end_; t = p_.inputs[k].next_knot(t, -1)) {
-                if (p_.inputs[k].kind == SAMPLED_HOLD) at.push_back(t - 1e-9 * h_);
-                at.push_back(t);
-            }
+            const size_t first = at.size();
+            p_.inputs[k].knots(t_, end_, at);
+            if (p_.inputs[k].kind == SAMPLED_HOLD)
+                for (size_t r = first, last = at.size(); r < last; ++r) at.push_back(at[r] - 1e-9 * h_);
             if (p_.inputs[k].kind == SAMPLED_HOLD) at.push_back(end_ - 1e-9 * h_);
         }
         std::sort(at.begin(), at.end());

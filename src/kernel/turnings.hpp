@@ -23,7 +23,7 @@ struct Sums {
 class Turnings {
   public:
     static constexpr double SMALL = 1e-6;  // a course that moves by less stands still [K]
-    static constexpr double NOISE = 1e-4;  // what is left over of the inputs and moves a node by less is not looked at [K]
+    static constexpr double NOISE = 1e-3;  // what is left over of the inputs and moves a node by less is not looked at [K]
     struct Point { int column; double time, kelvin; };
     std::vector<Point> found;
 
@@ -104,6 +104,44 @@ class Turnings {
         if (inside && at > t1) see(column, at, top);
         see(column, t2, y2);
     }
+    // Many increasing times of all columns, y (rows, columns): of each interval between outputs the highest and the lowest, each as the vertex of a
+    // parabola through its neighbours, then the last row.
+    void see_rows(const double* times, long rows, const double* y) {
+        const int m = static_cast<int>(columns_.size());
+        high_.resize(m);
+        low_.resize(m);
+        high_row_.resize(m);
+        low_row_.resize(m);
+        long next = 0;
+        while (next < n_ && times_[next] < times[0]) ++next;
+        for (long first = 0, last; first < rows; first = last) {
+            while (next < n_ && times_[next] < times[first]) ++next;
+            last = first + 1;
+            while (last < rows && !(next < n_ && times[last] > times_[next])) ++last;
+            for (int j = 0; j < m; ++j) {
+                high_[j] = low_[j] = y[first * m + j];
+                high_row_[j] = low_row_[j] = first;
+            }
+            for (long r = first + 1; r < last; ++r)
+                for (int j = 0; j < m; ++j) {
+                    const double v = y[r * m + j];
+                    if (v > high_[j]) {
+                        high_[j] = v;
+                        high_row_[j] = r;
+                    }
+                    if (v < low_[j]) {
+                        low_[j] = v;
+                        low_row_[j] = r;
+                    }
+                }
+            for (int j = 0; j < m; ++j) {
+                const bool high_first = high_row_[j] < low_row_[j];
+                vertex(j, high_first ? high_row_[j] : low_row_[j], times, rows, y);
+                vertex(j, high_first ? low_row_[j] : high_row_[j], times, rows, y);
+            }
+        }
+        for (int j = 0; j < m; ++j) see(j, times[rows - 1], y[(rows - 1) * m + j]);
+    }
     // The end of the run, or of what is known of it.
     void end() {
         for (std::size_t k = 0; k < columns_.size(); ++k) {
@@ -123,6 +161,22 @@ class Turnings {
         double low = std::numeric_limits<double>::infinity(), high = -low, low_time = 0.0, high_time = 0.0;
     };
     std::vector<Column> columns_;
+    std::vector<double> high_, low_;
+    std::vector<long> high_row_, low_row_;
+
+    void vertex(int j, long r, const double* times, long rows, const double* y) {
+        const std::size_t m = columns_.size();
+        const double y1 = y[r * m + j];
+        if (r > 0 && r + 1 < rows) {
+            const double t0 = times[r - 1], t1 = times[r], t2 = times[r + 1], y0 = y[(r - 1) * m + j], y2 = y[(r + 1) * m + j];
+            const double a = (y1 - y0) / (t1 - t0), b = (y2 - y1) / (t2 - t1);
+            if (a * b < 0.0) {  // the slope at the middle row, and how it bends
+                const double bend = (b - a) / (t2 - t0), slope = a + bend * (t1 - t0), s = -0.5 * slope / bend;
+                if (t1 + s > t0 && t1 + s < t2) return see(j, t1 + s, y1 + 0.5 * slope * s);
+            }
+        }
+        see(j, times[r], y1);
+    }
     const double* times_ = nullptr;
     long n_ = 0;
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +18,7 @@ from thermid.simulation.extremes import Turnings, by_column
 from thermid.simulation.kernel_form import break_times, ending, ints, kernel_input, row_form
 from thermid.simulation.modal import Modal
 from thermid.simulation.squares import LOSSES, Squares, Weighing
+from thermid.simulation.traces import Traces
 from thermid.simulation.wiring import Assembled, Wiring
 
 __all__ = ["Answer", "Engine", "Options"]
@@ -167,6 +169,7 @@ class Engine:
         more: dict[str, Any] = {}
         if gradients and a.jacobian is not None:
             more = {"dcoef": (*a.jacobian, size), "dT0": np.ascontiguousarray(a.initial_gradient)}
+        gone, sums = self._sums(a) if extremes else ((), None)
         found = self.problem.integrate(
             a.coefficients,
             a.initial,
@@ -181,7 +184,7 @@ class Engine:
             max_steps=options.max_steps,
             breaks=break_times([self.wiring.signals[name] for name in self.wiring.used], end),
             turnings=extremes,
-            sums=self._sums(a)[1] if extremes else None,
+            sums=sums,
             **more,
         )
         if found.status != _kernel.OK:
@@ -197,19 +200,20 @@ class Engine:
         slopes = found.sensitivities if found.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
         switched = tuple(zip(found.event_times.tolist(), found.event_loads.tolist(), found.event_states.tolist(), strict=True))
         energies = (found.load_energy, found.boundary_energy, flows)
-        turnings = self._turnings(a, nodes, found.turnings) if extremes else None
+        turnings = dict(zip((*nodes, *gone), by_column(*found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(found.traces, slopes, a.initial, found.final_temperatures, *energies, end, statistics, found.on, switched, turnings)
 
     def _by_modes(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool) -> Answer:
         index = self._index()
-        found = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, self._sums(a)[1] if extremes else None)
+        gone, sums = self._sums(a) if extremes else ((), None)
+        found = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, sums)
         if found.status != _kernel.OK:
             raise SolverError(self.message(found, options, end, a), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
         slopes = np.zeros((times.size, len(nodes), 0))
         statistics = {"method": "modal", "reason": "", "steps": found.steps, "rejected": 0, "switchings": []}
         energies = (found.load_energy, found.boundary_energy, np.zeros(0))
         off = np.zeros(len(self.load_names), dtype=np.int32)
-        turnings = self._turnings(a, nodes, found.turnings) if extremes else None
+        turnings = dict(zip((*nodes, *gone), by_column(*found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(found.traces, slopes, a.initial, found.final, *energies, end, statistics, off, (), turnings)
 
     def _sums(self, a: Assembled) -> tuple[tuple[str, ...], tuple[NDArray[np.int32], NDArray[np.int32], Array] | None]:
@@ -227,11 +231,6 @@ class Engine:
         begin = ints(np.cumsum([0, *(len(p) for p in parts.values())]))
         places = ints([k for p in parts.values() for k in p])
         return tuple(parts), (begin, places, np.array([w for p in parts.values() for w in p.values()], dtype=float))
-
-    def _turnings(self, a: Assembled, nodes: Sequence[str], found: tuple[Any, Array, Array]) -> dict[str, Turnings]:
-        """Return node -> turning points, from the kernel's columns: nodes, then eliminated ones."""
-        names = (*nodes, *self._sums(a)[0])
-        return dict(zip(names, by_column(*found, len(names)), strict=True))
 
     def members(
         self, coefficients: Array, initial: Array, times: Array, nodes: Sequence[str], end: float, options: Options, simd: str
@@ -367,8 +366,6 @@ class Engine:
 
     def left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:
         """Return which tables that are refused outside their points are left at temperatures (nodes,) [K]; empty where none is."""
-        from thermid.simulation.traces import Traces
-
         network = self.wiring.network
         if not self.refuses:
             return ""
@@ -389,10 +386,15 @@ class Engine:
             return a
         if not unknown.all():
             raise ScenarioError("a steady start holds for all nodes; leave 'initial' out.", self.wiring.scenario.title)
-        from thermid.simulation.steady import settle
+        from thermid.simulation.steady import beginning
 
-        found, slopes = settle(self, a, 0.0, gradients)
+        found, slopes = beginning(self, a, gradients)
         return replace(a, initial=found, initial_gradient=slopes if gradients else a.initial_gradient)
+
+    @cached_property
+    def still(self) -> Engine:
+        """The same problem with every input at its mean; it takes the same numbers."""
+        return Engine(self.wiring.stilled())
 
     def capacities(self, a: Assembled) -> Array:
         """Return the capacitance (nodes,) of every node, zero for a massless one. [J/K]"""
