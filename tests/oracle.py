@@ -163,7 +163,7 @@ class Oracle:
     def _capacity(fields: dict[str, Any]) -> float:
         if "capacitance" in fields:
             return si(fields["capacitance"])
-        return si(fields["mass"]) * si(fields["specific_heat"]) if fields else 0.0
+        return si(fields["mass"]) * si(fields["specific_heat"]) if "mass" in fields else 0.0
 
     def _link(self, a: str, b: str, heat: Callable[[float, float], float], one_way: bool = False) -> None:
         if a != b:

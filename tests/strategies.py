@@ -360,7 +360,7 @@ def signals(draw: Any, duration: float = DURATION, constant: bool = False) -> An
         }
     count = draw(st.integers(2, 5))
     times = [text(round(duration * k / count, 1), "s") for k in range(count)]
-    return {"times": times, "values": [draw(temperature()) for _ in times], "hold": kind == "hold"}
+    return {"times": times, "values": [draw(temperature()) for _ in times], "hold": kind == "hold", "after": "hold"}
 
 
 @dataclass(frozen=True)
@@ -396,7 +396,7 @@ def cases(draw: Any, constant: bool = False, **of_deck: Any) -> Case:
 
 COMMANDS: tuple[Mapping[str, Any], ...] = (
     {"times": ["0.0 [s]", "900.0 [s]", "1500.0 [s]"], "values": [1.0, 0.0, 0.5], "hold": True},
-    {"times": ["0.0 [s]", "2000.0 [s]", "3000.0 [s]"], "values": [0.0, 1.0, 0.25], "hold": False},
+    {"times": ["0.0 [s]", "2000.0 [s]", "3000.0 [s]"], "values": [0.0, 1.0, 0.25], "hold": False, "after": "hold"},
 )
 
 

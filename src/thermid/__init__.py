@@ -167,7 +167,9 @@ if TYPE_CHECKING:
     from thermid.simulation.simulator import prepare as prepare
     from thermid.simulation.site import Site as Site
     from thermid.simulation.solution import Solution as Solution
+    from thermid.simulation.steady import Steady as Steady
     from thermid.simulation.steady import steady as steady
+    from thermid.simulation.steady import steady_levels as steady_levels
     from thermid.simulation.transient import simulate as simulate
     from thermid.simulation.vapour import Volume as Volume
     from thermid.simulation.vapour import WaterBalance as WaterBalance
@@ -208,6 +210,8 @@ _PUBLIC = {
     "prepare": "simulation.simulator",
     "Simulator": "simulation.simulator",
     "steady": "simulation.steady",
+    "steady_levels": "simulation.steady",
+    "Steady": "simulation.steady",
     "draw": "simulation.draws",
     "ensemble": "simulation.ensemble",
     "Ensemble": "simulation.ensemble",

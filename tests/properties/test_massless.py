@@ -16,7 +16,10 @@ FLOOR = 1e-6  # what the iteration of a step leaves over in a very fast node, in
 def _with_capacitance(deck: Deck, joules: float | None) -> Deck:
     """Return the deck with its last node massless, or of a tiny capacitance."""
     last = list(deck["nodes"])[-1]
-    return {**deck, "nodes": {**deck["nodes"], last: {} if joules is None else {"capacitance": f"{joules!r} [J/K]"}}}
+    return {
+        **deck,
+        "nodes": {**deck["nodes"], last: {"stands_for": "walls"} | ({} if joules is None else {"capacitance": f"{joules!r} [J/K]"})},
+    }
 
 
 def _steps(case: Case) -> np.ndarray:

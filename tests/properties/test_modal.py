@@ -52,7 +52,9 @@ def awkward(draw: st.DrawFn) -> Case:
     pairs += [(f"p{k}", end, g) for k in range(parts) for end, g in (("hub", 0.7), ("e0", 0.2))]
     links = {f"c{k}": {"kind": "conduction", "between": [a, b], "conductance": text(g, "W/K")} for k, (a, b, g) in enumerate(pairs)}
     loads = {"q0": {"into": "hub", "power": "3.0 [W]"}, "q1": {"into": "i0", "power": text(draw(even(0.0, 0.2)), "W")}}
-    commands = {"q0": {"times": ["0.0 [s]", "900.0 [s]", "1500.5 [s]"], "values": [1.0, 0.0, 0.5], "hold": draw(st.booleans())}}
+    commands = {
+        "q0": {"times": ["0.0 [s]", "900.0 [s]", "1500.5 [s]"], "values": [1.0, 0.0, 0.5], "hold": draw(st.booleans()), "after": "hold"}
+    }
     deck: Deck = {"title": "Awkward", "needs": ["e0"], "nodes": nodes, "conductors": links, "loads": loads}
     initial = {"p0": draw(temperature()), "i1": draw(temperature())}
     scenario = {

@@ -177,7 +177,9 @@ def simulate(
     boundary: Annotated[Pairs, typer.Option("--boundary", help="BOUNDARY=TEMPERATURE, such as air='24 [degC]'.")] = [],  # noqa: B006
     param: Annotated[Pairs, typer.Option("--param", help="PARAMETER=VALUE; wins over the deck.")] = [],  # noqa: B006
     load: Annotated[Pairs, typer.Option("--load", help="LOAD=POWER, in place of the deck's.")] = [],  # noqa: B006
-    start: Annotated[str | None, typer.Option("--start", help="A temperature, a boundary, or 'steady'.")] = None,
+    start: Annotated[
+        str | None, typer.Option("--start", help="A temperature, a boundary, 'steady', 'steady, mean', 'steady, 2 [h]' or 'periodic'.")
+    ] = None,
     duration: Annotated[str | None, typer.Option("--for", help="Duration, such as '5 [h]'.")] = None,
     at: Annotated[Pairs, typer.Option("--at", help="A time to report, such as '1 [h]'; may be repeated.")] = [],  # noqa: B006
     every: Annotated[str | None, typer.Option("--every", help="Interval of the stored samples.")] = None,

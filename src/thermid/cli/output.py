@@ -64,6 +64,7 @@ def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: 
             "nodes": nodes,
             "time_constants_s": list(solution.time_constants),
             "heat_balance": {k: getattr(balance, k) for k in ("loads", "boundaries", "stored", "residual", "relative")},
+            "steady_of": getattr(steady, "held", None),
             "warnings": list(solution.warnings),
         }
     )

@@ -21,6 +21,7 @@ from thermid.fit.uncertainty.responses import Responses
 from thermid.knowledge.standing import worst
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure.amounts import short
+from thermid.model.signal import Table
 
 if TYPE_CHECKING:
     from thermid.fit.problem.request import Request
@@ -30,6 +31,8 @@ __all__ = ["correlations_of", "summarise"]
 
 Array = NDArray[np.float64]
 CHANCE = 0.01
+UNSAID_NOISE = 0.1
+"""Noise of a sensor where nobody said it, for what is worth a remark. [K]"""
 
 
 def summarise(request: Request, problem: Problem, found: Fit, known: Responses, random: Array, spread: Wander | None = None) -> Calibration:
@@ -137,6 +140,7 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Wander | None)
         if 3.0 < far <= FAR:  # what lies farther stands at the head of the fit
             out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
     out += _strained(problem, found)
+    out += _taken_as_instants(problem)
     freedom = round(problem.worth) - len(problem.unknowns)
     reduced = found.chi_square / max(freedom, 1)
     stated = all(o.noise is not None for o in problem.observations())
@@ -157,6 +161,28 @@ def _wandering(spread: Wander) -> list[str]:
     return [
         f"residuals of {share} are not white: the model misses something, or the readings were filtered. Their {count} samples are worth "
         f"{short(worth)} independent ones, and the errors were widened accordingly."
+    ]
+
+
+def _taken_as_instants(problem: Problem) -> list[str]:
+    """Return one remark on logged boundaries that change between samples by more than the noise, where nobody said what a sample is.
+
+    The mean over an interval is the instant of its middle: half a change between two samples apart.
+    """
+    apart: dict[str, float] = {}
+    for e in problem.experiments:
+        noise = min((o.noise for o in e.observations if o.noise is not None), default=UNSAID_NOISE)
+        for name, given in e.scenario.boundaries.items():
+            if isinstance(given, Table) and not given.held and not given.samples:
+                half = 0.5 * float(np.sqrt(np.mean(np.diff(given.levels) ** 2)))
+                if half > noise:
+                    apart[name] = max(half, apart.get(name, 0.0))
+    if not apart:
+        return []
+    shown = ", ".join(f"'{n}' ({short(k)} K)" for n, k in apart.items())
+    return [
+        f"samples of logged boundaries are taken as instants; as means over the intervals up to their stamps they would drive the model "
+        f"otherwise by more than the noise: {shown}. Say samples = 'instant' or 'average' of their channels."
     ]
 
 

@@ -15,7 +15,7 @@ from thermid.interop.units_of import si_unit
 from thermid.interop.wired import Wired, identifiers, one_line, refuse_crooked, table_points, wired
 from thermid.model.curves import Curve
 from thermid.model.model import Model
-from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.model.signal import Constant, Drawn, Sine, Table
 from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import Scenario
@@ -323,7 +323,7 @@ class _Writer:
                 given.append(f"{g}*T_{self.nodes[other]}")
         return " + ".join(totals), " + ".join(given), others
 
-    def _signals(self) -> Iterator[tuple[str, Signal, str]]:
+    def _signals(self) -> Iterator[tuple[str, Drawn, str]]:
         for boundary, signal in self.w.boundaries.items():
             yield f"boundary_{self.nodes[boundary]}", signal, f"Temperature of '{boundary}'. [K]"
         for k, source in enumerate(self.w.sources, 1):
@@ -348,7 +348,7 @@ def _groups(w: Wired) -> list[list[str]]:
     return [[n for n in w.massless if n in g] for g in groups]
 
 
-def _signal_lines(signal: Signal) -> Iterator[str]:
+def _signal_lines(signal: Drawn) -> Iterator[str]:
     """Yield the body of a function of time."""
     if isinstance(signal, Sine):
         angle = f"2*pi*t/{number_text(signal.period)} + {number_text(signal.phase)}"

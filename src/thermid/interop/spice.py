@@ -14,7 +14,7 @@ from thermid.interop.formula import number_text
 from thermid.interop.wired import Source, Wired, identifiers, one_line, table_points, wired
 from thermid.model.curves import FAR, Curve
 from thermid.model.model import Model
-from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.model.signal import Constant, Drawn, Sine, Table
 from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import Scenario
@@ -126,7 +126,7 @@ class _Netlist:
         x, y = [x[0] - FAR, *x, x[-1] + FAR], [y[0], *y, y[-1]]
         return f"pwl({at}, {', '.join(f'{number_text(a)}, {number_text(b)}' for a, b in zip(x, y, strict=True))})"
 
-    def _source(self, start: str, signal: Signal, factor: float, zero: float) -> Iterator[str]:
+    def _source(self, start: str, signal: Drawn, factor: float, zero: float) -> Iterator[str]:
         """Yield a source: a number, a sine or a line of points; `zero` is where its scale begins."""
         if isinstance(signal, Constant) or (isinstance(signal, Table) and signal.times.size == 1):
             value = signal.value if isinstance(signal, Constant) else float(signal.values[0])

@@ -12,7 +12,7 @@ from thermid.interop.formula import Formula, with_formulas
 from thermid.model.curves import Curve, slopes, whole
 from thermid.model.kinds import HINGES
 from thermid.model.model import Model
-from thermid.model.signal import Constant, Signal, Table
+from thermid.model.signal import Constant, Drawn, Table
 from thermid.network.network import Network
 from thermid.network.rows import ConductorRow
 from thermid.network.streams import signal_of
@@ -42,7 +42,7 @@ class Source:
     load: str
     node: str
     power: Formula | float
-    signal: Signal
+    signal: Drawn
     curve: Curve | None = None
     sensor: str = ""
 
@@ -68,8 +68,8 @@ class Wired:
     capacitances: Mapping[str, Formula | float | None]
     conductors: tuple[tuple[str, ConductorRow], ...]
     sources: tuple[Source, ...]
-    boundaries: Mapping[str, Signal]
-    gas: Mapping[str, Signal]
+    boundaries: Mapping[str, Drawn]
+    gas: Mapping[str, Drawn]
     initial: Mapping[str, float]
 
     @property
@@ -149,7 +149,8 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
         rows,
         tuple(sources),
         {b: wiring.signals[f"boundary {b}"] for b in network.boundaries},
-        network.media.signals() | {name: given for name, given in wiring.signals.items() if name.startswith(signal_of(""))},
+        {name: given.drawn(wiring.scenario.seconds) for name, given in network.media.signals().items()}
+        | {name: given for name, given in wiring.signals.items() if name.startswith(signal_of(""))},
         massive,
     )
 

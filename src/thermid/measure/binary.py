@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import io
 import re
+import struct
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
 from importlib import import_module
@@ -26,6 +28,22 @@ OLD_OFFICE: Final = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 
 _TIMES: Final = ("time", "t", "time_s", "timestamp", "datetime", "tout", "zeit", "tempo", "date_time", "x_value", "tempos", "elapsed")
 _SINCE: Final = re.compile(r"(?P<unit>\w+) since (?P<stamp>.+)\Z")
+
+_DAMAGE: Final = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    NameError,
+    NotImplementedError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+    zlib.error,
+)
+"""What libraries raise on a damaged file."""
 
 Vectors = dict[str, tuple[Any, str]]
 """Name -> samples (samples,), unit as text; both empty where unknown."""
@@ -56,18 +74,20 @@ def tdms(data: bytes, file: str, separator: str | None) -> Cells:
     library = _library("nptdms", file)
     try:
         with library.TdmsFile.read(io.BytesIO(data)) as opened:
+            cut = bool(opened.file_status.incomplete_final_segment)
             groups = [(group.name, {c.name: c for c in group.channels() if len(c)}) for group in opened.groups()]
             groups = [(name, channels) for name, channels in groups if channels]
             begun = _beginning(channels for _, channels in groups)
             series: list[Series] = []
             for name, channels in groups:
                 series += _tdms_series(name if len(groups) > 1 else "", channels, begun, file)
-    except (ValueError, KeyError, EOFError, OSError) as error:
+    except _DAMAGE as error:
         raise RecordError(f"the TDMS file is damaged or cut short ({error}).", file) from None
     if not series:
         raise RecordError("the TDMS file has no samples.", file)
     start = None if begun is None else str(begun.isoformat())
-    return merged(series, file, "time [s]", (), Layout("NI TDMS", ""), start)
+    notes = ("the last segment of the file is cut short; the samples before it were read",) if cut else ()
+    return merged(series, file, "time [s]", notes, Layout("NI TDMS", ""), start)
 
 
 def _beginning(groups: Iterator[Mapping[str, Any]]) -> datetime | None:
@@ -141,7 +161,7 @@ def matlab(data: bytes, file: str, separator: str | None) -> Cells:
 
     try:
         held = loadmat(cast("Any", io.BytesIO(data)), squeeze_me=True, struct_as_record=True)
-    except (MatReadError, ValueError, TypeError, NotImplementedError, OSError) as error:
+    except (MatReadError, *_DAMAGE) as error:
         raise RecordError(f"the MATLAB file cannot be read ({error}). Save it again with save -v7.", file) from None
     return of_variables(held, file)
 
@@ -295,7 +315,7 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
     try:
         with library.File(io.BytesIO(data), "r") as opened:
             opened.visititems(visit)
-    except (OSError, RuntimeError, KeyError) as error:
+    except _DAMAGE as error:
         raise RecordError(f"the HDF5 file is damaged or cut short ({error}).", file) from None
     kind = "MATLAB 7.3" if data[:10] == b"MATLAB 7.3" else "HDF5"
     return _of_vectors(vectors, file, kind)
@@ -323,7 +343,7 @@ def netcdf(data: bytes, file: str, separator: str | None) -> Cells:
                 for name, v in opened.variables.items()
                 if len(v.shape) == 1 and v.shape[0] > 1
             }
-    except (ValueError, TypeError, IndexError, OSError) as error:
+    except _DAMAGE as error:
         raise RecordError(f"the netCDF file is damaged or cut short ({error}).", file) from None
     return _of_vectors(vectors, file, "netCDF classic")
 
@@ -349,7 +369,7 @@ def workbook(data: bytes, file: str, separator: str | None) -> Cells:
     try:
         book = library.CalamineWorkbook.from_filelike(io.BytesIO(data))
         sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
-    except (library.CalamineError, ValueError, OSError) as error:
+    except (library.CalamineError, *_DAMAGE) as error:
         raise RecordError(f"the workbook cannot be read ({error}).", file) from None
     best = max(sheets, key=lambda name: _numbers(sheets[name]), default="")
     if not best or not _numbers(sheets[best]):

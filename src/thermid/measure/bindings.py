@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure.amounts import amount
+from thermid.measure.channel import SAMPLES
 from thermid.measure.columns import name_and_unit
 from thermid.measure.part import KEYS, SensorCertificate, SensorPart
 from thermid.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
@@ -16,7 +17,7 @@ from thermid.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
 __all__ = ["Binding", "bindings", "channel_schema", "find_column", "full_scale", "sd", "unit_and_quantity"]
 
 _ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
-_KEYS: Final = (*_ROLE_KEYS, "gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", *KEYS)
+_KEYS: Final = (*_ROLE_KEYS, "gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples", *KEYS)
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class Binding:
     resolution: str | float | None = None
     unit: str | None = None
     prompt: bool = False
+    samples: str = ""
     part: SensorPart | None = None
     certificate: SensorCertificate | None = None
 
@@ -92,7 +94,12 @@ def _one(key: str, given: object, where: str) -> Binding:
         raise RecordError(f"prompt = {given['prompt']!r} is neither true nor false.", where)
     if given.get("prompt") and role not in ("load", "command"):
         raise RecordError("prompt says that a power or command was logged whenever it changed; it needs a load or command.", where)
-    rest = {word: given[word] for word in ("gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt") if word in given}
+    if given.get("samples", "instant") not in SAMPLES:
+        raise RecordError(f"samples = {given['samples']!r} is neither 'instant' nor 'average'.", where)
+    if "samples" in given and role in ("auto", "node"):
+        raise RecordError("samples says what drives the model; it needs a boundary, load, command or prescribed.", where)
+    words = ("gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples")
+    rest = {word: given[word] for word in words if word in given}
     certificate = SensorCertificate.read(given["certificate"], f"{where}, certificate") if "certificate" in given else None
     return Binding(key, key, role, given[role] if roles else None, **rest, part=SensorPart.read(given, where), certificate=certificate)
 
@@ -209,6 +216,7 @@ def channel_schema() -> dict[str, Any]:
 
     nested = {
         "prompt": {"type": "boolean"},
+        "samples": {"enum": list(SAMPLES)},
         "lead": table(("conductance", "to"), ("conductance", "to")),
         "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),
         "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},

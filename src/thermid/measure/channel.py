@@ -24,6 +24,9 @@ ROLES: Final = ("auto", "node", "boundary", "load", "command", "prescribed")
 HELD: Final = frozenset({"power", "command"})
 """Quantities that keep their value until the next sample (zero-order hold); all others run straight from sample to sample."""
 
+SAMPLES: Final = ("instant", "average")
+"""What a sample of a log may be: the value at its stamp, or the mean over the interval that ends there."""
+
 _SI: Final = {"temperature": "K", "power": "W", "command": "1"}
 
 
@@ -94,6 +97,8 @@ class Channel:
     correction : float              What a certificate has taken off the readings. [SI]
     part : SensorPart or None       What else its sensor does: scale, lag, noise in time, mass, leads.
     prompt : bool                   Whether a power or command has a sample at every change, so that the log has its moment.
+    samples : str                   Of what drives a model: ``instant`` or ``average`` (the mean over the interval up to the stamp), as
+                                    somebody said; empty where nobody did, which is taken as instants.
     assumed : bool                  Whether nothing said its unit, so that the usual one was taken.
 
     Raises
@@ -117,6 +122,7 @@ class Channel:
     correction: float = 0.0
     part: SensorPart | None = None
     prompt: bool = False
+    samples: str = ""
     assumed: bool = False
 
     def __post_init__(self) -> None:
@@ -132,6 +138,8 @@ class Channel:
         for reason, part in (("not a number", np.isnan(values)), ("infinite", np.isinf(values)), ("masked", np.isfinite(values))):
             if np.any(bare & part):
                 masks[reason] = frozen(masks.get(reason, False) | (bare & part), np.bool_)
+        if self.samples not in ("", *SAMPLES):
+            raise RecordError(f"its samples are 'instant' or 'average', not '{self.samples}'.", where)
         if self.role not in ROLES:
             raise RecordError(f"no role '{self.role}'; it is one of {', '.join(ROLES)}.{nearest(self.role, ROLES)}", where)
         for word, size, least in (

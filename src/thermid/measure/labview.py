@@ -146,4 +146,5 @@ def _samples(
 
 
 def _number(text: str) -> float:
-    return float(text.strip().replace(",", ".") or "nan")
+    """Return a number with a point or a comma; not a number where it is none."""
+    return float(text.strip().replace(",", ".") or "nan") if is_number(text) else float("nan")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -43,11 +44,9 @@ def influx(text: str, file: str) -> Cells:
     ------
     RecordError   When a table has no _time or no _value.
     """
-    import csv
-
     series: dict[str, tuple[list[str], list[str], list[int]]] = {}
     header: list[str] = []
-    for number, row in enumerate(csv.reader(text.split("\n")), 1):
+    for number, row in _rows(text, file):
         if not row or row[0].startswith("#"):
             header = []
             continue
@@ -56,13 +55,25 @@ def influx(text: str, file: str) -> Cells:
             if not {"_time", "_value"} <= {*header}:
                 raise RecordError("a table without _time and _value. Query a series, not an aggregate of one.", f"{file}:{number}")
             continue
-        cells = dict(zip(header, row, strict=False))
+        if len(row) != len(header):
+            raise RecordError(
+                f"{len(row)} columns stand in this line, {len(header)} in the header. Mend it, or take it out.", f"{file}:{number}"
+            )
+        cells = dict(zip(header, row, strict=True))
         name = _name_of(cells, header)
         texts, stamps, lines = series.setdefault(name, ([], [], []))
         texts.append(cells["_value"])
         stamps.append(cells["_time"])
         lines.append(number)
     return _as_cells(series, file, "_time", Layout("InfluxDB annotated CSV", "UTF-8", "comma"))
+
+
+def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
+    """Return the rows of a CSV with their line numbers."""
+    try:
+        yield from enumerate(csv.reader(text.split("\n"), strict=True), 1)
+    except csv.Error as error:
+        raise RecordError(f"a quotation mark is out of place ({error}). Mend the line.", file) from None
 
 
 def _name_of(cells: dict[str, str], header: Sequence[str]) -> str:

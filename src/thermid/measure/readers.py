@@ -150,20 +150,28 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         _refuse_kelvin(samples, binding.name, where)
     if quantity == "power" and not stated and watts is None:
         _refuse_per_cent(samples, binding.name, where)
+    scale = 1.0 if watts is None else watts
+
+    def size(given: str | float | None, word: str) -> float | None:
+        """Return an error or step of the column in SI; one in per cent is a share of the full scale."""
+        plain = sd(given, unit_text, quantity, f"{where}, {word}")
+        return None if plain is None else plain * scale
+
     made = Channel.of(
         binding.name,
-        from_unit(samples, unit_text) * (1.0 if watts is None else watts),
+        from_unit(samples, unit_text) * scale,
         quantity=quantity if watts is None else "power",
         role=binding.role,
         target=binding.target,
         gain=binding.gain,
-        noise=sd(binding.noise, unit_text, quantity, f"{where}, noise"),
-        accuracy=sd(binding.accuracy, unit_text, quantity, f"{where}, accuracy"),
-        resolution=sd(binding.resolution or cells.resolution.get(column), unit_text, quantity, f"{where}, resolution"),
+        noise=size(binding.noise, "noise"),
+        accuracy=size(binding.accuracy, "accuracy"),
+        resolution=size(binding.resolution or cells.resolution.get(column), "resolution"),
         column=column,
         unit=unit_text if watts is None else "W",
         assumed=not stated and not column.endswith(("_C", "_W")),
         prompt=binding.prompt or column in cells.prompt,
+        samples=binding.samples,
     )
     return _masked(made, cells.reasons.get(column, {}))
 

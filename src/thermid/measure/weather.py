@@ -99,7 +99,27 @@ class Weather:
         ------
         RecordError   When the weather does not cover it.
         """
-        first = 0.0 if begin is None else self._seconds(begin)
+        later, length = self.begun(begin, duration)
+        cut = {}
+        for name, s in later.series.items():
+            inside = s.times[(s.times > 0.0) & (s.times < length)]
+            times = np.concatenate(([0.0], inside, [length]))
+            cut[name] = Series(times, np.interp(times, s.times, s.values))
+        return replace(later, series=cut)
+
+    def begun(self, begin: str | float | datetime | None = None, duration: str | float | None = None) -> tuple[Weather, float]:
+        """Return the weather with times from an instant, nothing of it cut, and the time that is asked for from there. [s]
+
+        Parameters
+        ----------
+        begin : str, float      As in `window`; a number is in seconds from its beginning.
+        duration : str, float   To the end of the file by default. [s]
+
+        Raises
+        ------
+        RecordError   When the weather does not cover it.
+        """
+        first = 0.0 if begin is None else float(begin) if isinstance(begin, int | float) else self._seconds(begin)
         covered = max(float(s.times[0]) for s in self.series.values()), self.duration
         length = covered[1] - first if duration is None else _seconds(duration, self.name)
         if not (covered[0] - 1.0 <= first and first + length <= covered[1] + 1.0 and length > 0.0):
@@ -108,12 +128,10 @@ class Weather:
                 f"not {self._stamp(first)} and {length / 3600:.4g} h more.",
                 self.name,
             )
-        cut = {}
-        for name, s in self.series.items():
-            inside = s.times[(s.times > first) & (s.times < first + length)]
-            times = np.concatenate(([first], inside, [first + length]))
-            cut[name] = Series(times - first, np.interp(times, s.times, s.values))
-        return replace(self, begin=None if self.begin is None else self.begin + timedelta(seconds=first), series=cut)
+        moved = {name: Series(s.times - first, s.values) for name, s in self.series.items()}
+        # instants are written to the second
+        length = min(length, covered[1] - first)
+        return replace(self, begin=None if self.begin is None else self.begin + timedelta(seconds=first), series=moved), length
 
     def _seconds(self, begin: str | datetime) -> float:
         """Return an instant as seconds from its beginning."""

@@ -53,7 +53,7 @@ def _none(given: Any) -> Any:
     """Return a coefficient of heat transfer; a plain 0, no convection on purpose, needs no unit."""
     table = _cleaned(given)
     if isinstance(table, Mapping):
-        return table | {"value": _none(table["value"])}
+        return {**table, "value": _none(table["value"])}
     return "0 [W/(m^2 K)]" if table == 0 or table == "0" else table
 
 

@@ -184,12 +184,12 @@ def flatten(model: Model) -> Flat:
             conductors += [made, *_losses(made)]
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
-    made = tuple(
+    made_in = tuple(
         (owner.title, gas if gas == "*" else names.end(owner, prefix, gas, f"made_in.{gas}"), state, owner.where(f"made_in.{gas}"))
         for owner, prefix in _walk(model)
         for gas, state in owner.made_in.items()
     )
-    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces, made)
+    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces, made_in)
     _check_slots(flat)
     return flat
 
@@ -275,7 +275,9 @@ def _face(owner: Model, prefix: str, name: str, surface: Surface, takes: tuple[T
 
 def _left(fields: Mapping[str, Any]) -> Law:
     """Return the radiation that an effective coefficient holds, which shows without gas."""
-    return replace(KINDS["radiation"].recipe(fields), medium="left")  # type: ignore[type-var]  # one law
+    law = KINDS["radiation"].recipe(fields)
+    assert isinstance(law, Law)
+    return replace(law, medium="left")
 
 
 def _joint(owner: Model, prefix: str, name: str, joint: Joint, mid: str, names: Names) -> list[FlatConductor]:

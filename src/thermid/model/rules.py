@@ -17,6 +17,7 @@ from thermid.model.curves import evaluate
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.identity import APART, cuts_of, local_identities
 from thermid.model.model import Model
+from thermid.model.streams import unclosed, unfed
 from thermid.model.surroundings import bare, into_gas, radiates_into, still
 from thermid.model.takes import exposed_area
 
@@ -296,6 +297,14 @@ def _radiating(view: _View) -> Iterator[Finding]:
         yield Finding("error", where, radiates_into(gas, radiating))
 
 
+def _streams(view: _View) -> Iterator[Finding]:
+    """A node whose streams do not carry one mass, and a stream that takes no heat from the node that it leaves."""
+    for where, message in unclosed(view.flat, view.values):
+        yield Finding("error", where, message)
+    for path, message in unfed(view.flat).items():
+        yield Finding("warning", next(c.where for c in view.flat.conductors if c.path == path), message)
+
+
 def _unsaid(view: _View) -> Iterator[Finding]:
     """What a surface says nothing of: convection in gas, radiation without; what a run with the other is refused for."""
     place = {path: face.where for path, face in view.flat.faces.items()} | {c.path: c.where for c in view.flat.conductors}
@@ -335,6 +344,7 @@ Rule = Callable[[_View], Iterator[Finding]]
 RULES: Final[tuple[Rule, ...]] = (
     _laws,
     _radiating,
+    _streams,
     _capacitances,
     _massless,
     _attached,

@@ -84,7 +84,7 @@ def still(flat: Flat) -> dict[str, str]:
 
 def surrounding(flat: Flat) -> frozenset[str]:
     """Return the nodes, boundaries among them, that surfaces, gaps and leads convect to, and that have no surface of their own."""
-    return _convected(flat) - {face.node for face in flat.faces.values()}
+    return frozenset(_convected(flat)) - {face.node for face in flat.faces.values()}
 
 
 def _convected(flat: Flat) -> set[str]:

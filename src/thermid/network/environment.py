@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from thermid.errors import ScenarioError
-from thermid.model.signal import Constant, Signal, Sine, Table, literal, signal
+from thermid.model.signal import Constant, Signal, literal, signal
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import GASES, gas_named
 
-__all__ = ["GROUND", "Environment", "extremes"]
-
-Array = NDArray[np.float64]
+__all__ = ["GROUND", "Environment"]
 
 ONE_ATMOSPHERE = Constant(ATMOSPHERE)
 CALM = Constant(0.0)
@@ -61,9 +57,9 @@ class Environment:
             raise ScenarioError(f"a relative humidity of {self.humidity:g} does not exist; give 0 to 1.")
         if self.lowest() < 0.0:
             raise ScenarioError("a pressure below zero does not exist.")
-        if not self.samples().max() <= HIGHEST:
-            raise ScenarioError(f"a pressure of {float(self.samples().max()):.4g} Pa lies beyond {HIGHEST:.4g} Pa, where gases are dilute.")
-        if not (self.gravity >= 0.0 and extremes(self.wind).min() >= 0.0):
+        if not self.pressure.bounds[1] <= HIGHEST:
+            raise ScenarioError(f"a pressure of {self.pressure.bounds[1]:.4g} Pa lies beyond {HIGHEST:.4g} Pa, where gases are dilute.")
+        if not (self.gravity >= 0.0 and self.wind.bounds[0] >= 0.0):
             raise ScenarioError("gravity and wind are sizes; give them without a sign.")
         if self.gas not in GASES:
             gas_named(self.gas, "environment")
@@ -75,28 +71,19 @@ class Environment:
     @property
     def windy(self) -> bool:
         """Whether there is wind at any time."""
-        return bool(extremes(self.wind).max() > 0.0)
+        return bool(self.wind.bounds[1] > 0.0)
 
-    def samples(self) -> Array:
-        """Return the pressures that occur. [Pa]"""
-        return extremes(self.pressure)
+    def mapped(self, law: Callable[[Signal], Signal]) -> Environment:
+        """Return the gas with what a law makes of its signals."""
+        return replace(self, pressure=law(self.pressure), wind=law(self.wind))
 
     def lowest(self) -> float:
         """Return the lowest pressure that occurs. [Pa]"""
-        return float(self.samples().min())
+        return float(self.pressure.bounds[0])
 
     def natural(self, pressure: Any) -> Any:
         """Return how strong natural convection is beside that on the ground, (p/p0)^(1/2) (g/g0)^(1/4) [-]."""
         return (pressure / ATMOSPHERE) ** 0.5 * (self.gravity / STANDARD_GRAVITY) ** 0.25
-
-
-def extremes(given: Signal) -> Array:
-    """Return values of a signal, its lowest and highest among them."""
-    if isinstance(given, Table):
-        return given.values
-    if isinstance(given, Sine):
-        return np.array([given.mean - abs(given.amplitude), given.mean + abs(given.amplitude)])
-    return np.array([given.value])
 
 
 GROUND = Environment()

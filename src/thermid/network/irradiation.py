@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,18 +13,16 @@ from numpy.typing import NDArray
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError, nearest
 from thermid.model.facing import Facing
 from thermid.model.flat import Flat, FlatLoad, FlatSurface
-from thermid.model.signal import Constant, Signal, Sine, Table, signal
+from thermid.model.signal import Constant, Mixed, Signal, Table, added, signal
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.exposure import on_plane, sky_share
 from thermid.units import TEMPERATURE
 
-__all__ = ["HOTTEST", "Irradiation", "OpenSky", "absorbers", "added"]
+__all__ = ["HOTTEST", "Irradiation", "OpenSky", "absorbers"]
 
 Array = NDArray[np.float64]
 Given = Mapping[str, Signal]
 
-JUMP = 1e-3
-"""Time in which a held signal jumps where it is added to one that is not held. [s]"""
 HOTTEST = 5e4
 """Radiation beyond this is a mistake of units: the sun has 1361. [W/m^2]"""
 SOLAR = ("direct", "diffuse", "albedo", "total")
@@ -62,7 +59,7 @@ class Irradiation:
                 continue
             made = signal(given, TEMPERATURE if name == "sky" else "W/m^2", f"irradiation, {name}")
             object.__setattr__(self, name, made)
-            low, high = _range(made)
+            low, high = made.bounds
             if name != "infrared" and low < 0.0:
                 what = "a temperature below absolute zero" if name == "sky" else f"{name} radiation of {low:.4g} W/m^2"
                 raise ScenarioError(f"{what} does not exist.", "irradiation")
@@ -75,6 +72,14 @@ class Irradiation:
         if self.sky_view is not None and not 0.0 <= self.sky_view <= 1.0:
             raise ScenarioError(f"a sky that fills {self.sky_view:g} of the view does not exist; give 0 to 1.", "irradiation")
 
+    def signals(self) -> dict[str, Signal]:
+        """Return what changes, or may change, by name."""
+        return {name: given for name in (*SOLAR, "infrared", "sky", "stream") if (given := getattr(self, name)) is not None}
+
+    def mapped(self, law: Callable[[Signal], Signal]) -> Irradiation:
+        """Return the radiation with what a law makes of its signals."""
+        return replace(self, **{name: law(given) for name, given in self.signals().items()})
+
     def sun(self, facing: Facing | None) -> Signal | None:
         """Return the solar radiation on the surface, or None. [W/m^2]"""
         parts = [getattr(self, name) for name in SOLAR if getattr(self, name) is not None]
@@ -86,7 +91,7 @@ class Irradiation:
         if self.sky is not None:
             if around is None:
                 raise ScenarioError("a sky takes the place of surroundings of given temperature; here they are a node of the model.")
-            parts.append(_less(self.sky, around, float(self.sky_view or 0.0)))
+            parts.append(Mixed(Less(float(self.sky_view or 0.0)), (self.sky, around)))
         return added(*parts) if parts else None
 
 
@@ -102,6 +107,7 @@ class OpenSky:
     downward : Signal or None                           Long-wave radiation on the horizontal; None where none is counted. [W/m^2]
     air : str                                           The boundary that is the open air; the ground is as warm as it.
     albedo : float                                      Of the ground. [-]
+    path : SkyPath or None                              What works the same sky out for a run that begins at another time.
     """
 
     times: Array
@@ -113,11 +119,27 @@ class OpenSky:
     downward: Signal | None
     air: str
     albedo: float = 0.2
+    path: SkyPath | None = None
 
     def __post_init__(self) -> None:
         """Refuse a ground that does not exist."""
         if not 0.0 <= self.albedo <= 1.0:
             raise ScenarioError(f"an albedo of {self.albedo:g} does not exist; give 0 to 1.", "sun")
+
+    def signals(self) -> dict[str, Signal]:
+        """Return what changes, or may change, by name."""
+        beam = Table(self.times, self.direct_normal)
+        return {"sun": beam} | ({"downward": self.downward} if self.downward is not None else {})
+
+    def mapped(self, law: Callable[[Signal], Signal]) -> OpenSky:
+        """Return the sky with what a law makes of its signals; the sun keeps its path."""
+        return replace(self, downward=None if self.downward is None else law(self.downward))
+
+    def shifted(self, seconds: float) -> OpenSky:
+        """Return the sky from a time on: worked out anew where its path is known, else moved in time."""
+        if self.path is not None:
+            return self.path.sky(seconds)
+        return replace(self.mapped(lambda s: s.shifted(seconds)), times=self.times - seconds)
 
     def sun(self, facing: Facing | None) -> Signal | None:
         """Return the solar radiation on a surface. [W/m^2]"""
@@ -130,8 +152,37 @@ class OpenSky:
         if self.downward is None or around is None:
             return None
         share = sky_share((facing or Facing(0.0)).tilt)
-        times = np.union1d(_times(self.downward), _times(around))
-        return Table(times, share * (self.downward.at(times) - STEFAN_BOLTZMANN * around.at(times) ** 4))
+        return Mixed(Received(share), (self.downward, around))
+
+
+class SkyPath(Protocol):
+    """What works out the sun and the sky over a place for a run that begins at another time."""
+
+    def sky(self, seconds: float) -> OpenSky:
+        """Return the sky of a run that begins later. [s]"""
+        ...
+
+
+@dataclass(frozen=True)
+class Received:
+    """What the sky sends a surface less than surroundings as warm as the air; `share` of the view is sky. [-]"""
+
+    share: float
+
+    def __call__(self, downward: Array, around: Array) -> Array:
+        """Return share (downward - sigma T^4) (times,). [W/m^2]"""
+        return self.share * (downward - STEFAN_BOLTZMANN * around**4)
+
+
+@dataclass(frozen=True)
+class Less:
+    """What a sky of its own temperature sends less than the surroundings whose place it takes; `share` of the view is sky. [-]"""
+
+    share: float
+
+    def __call__(self, sky: Array, around: Array) -> Array:
+        """Return share sigma (T_sky^4 - T_around^4) (times,). [W/m^2]"""
+        return self.share * STEFAN_BOLTZMANN * (sky**4 - around**4)
 
 
 def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | OpenSky]) -> tuple[FlatLoad, ...]:
@@ -212,44 +263,3 @@ def _longwave(given: Irradiation | OpenSky, face: FlatSurface, path: str, bounda
         return given.longwave(face.facing, boundaries.get(face.sees)) or Constant(0.0)
     except ThermidError as error:
         raise error.located(f"irradiation.{path}") from None
-
-
-def _range(given: Signal) -> tuple[float, float]:
-    if isinstance(given, Table):
-        return float(given.values.min()), float(given.values.max())
-    if isinstance(given, Sine):
-        return given.mean - abs(given.amplitude), given.mean + abs(given.amplitude)
-    return given.value, given.value
-
-
-def _times(given: Signal) -> Array:
-    """Return times between which a signal is straight; a held one jumps within a moment."""
-    if isinstance(given, Table):
-        if not given.hold or given.times.size < 2:
-            return given.times
-        moment = min(JUMP, 0.25 * float(np.diff(given.times).min()))
-        return np.union1d(given.times, given.times[1:] - moment)
-    if isinstance(given, Sine):
-        raise ScenarioError("a sine cannot be added to other radiation; give a table.", "irradiation")
-    return np.zeros(1)
-
-
-def added(*parts: Signal) -> Signal:
-    """Return the sum of signals; held where all of them are held."""
-    if len(parts) == 1:
-        return parts[0]
-    if all(isinstance(p, Constant) for p in parts):
-        return Constant(float(sum(p.at(np.zeros(1))[0] for p in parts)))
-    hold = all(isinstance(p, Constant) or (isinstance(p, Table) and p.hold) for p in parts)
-    sampled = [p.times if hold and isinstance(p, Table) else _times(p) for p in parts]
-    times = np.unique(np.concatenate(sampled))
-    return Table(times, np.sum([p.at(times) for p in parts], axis=0), hold)
-
-
-def _less(sky: Signal, around: Signal, share: float) -> Signal:
-    """Return share * sigma (T_sky^4 - T_around^4), dense enough for what bends between samples. [W/m^2]"""
-    times = np.union1d(_times(sky), _times(around))
-    if times.size > 1:
-        times = np.unique(np.concatenate([np.linspace(a, b, 5) for a, b in pairwise(times)]))
-    values = share * STEFAN_BOLTZMANN * (sky.at(times) ** 4 - around.at(times) ** 4)
-    return Table(times, values) if times.size > 1 else Constant(float(values[0]))

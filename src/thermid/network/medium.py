@@ -18,7 +18,7 @@ from thermid.model.elements import MadeIn
 from thermid.model.flat import FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Signal, Table
-from thermid.network.environment import GROUND, Environment, extremes
+from thermid.network.environment import GROUND, Environment
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.pressure import levels_of, sampled, shares, stream, vented
 from thermid.network.rarefied import GasState, correlated, gap, thinned
@@ -46,12 +46,14 @@ class Media:
     environments : dict     Gas node -> Environment; ``*`` stands for every gas not named; one atmosphere where none is given.
     as_printed : bool       Whether convection is set to zero as the source document does, radiation inside it included: a bound.
     irradiation : dict      Surface -> what falls on it; ``*`` for every surface outdoors.
+    seconds : float         How long the run lasts that the signals of gases are drawn for. [s]
     memo : Memo             States of gases, and winds in time.
     """
 
     environments: Mapping[str, Environment] = field(default_factory=dict)
     as_printed: bool = False
     irradiation: Mapping[str, Irradiation | OpenSky] = field(default_factory=dict)
+    seconds: float = 0.0
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def signals(self) -> dict[str, Signal]:
@@ -64,24 +66,22 @@ class Media:
             if isinstance(p, Constant):
                 continue
             if isinstance(p, Table) and self._jumps(p):
-                present = (p.values > VACUUM_LIMIT).astype(float)
-                out[f"gas {gas}"] = Table(p.times, present, hold=True)
-                out[f"no gas {gas}"] = Table(p.times, 1.0 - present, hold=True)
-            table = sampled(p)
-            natural = environment.natural(table.values)
+                out[f"gas {gas}"] = p.mapped(_present)
+                out[f"no gas {gas}"] = p.mapped(lambda level: 1.0 - _present(level))
+            natural = sampled(p, self.seconds).mapped(environment.natural)
             out[f"pressure {gas}"] = p
-            out[f"natural {gas}"] = Table(table.times, natural, table.hold)
-            out[f"rest {gas}"] = Table(table.times, 1.0 - natural, table.hold)
+            out[f"natural {gas}"] = natural
+            out[f"rest {gas}"] = natural.mapped(lambda share: 1.0 - share)
         return out
 
     def _pressure(self, gas: str, environment: Environment) -> Signal:
         """Return the pressure of a gas node, that of a vented volume worked out."""
-        own: Signal = environment.pressure
+        own: Signal = environment.pressure.drawn(self.seconds)
         if not environment.vented:
             return own
         if environment.vented == gas or self._environment(environment.vented).vented:
             raise ScenarioError(f"'{gas}' is vented to '{environment.vented}', which has no pressure of its own.", "environment")
-        outside = self._environment(environment.vented).pressure
+        outside = self._environment(environment.vented).pressure.drawn(self.seconds)
         return vented(own, outside, environment.time_constant, f"environment.{gas}")
 
     def pressure(self, gas: str) -> Signal:
@@ -99,13 +99,13 @@ class Media:
     def _environment(self, gas: str) -> Environment:
         return self.environments.get(self._key(gas), GROUND)
 
-    @staticmethod
-    def _jumps(p: Signal) -> bool:
+    def _jumps(self, p: Signal) -> bool:
         """Return whether a pressure only jumps between that of the ground and vacuum."""
-        if not (isinstance(p, Table) and p.hold):
+        if not (isinstance(p, Table) and p.held):
             return False
-        air = (p.values >= AIR_RANGE[0]) & (p.values <= AIR_RANGE[1])
-        return bool((air | (p.values <= VACUUM_LIMIT)).all())
+        levels = p.levels
+        air = (levels >= AIR_RANGE[0]) & (levels <= AIR_RANGE[1])
+        return bool((air | (levels <= VACUUM_LIMIT)).all())
 
     def _state(self, gas: str) -> str:
         """Return air, vacuum, jumping or thin for a gas node; asked for every conductor of every evaluation, worked out once."""
@@ -115,12 +115,12 @@ class Media:
     def _state_of(self, gas: str) -> str:
         environment = self._environment(gas)
         p = self._pressure(gas, environment)
-        values = extremes(p)
-        if (values <= VACUUM_LIMIT).all():
+        lowest, highest = p.bounds
+        if highest <= VACUUM_LIMIT:
             return "vacuum"
         if abs(environment.gravity - STANDARD_GRAVITY) > 0.01 * STANDARD_GRAVITY:
             return "thin"
-        if ((values >= AIR_RANGE[0]) & (values <= AIR_RANGE[1])).all():
+        if lowest >= AIR_RANGE[0] and highest <= AIR_RANGE[1]:
             return "air"
         return "jumping" if self._jumps(p) else "thin"
 
@@ -143,7 +143,7 @@ class Media:
         """Return the wind of a gas in time, thinned as its gas is, and the levels between which it is interpolated. [m/s]"""
 
         def made() -> tuple[Table, Array]:
-            given = stream(environment.wind, pressure)
+            given = stream(environment.wind, pressure, self.seconds)
             return given, levels_of(given)
 
         return self.memo.made(("stream", key), made)
@@ -155,7 +155,7 @@ class Media:
     def made_in(self, gas: str) -> MadeIn:
         """Return the state of a gas that stays, for a model that is reduced in it."""
         environment = self._environment(gas)
-        wind = float(extremes(environment.wind).max())
+        wind = environment.wind.bounds[1]
         return MadeIn(self.lowest(gas), environment.gravity, environment.gas, wind)
 
     def as_made(self, gas: str, made: MadeIn) -> bool:
@@ -166,18 +166,18 @@ class Media:
 
     def _as_made(self, key: str, made: MadeIn) -> bool:
         environment = self._environment(key)
-        pressures = extremes(self._pressure(key, environment))
+        lowest, highest = self._pressure(key, environment).bounds
         if made.pressure <= VACUUM_LIMIT:
-            return bool((pressures <= VACUUM_LIMIT).all())
+            return highest <= VACUUM_LIMIT
         low, high = AIR_RANGE if AIR_RANGE[0] <= made.pressure <= AIR_RANGE[1] else (0.99 * made.pressure, 1.01 * made.pressure)
         alike = abs(environment.gravity - made.gravity) <= 0.01 * STANDARD_GRAVITY and environment.gas == made.gas
-        winds = extremes(environment.wind)
-        return alike and bool(((pressures >= low) & (pressures <= high)).all() and (np.abs(winds - made.wind) <= 0.01 * made.wind).all())
+        winds = np.array(environment.wind.bounds)
+        return alike and bool(lowest >= low and highest <= high and (np.abs(winds - made.wind) <= 0.01 * made.wind).all())
 
     def lowest(self, gas: str) -> float:
         """Return the lowest pressure that a gas node has. [Pa]"""
         key = self._key(gas)
-        return float(extremes(self._pressure(key, self._environment(key))).min())
+        return self._pressure(key, self._environment(key)).bounds[0]
 
     def changed(self, gas: str) -> bool:
         """Return whether a gas is at any time another than air on the ground."""
@@ -193,12 +193,10 @@ class Media:
 
     def remarks(self, conductors: Iterable[FlatConductor]) -> tuple[str, ...]:
         """Return a sentence for each wind that does not reach a fixed coefficient."""
-        conductors, out = list(conductors), []  # type: list[FlatConductor], list[str]
-        for gas in dict.fromkeys(c.gas for c in conductors):
+        every, out = list(conductors), []  # type: list[FlatConductor], list[str]
+        for gas in dict.fromkeys(c.gas for c in every):
             if self._environment(gas).windy:
-                fixed = [
-                    c.path for c in conductors if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields
-                ]
+                fixed = [c.path for c in every if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields]
                 out += [
                     f"the wind in '{gas}' does not change {', '.join(repr(p) for p in fixed)}: a coefficient that is given stays as it is;"
                     " htc = { length = ... } takes it from a correlation, with wind"
@@ -309,3 +307,8 @@ class Media:
         if emissivity is None:
             raise self._unknown_share(c)
         return (radiation_coefficient(emissivity, fields["area"]),)
+
+
+def _present(pressure: Array) -> Array:
+    """Return 1 where there is gas at a pressure [Pa] and 0 where there is none (times,). [-]"""
+    return np.asarray(pressure > VACUUM_LIMIT, dtype=float)

@@ -15,13 +15,14 @@ from thermid.memo import Memo
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.model import Model
 from thermid.model.stores import Store
+from thermid.model.streams import unclosed
 from thermid.model.surroundings import into_gas, radiates_into
 from thermid.model.takes import exposed_area
 from thermid.network.gas_checks import TRACE, refuse_unsaid, traced
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import Media
 from thermid.network.rows import ConductorRow, LoadRow
-from thermid.network.streams import Streams, check_masses
+from thermid.network.streams import Streams
 
 __all__ = ["Network", "Numbers", "compile_network"]
 
@@ -118,7 +119,8 @@ class Network:
         values = self.flat.parameters.evaluate(overrides, changed.paths, kept.get("values"))
         capacitances, conductors, loads = (dict(kept.get(k, {})) for k in ("capacitances", "conductors", "loads"))
         if any(c.kind == "flow" for c in changed.conductors):
-            check_masses(self.flat, values)
+            for where, message in unclosed(self.flat, values):
+                raise DeckError(message, where)
         for node in changed.nodes:
             capacitances[node.path] = _capacitance(node, values)
         for c in changed.conductors:

@@ -1,4 +1,4 @@
-"""Streams: what they carry, the density of a gas by the pressure and temperature of its source, and the mass balance of each node.
+"""Streams of gas in a network: their mass by the pressure and temperature of their sources, and vacuum that stops them.
 
 A stream of gas is fixed in mass (`mass_flow`) or in volume (`volume_flow`). A volume is that which enters the line where it begins: from
 there on every stream of the line carries that mass, whatever temperature it takes. Where lines meet, masses add.
@@ -6,119 +6,30 @@ there on every stream of the line carries that mass, whatever temperature it tak
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
-from thermid.dual import Number, value_of
-from thermid.errors import DeckError, ScenarioError, quoted
+from thermid.dual import Number
+from thermid.errors import ScenarioError, quoted
 from thermid.memo import Memo
 from thermid.model.flat import Flat, FlatConductor
 from thermid.model.kinds import Law
-from thermid.model.signal import Constant, Signal
-from thermid.model.surroundings import gas_nodes
+from thermid.model.signal import Constant, Drawn, Mixed, Signal
+from thermid.model.streams import by_volume, flow_of, fluid_of, streams_of, unfed
 from thermid.network.environment import extremes
 from thermid.network.medium import AIR_RANGE, VACUUM_LIMIT, Media
-from thermid.network.pressure import combined
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.physics.gas import GASES
 
-__all__ = ["STANDARD", "Streams", "check_masses"]
+__all__ = ["STANDARD", "Streams", "signal_of"]
 
 STANDARD: Final = 293.15
 """Temperature of the density of a gas whose source has no temperature of its own, and of its specific heat. [K]"""
-BALANCED: Final = 1e-3
-"""Share of a node's flow that may be missing: flows are written with three digits or more. [-]"""
-
-
-def streams_of(conductors: Iterable[FlatConductor]) -> tuple[FlatConductor, ...]:
-    """Return the streams between two nodes."""
-    return tuple(c for c in conductors if c.kind == "flow" and c.ends[0] != c.ends[1])
-
-
-def fluid_of(c: FlatConductor) -> str:
-    """Return the fluid of a stream: a gas, liquid, or empty where it names none."""
-    return c.words.get("fluid", "")
-
-
-def _by_volume(c: FlatConductor) -> bool:
-    return "volume_flow" in c.fields
-
-
-def _size(c: FlatConductor, values: Mapping[str, Any]) -> Any:
-    """Return the flow of a stream as it is written: of mass [kg/s], or of volume [m^3/s] where its density follows from the gas."""
-    flow = value_of(values[c.fields["volume_flow" if _by_volume(c) else "mass_flow"]])
-    return flow * value_of(values[c.fields["density"]]) if "density" in c.fields else flow
-
-
-def check_masses(flat: Flat, values: Mapping[str, Any]) -> None:
-    """Refuse nodes that do not pass on what enters them, where a stream names its fluid or the node is gas.
-
-    What enters a node and is not passed on leaves it unwritten, at its temperature: the last node of a line. A boundary gives and takes.
-
-    Raises
-    ------
-    DeckError   With the flows of the first node that does not close, that mixes fluids, or flows of mass with flows of volume.
-    """
-    inner, gases = {n.path for n in flat.nodes}, gas_nodes(flat)
-    streams = streams_of(flat.conductors)
-    for node in dict.fromkeys(end for c in streams for end in c.ends if end in inner):
-        for fluid, joined in _by_fluid(node, [c for c in streams if node in c.ends]).items():
-            into = [c for c in joined if c.ends[1] == node]
-            out = [c for c in joined if c.ends[0] == node]
-            # of a stream without fluid that none feeds, `Streams.remarks` speaks
-            if not out or not (fluid or (into and node in gases)):
-                continue
-            _check_alike(node, joined)
-            entering, leaving = (sum((_size(c, values) for c in part), start=0.0) for part in (into, out))
-            gap, most = entering - leaving, entering + leaving
-            if gap * gap > (BALANCED * most) * (BALANCED * most):
-                raise DeckError(
-                    f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}. "
-                    "A node of a stream keeps no mass. Make them equal, or write the stream that is missing, from or to a boundary such as "
-                    "the ambient; one parameter for all streams of a line keeps it closed in fits and schedules.",
-                    out[0].where,
-                )
-
-
-def _by_fluid(node: str, streams: Sequence[FlatConductor]) -> dict[str, list[FlatConductor]]:
-    """Return fluid -> streams of a node; one that names none is taken with the gas that is there. Two gases in a node are refused."""
-    gas = list(dict.fromkeys(fluid_of(c) for c in streams if fluid_of(c) in GASES))
-    if len(gas) > 1:
-        one, two = (next(c for c in streams if fluid_of(c) == name) for name in gas[:2])
-        raise DeckError(
-            f"{gas[0]} ('{one.path}') and {gas[1]} ('{two.path}') meet in '{node}'. Gases that mix are one fluid here: name one.", two.where
-        )
-    out: dict[str, list[FlatConductor]] = {}
-    for c in streams:
-        out.setdefault(fluid_of(c) or next(iter(gas), ""), []).append(c)
-    return out
-
-
-def _check_alike(node: str, streams: Sequence[FlatConductor]) -> None:
-    """Refuse volumes of gas beside masses."""
-    kinds = {_by_volume(c) and "density" not in c.fields: c for c in streams}
-    if len(kinds) > 1:
-        raise DeckError(
-            f"in '{node}' the volume of '{kinds[True].path}' meets the mass of '{kinds[False].path}', whose balance closes at one pressure "
-            "and temperature at most. Write streams that meet all as volume_flow or all as mass_flow.",
-            kinds[False].where,
-        )
-
-
-def _said(streams: Sequence[FlatConductor], flow: Any, values: Mapping[str, Any]) -> str:
-    """Return a flow with the names of its streams, as volume where all are written so; of many members the first."""
-    if not streams:
-        return "nothing"
-    volume = all(_by_volume(c) for c in streams)
-    size = sum((value_of(values[c.fields["volume_flow"]]) for c in streams), start=0.0) if volume else flow
-    plain = float(np.asarray(getattr(size, "values", size)).ravel()[0])
-    text = f"{6e4 * plain:.4g} l/min" if volume else f"{1e3 * plain:.4g} g/s"
-    return f"{text} ({', '.join(repr(c.path) for c in streams)})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +42,7 @@ class Streams:
     shares : dict           Stream -> source -> share of its flow that comes from there, both by path; a source is the stream that begins
                             a line at a boundary, or a stream of a loop that begins nowhere. [-]
     lines : dict            Stream -> nodes of the streams that are joined with it.
-    unfed : dict            Stream that names no fluid -> the gas node that it leaves, which no stream enters.
+    unfed : dict            What is said of streams of no fluid that leave a gas node which none enters, by path.
     media : Media
     memo : Memo             Courses that were worked out.
     """
@@ -153,9 +64,7 @@ class Streams:
         """
         _check_named(flat, media)
         gas, inner = tuple(c for c in streams_of(flat.conductors) if fluid_of(c) in GASES), {n.path for n in flat.nodes}
-        fed, gases = {c.ends[1] for c in streams_of(flat.conductors)}, gas_nodes(flat)
-        unfed = {c.path: c.ends[0] for c in streams_of(flat.conductors) if not fluid_of(c) and c.ends[0] in gases - fed}
-        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), unfed, media)
+        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), unfed(flat), media)
 
     def __contains__(self, path: str) -> bool:
         """Whether a conductor is a stream of gas."""
@@ -169,7 +78,7 @@ class Streams:
             out[node] = out.get(node, 0.0) + share
         return out
 
-    def course(self, path: str, temperatures: Mapping[str, Signal]) -> Signal:
+    def course(self, path: str, temperatures: Mapping[str, Signal]) -> Drawn:
         """Return the mass flow of a stream over that with its gas at one atmosphere and 20 degC, in time; zero where a gas is gone. [-]
 
         Parameters
@@ -177,10 +86,9 @@ class Streams:
         path : str              Of the stream.
         temperatures : dict     Boundary -> temperature; a source that is not among them has 20 degC. [K]
         """
-        sources = self.sources(path) if _by_volume(self._named[path]) else {}
-        pressures = {n: self.media.pressure(n) for n in (*self.lines[path], *sources)}
-        several = {id(s): s for s in pressures.values()}  # gases that share one pressure
-        place = {n: list(several).index(id(s)) for n, s in pressures.items()}
+        sources = self.sources(path) if by_volume(self._named[path]) else {}
+        line = self.lines[path]
+        several, place = self.memo.made(line, lambda: self._pressures(line))
         warm = {n: temperatures[n] for n in sources if n in temperatures}
         at = {n: len(several) + k for k, n in enumerate(warm)}
 
@@ -191,9 +99,15 @@ class Streams:
             dense = [given[place[n]] / ATMOSPHERE * (STANDARD / given[at[n]] if n in at else 1.0) for n in sources]
             return sum(share * each for share, each in zip(sources.values(), dense, strict=True)) * there
 
-        return combined(flow, *several.values(), *warm.values())
+        return Mixed(flow, (*several, *warm.values())).drawn(self.media.seconds)
 
-    def still(self, path: str) -> Signal:
+    def _pressures(self, line: tuple[str, ...]) -> tuple[list[Signal], dict[str, int]]:
+        """Return the pressures of a line, one for all gases that share it, and node -> its place among them."""
+        pressures = {n: self.media.pressure(n) for n in line}
+        several = {id(s): s for s in pressures.values()}
+        return list(several.values()), {n: list(several).index(id(s)) for n, s in pressures.items()}
+
+    def still(self, path: str) -> Drawn:
         """Return the course of a stream whose sources have 20 degC: what a network without a scenario's temperatures has. [-]"""
         return self.memo.made(path, lambda: self.course(path, {}))
 
@@ -209,7 +123,7 @@ class Streams:
     def _standard(c: FlatConductor) -> float:
         """Return what a flow as written lacks with its gas at one atmosphere and 20 degC: density and specific heat, multiplied."""
         gas = GASES[fluid_of(c)]
-        density = ATMOSPHERE / (gas.constant * STANDARD) if _by_volume(c) else 1.0
+        density = ATMOSPHERE / (gas.constant * STANDARD) if by_volume(c) else 1.0
         return density * (1.0 if "specific_heat" in c.fields else float(gas.cp(STANDARD)))
 
     def written(self, path: str, rate: float, specific_heat: float) -> tuple[str, float]:
@@ -223,8 +137,8 @@ class Streams:
         """
         c, course = self._named[path], self.still(path)
         gas, there = GASES[fluid_of(c)], course.value if isinstance(course, Constant) else 1.0
-        density = ATMOSPHERE / (gas.constant * STANDARD) if _by_volume(c) else 1.0
-        return ("volume_flow" if _by_volume(c) else "mass_flow"), rate / (there * density * specific_heat) if there else 0.0
+        density = ATMOSPHERE / (gas.constant * STANDARD) if by_volume(c) else 1.0
+        return ("volume_flow" if by_volume(c) else "mass_flow"), rate / (there * density * specific_heat) if there else 0.0
 
     def signals(self) -> dict[str, Signal]:
         """Return what rows of streams are multiplied by where the pressure of a gas changes in time."""
@@ -239,21 +153,20 @@ class Streams:
         offsets : dict      Boundary -> temperature where the signal is constant, else what is added to it. [K]
         """
         sources = {n: share for n, share in self.sources(path).items() if n in offsets}
-        if not sources or not _by_volume(self._named[path]):
+        if not sources or not by_volume(self._named[path]):
             return 1.0
         before: Number = 1.0 - sum(sources.values())
         after: Number = before
         for n, share in sources.items():
             given = boundaries[n]
-            mean = given.value if isinstance(given, Constant) else float(np.mean(given.at(np.asarray(getattr(given, "times", [0.0])))))
+            mean = given.mean_over(0.0, self.media.seconds)
             now = offsets[n] if isinstance(given, Constant) else offsets[n] + mean
             before, after = before + share / mean * STANDARD, after + share * STANDARD / now
         return after / before
 
     def remarks(self, end: float) -> Iterator[str]:
         """Yield what a reader of a run must know of its streams; `end` of it [s]."""
-        for path, node in self.unfed.items():
-            yield f"'{path}' takes no heat from '{node}', since no stream enters there: write its inlet, and the fluid of both"
+        yield from self.unfed.values()
         stopped: dict[tuple[str, float], list[FlatConductor]] = {}
         for c in self.conductors:
             gone = self._gone(c.path, end)
@@ -264,7 +177,7 @@ class Streams:
             empty = [n for n in dict.fromkeys(n for c in several for n in self.lines[c.path]) if self._emptied(n, end)]
             when = f" from {begin:g} s" if begin > 0.0 else ""
             yield f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'}: there is no gas in {quoted(empty)}{when}"
-        loops = [c.path for c in self.conductors if _by_volume(c) and set(self.sources(c.path)) <= self._inner]
+        loops = [c.path for c in self.conductors if by_volume(c) and set(self.sources(c.path)) <= self._inner]
         if loops:
             density = "their density is that" if len(loops) > 1 else "its density is that"
             yield f"{quoted(loops)} {'come' if len(loops) > 1 else 'comes'} from no boundary: {density} at {STANDARD - ICE_POINT:g} degC"
@@ -291,13 +204,13 @@ class Streams:
         course = self.still(path)
         if isinstance(course, Constant):
             return 0.0 if course.value == 0.0 else None
-        times = np.asarray(course.times)
+        times = course.knots(0.0, end)
         none = (course.at(times) == 0.0) & (times < end)
         return float(max(times[none.argmax()], 0.0)) if none.any() else None
 
     def _emptied(self, node: str, end: float) -> bool:
-        given = combined(lambda p: 1.0 * (p > VACUUM_LIMIT), self.media.pressure(node))
-        return bool((given.at(np.append(np.asarray(getattr(given, "times", [0.0])), end)) == 0.0).any())
+        given = self.media.pressure(node)
+        return bool((given.at(np.append(given.knots(0.0, end), end)) <= VACUUM_LIMIT).any())
 
 
 def signal_of(path: str) -> str:
@@ -314,7 +227,7 @@ def _shares(streams: Sequence[FlatConductor], values: Mapping[str, Any], inner: 
     first = _fed(streams, entered)
     at = {n: k for k, n in enumerate(entered) if n in first}
     known = [c.path for c in streams if c.ends[0] not in at]
-    flows = {c.path: float(_size(c, values)) for c in streams}
+    flows = {c.path: float(flow_of(c, values)) for c in streams}
     least = 1e-12 * max(flows.values(), default=0.0) or 1.0
     matrix, right = np.zeros((len(entered), len(entered))), np.zeros((len(entered), len(known)))
     for c in streams:
@@ -338,12 +251,18 @@ def _shares(streams: Sequence[FlatConductor], values: Mapping[str, Any], inner: 
 
 def _fed(streams: Sequence[FlatConductor], entered: Sequence[str]) -> set[str]:
     """Return the nodes that a stream from a boundary reaches."""
+    after: dict[str, list[str]] = {}
+    for c in streams:
+        after.setdefault(c.ends[0], []).append(c.ends[1])
+    own = set(entered)
     out: set[str] = set()
-    while True:
-        more = {c.ends[1] for c in streams if c.ends[1] in entered and (c.ends[0] in out or c.ends[0] not in entered)} - out
-        if not more:
-            return out
-        out |= more
+    todo = [n for start, ends in after.items() if start not in own for n in ends]
+    while todo:
+        here = todo.pop()
+        if here in own and here not in out:
+            out.add(here)
+            todo += after.get(here, ())
+    return out
 
 
 def _lines(streams: Sequence[FlatConductor], inner: set[str]) -> dict[str, tuple[str, ...]]:
@@ -371,5 +290,4 @@ def _check_named(flat: Flat, media: Media) -> None:
 
 
 def _on_ground(pressure: Signal) -> bool:
-    values = extremes(pressure)
-    return bool(((values >= AIR_RANGE[0]) & (values <= AIR_RANGE[1])).all())
+    return pressure.bounds[0] >= AIR_RANGE[0] and pressure.bounds[1] <= AIR_RANGE[1]

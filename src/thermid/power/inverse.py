@@ -178,8 +178,8 @@ def _asked(
     for k in range(knots.size):
         name = f"{path}_at_{k}"
         model = with_load(model, name, watts(given.into, power="1 [W]"))
-        around = slice(max(k - 1, 0), k + 2)
-        loads[name] = Table(knots[around], np.eye(knots.size)[k, around], False)
+        around = np.unique(np.clip([0, k - 1, k, k + 1, knots.size - 1], 0, knots.size - 1))
+        loads[name] = Table(knots[around], np.eye(knots.size)[k, around])
         names.append(name)
     loads[path] = Constant(0.0)
     known = priors_of(model, priors or {}, f"power of {path}")

@@ -60,7 +60,6 @@ def _misses(h: PowerHistory, model: Model) -> tuple[dict[str, float], float]:
 
     The run starts where the power became unknown, from the history's temperatures.
     """
-    from thermid.model.signal import Table
     from thermid.simulation.transient import simulate
 
     begin = float(h.times[int(np.flatnonzero(~h.known)[0])])
@@ -68,14 +67,8 @@ def _misses(h: PowerHistory, model: Model) -> tuple[dict[str, float], float]:
     first = int(np.searchsorted(whole.times, begin))
     nodes = [n for n in whole.nodes if n not in h.scenario.boundaries]
     loads = {k: v for k, v in h.scenario.loads.items() if k != h.load}
-
-    def later(signal: Any) -> Any:
-        return Table(np.asarray(signal.times) - begin, np.asarray(signal.values), signal.hold) if isinstance(signal, Table) else signal
-
     scenario = replace(
-        h.scenario,
-        loads={k: later(v) for k, v in loads.items()},
-        boundaries={k: later(v) for k, v in h.scenario.boundaries.items()},
+        replace(h.scenario, loads=loads).begun(begin),
         initial={n: float(whole[n].kelvin[first]) for n in nodes},
         duration=float(h.times[-1]) - begin,
     )

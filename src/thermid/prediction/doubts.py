@@ -6,13 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Prior
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter
-from thermid.model.signal import Signal, Table
+from thermid.model.signal import Signal
 from thermid.network.network import compile_network
 from thermid.physics.finishes import finish
 from thermid.simulation.scenario import Scenario
@@ -52,8 +50,7 @@ def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
 
 
 def _thin(pressure: Signal) -> bool:
-    values = pressure.values if isinstance(pressure, Table) else pressure.at(np.zeros(1))
-    return bool(np.min(values) < THIN)
+    return pressure.bounds[0] < THIN
 
 
 def doubted(problem: Problem, doubts: Mapping[str, float]) -> Problem:

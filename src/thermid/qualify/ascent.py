@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
-from thermid.model.signal import Table
+from thermid.model.signal import Signal
 from thermid.qualify.marks import Figure
 from thermid.simulation.scenario import Scenario
 
@@ -80,20 +80,22 @@ def ascent_checks(
         raise ScenarioError(f"it has no gas '{air}'; there are {', '.join(scenario.environment) or 'none'}.", scenario.title)
     # that of a vented volume is worked out
     pressure = scenario.media().signals().get(f"pressure {air}")
-    if not isinstance(pressure, Table):
+    if pressure is None or pressure.cycle == 0.0:
         raise ScenarioError(f"the pressure of '{air}' does not change; that is no ascent.", scenario.title)
     out = _decay(pressure, scenario.seconds, over, air, limits)
     for surface, given in scenario.irradiation.items():
         stream = getattr(given, "stream", None)
-        if isinstance(stream, Table):
-            k = int(np.argmax(stream.values))
+        if stream is not None:
+            times = stream.knots(0.0, scenario.seconds)
+            heat = stream.at(times)
+            k = int(np.argmax(np.where((times >= 0.0) & (times <= scenario.seconds), heat, -np.inf)))
             for name in ("molecular heating", "gentle molecular heating"):
                 if name in limits:
-                    out.append(_check(name, float(stream.values[k]), limits, float(stream.times[k]), surface))
+                    out.append(_check(name, float(heat[k]), limits, float(times[k]), surface))
     return tuple(out)
 
 
-def _decay(pressure: Table, seconds: float, over: float, air: str, limits: Mapping[str, Figure]) -> list[AscentCheck]:
+def _decay(pressure: Signal, seconds: float, over: float, air: str, limits: Mapping[str, Figure]) -> list[AscentCheck]:
     """Return the fastest decay, and how long it is beyond what holds but for brief periods."""
     times = np.linspace(0.0, max(seconds - over, 0.0), max(int(seconds / over * 4), 1) + 1)
     rate: Array = (pressure.at(times) - pressure.at(times + over)) / over

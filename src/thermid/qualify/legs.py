@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from thermid.errors import ScenarioError, SolverError
 from thermid.memo import Memo
 from thermid.model.model import Model
-from thermid.model.signal import Constant, Signal, Table
+from thermid.model.signal import Constant, Signal, Table, multiplied
 from thermid.network.environment import Environment
 from thermid.simulation.engine import Engine, Options
-from thermid.simulation.inputs import product
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.steady import settle
@@ -70,10 +69,12 @@ class Plan:
     def scenario(self, base: Scenario, bench: Bench, title: str, tail: float = 0.0) -> Scenario:
         """Return the scenario of the whole course, with what holds at its end held for a time more. [s]"""
         end = self.times[-1] + tail
+        # a stretch is looked at beyond its end; the whole course, without a tail, is refused where a signal ends before it
+        base = base.mapped(lambda s: s.held_on()) if tail else base
         given: dict[str, Any] = {}
         chamber = _straight(self.times, [s.chamber for s in self.states])
         given["boundaries"] = {name: chamber for name in bench.chamber}
-        given |= bench.switched(base, _steps(self.times, [float(s.power) for s in self.states]), end)
+        given |= bench.switched(base, _steps(self.times, [float(s.power) for s in self.states]))
         if self.states[0].pressure is not None:
             thin = _by_factors(self.times, [s.pressure or 0.0 for s in self.states], bench.ground)
             given["environment"] = {gas: replace(base.environment.get(gas, Environment()), pressure=thin) for gas in bench.gases}
@@ -90,7 +91,7 @@ def _straight(times: tuple[float, ...], values: list[float]) -> Signal:
         return Constant(values[0])
     t, v = np.array(times), np.array(values)
     keep = np.append(np.diff(t) > 0.0, True)
-    return Table(t[keep], v[keep])
+    return Table(t[keep], v[keep], after="hold")
 
 
 def _steps(times: tuple[float, ...], values: list[float]) -> Signal:
@@ -144,14 +145,14 @@ class Bench:
     memory: str
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
-    def switched(self, base: Scenario, on: Signal, seconds: float) -> dict[str, Any]:
+    def switched(self, base: Scenario, on: Signal) -> dict[str, Any]:
         """Return commands and loads with the equipment switched."""
         commands: dict[str, Any] = {}
         loads: dict[str, Any] = {}
         for load in self.equipment:
             kind = "loads" if load in base.loads else "commands"
             own = getattr(base, kind).get(load, Constant(1.0))
-            (loads if kind == "loads" else commands)[load] = product(own, on, seconds)
+            (loads if kind == "loads" else commands)[load] = multiplied(own, on)
         return {"commands": commands, "loads": loads}
 
     def leg(self, past: Plan, after: Conditions, span: float) -> Leg:
@@ -256,6 +257,6 @@ def memory_of(model: Model, scenario: Scenario) -> str:
             if not isinstance(given, Constant):
                 return f"{kind}.{name} changes with time"
     for gas, e in scenario.environment.items():
-        if e.vented or e.sealed or not isinstance(e.pressure, Constant):
+        if e.vented or e.sealed or e.pressure.cycle != 0.0:
             return f"the gas '{gas}' has a pressure of its own"
     return ""

@@ -22,7 +22,7 @@ from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.qualify.condense import Choice, Condensed, Drive, Part, chain, condensed, part_of
-from thermid.simulation.scenario import STEADY, Scenario
+from thermid.simulation.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
@@ -140,7 +140,7 @@ def reduce(
     heated = frozenset(load.node for load in network.flat.loads if load.path.startswith(ahead))
     judged = points or sorted(held | heated | offered)
     part = part_of(network, runs[0], ahead, held | frozenset(points) | offered | heated, judged)
-    drives = [Drive.of(part, network, r, s.start == STEADY) for s, r in zip(given, runs, strict=True)]
+    drives = [Drive.of(part, network, r, Start.of(s.start, s.title) == Start(STEADY)) for s, r in zip(given, runs, strict=True)]
     ways = chain(part, held, drives)
     limit = literal(within, "K", "within") if isinstance(within, str) else within
     for count in sorted(ways) if limit is not None else [min(max(nodes or 0, min(ways)), max(ways))]:

@@ -53,13 +53,15 @@ def plan_runs(
     if not scenarios or chunk < 1:
         raise ScenarioError("a campaign of runs needs a scenario, and chunks of at least one member.", model.title)
     stated = dict(spread or {})
-    begun, remarks = starts(stated.pop("start_time"), scenarios[0]) if "start_time" in stated else ([0.0], ())
-    first = begun_at(scenarios[0], begun[0])
+    begun, stays, remarks = starts(stated.pop("start_time"), scenarios[0]) if "start_time" in stated else ([0.0], (), ())
+    first = begun_at(scenarios[0], begun[0], stays)
     known = known_of([v for v in given if not isinstance(v, Spread)], model, at)
     joint = [v for v in given if isinstance(v, Spread)]
     budget = budget_of(known, first, [*joint, *([stated] if stated else [])], without=without)
     check_variants(stated, budget.model, scenarios)
-    variants = tuple(begun_at(s, t) for s in scenarios for t in begun)
+    variants = tuple(begun_at(s, t, stays) for s in scenarios for t in begun)
+    for variant in variants:
+        variant.check_spans()
     chosen = " and ".join(n for n, several in (("scenario", len(scenarios)), ("start_time", len(begun))) if several > 1)
     budget = _with_variants(budget, chosen, len(variants)) if len(variants) > 1 else budget
     network = compile_network(budget.model, media=first.media(), prescribed=tuple(first.prescribed))

@@ -1,17 +1,15 @@
-"""The same scenario begun at another time of the day: weather moves, what is done stays."""
+"""The same scenario begun at another time of the day: what changes in time moves, commands count from the start."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 
-from thermid.errors import ScenarioError
-from thermid.model.signal import Constant, Signal, Sine, Table, literal
-from thermid.simulation.scenario import Scenario
+from thermid.errors import ScenarioError, nearest
+from thermid.model.signal import literal
+from thermid.simulation.scenario import SLOTS, Scenario
 
 __all__ = ["begun_at", "starts"]
 
@@ -19,50 +17,37 @@ STEP = 1800.0
 """Step of start times where none is given. [s]"""
 
 
-def begun_at(scenario: Scenario, seconds: float) -> Scenario:
-    """Return a scenario whose boundaries, loads and prescribed nodes are those from a time on; schedules, commands and gases stay."""
-    tables: dict[str, Mapping[str, Signal]] = {
-        key: {n: _later(s, seconds) for n, s in getattr(scenario, key).items()} for key in ("boundaries", "loads", "prescribed")
-    }
-    changed: dict[str, Any] = dict(tables)
-    return replace(scenario, **changed)
+def begun_at(scenario: Scenario, seconds: float, stays: Collection[str] = ()) -> Scenario:
+    """Return a scenario as it is from a time on: sun, wind, gases and schedules too; commands, and what `stays`, do not move."""
+    return scenario.begun(seconds, but=("commands", *stays))
 
 
-def _later(signal: Signal, seconds: float) -> Signal:
-    if isinstance(signal, Constant):
-        return signal
-    if isinstance(signal, Sine):
-        return replace(signal, phase=signal.phase + 2.0 * math.pi * seconds / signal.period)
-    rest = signal.times > seconds
-    first = signal.at(np.array([seconds]))
-    return Table(np.concatenate(([0.0], signal.times[rest] - seconds)), np.concatenate((first, signal.values[rest])), signal.hold)
-
-
-def starts(given: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...]]:
-    """Return the start times that a spread of ``start_time`` means [s], and what a reader must know.
+def starts(given: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...], tuple[str, ...]]:
+    """Return the start times that a spread of ``start_time`` means [s], what stays where it is, and what a reader must know.
 
     Parameters
     ----------
-    given : dict        ``{"low": "0 [h]", "high": "6 [h]", "step": "30 [min]"}``; every step is as likely, the step may be left out.
-    scenario : Scenario Its tables should reach from the first start to the end of a run begun last.
+    given : dict        ``{"low": "0 [h]", "high": "6 [h]", "step": "30 [min]", "stays": ["air_flow"]}``; every step is as likely. The step
+                        may be left out; ``stays`` names what is done and counts from the start, as commands do.
+    scenario : Scenario Its tables reach from the first start to the end of a run begun last.
 
     Raises
     ------
-    ScenarioError   When it is none, or has more than a thousand steps.
+    ScenarioError   When it is none, has more than a thousand steps, or names what the scenario does not have.
     """
     where = f"{scenario.title}, spread of 'start_time'"
-    if not isinstance(given, Mapping) or not {"low", "high"} <= set(given) <= {"low", "high", "step"}:
+    if not isinstance(given, Mapping) or not {"low", "high"} <= set(given) <= {"low", "high", "step", "stays"}:
         raise ScenarioError('write { low = "0 [h]", high = "6 [h]", step = "30 [min]" }.', where)
     low, high = (literal(given[k], "s", where) for k in ("low", "high"))
     step = literal(given["step"], "s", where) if "step" in given else STEP
     if not (0.0 <= low <= high and step > 0.0 and (high - low) / step <= 1000.0):
         raise ScenarioError("start times go from zero or later upward, in a thousand steps at most.", where)
     times = np.arange(low, high + 1e-9 * step, step).tolist()
-    short = [
-        n
-        for key in ("boundaries", "loads", "prescribed")
-        for n, s in getattr(scenario, key).items()
-        if isinstance(s, Table) and s.times.size > 1 and s.times[-1] < times[-1] + scenario.seconds - 1e-6
-    ]
-    remark = (f"the tables of {', '.join(short)} end before a run that begins last; they stay at their last value",) if short else ()
-    return times, remark
+    stays = tuple(given.get("stays", ()))
+    known = {name for place, _ in scenario.signals() for name in (place.partition(".")[2], place.split(".")[1])} | set(SLOTS)
+    for name in stays:
+        if name not in known:
+            raise ScenarioError(f"nothing called '{name}' changes in the scenario.{nearest(name, known)}", f"{where}, stays")
+    still = [k for k, s in scenario.commands.items() if s.cycle != 0.0] + [n for n in stays if n not in scenario.commands]
+    said = (f"the start moves all that changes in time but {', '.join(still)}, which count{'s' * (len(still) == 1)} from it",)
+    return times, stays, said if still and len(times) > 1 else ()

@@ -190,7 +190,8 @@ def uncertain_runs(
     values : Calibration, FittedValues, Spread, or several      What fits found (laid over the model) and left open (drawn).
     at : str                    The submodel that the values belong to; empty for the model itself.
     spread : dict               What else is not known exactly: name as in `ensemble`, or a pattern of parameters -> spread as text;
-                                ``start_time`` -> ``{"low": "0 [h]", "high": "6 [h]"}``, the same weather entered at another time.
+                                ``start_time`` -> ``{"low": "0 [h]", "high": "6 [h]"}``: all that changes in time is entered at another
+                                time, but commands and what ``stays`` names, which count from the start.
     without : sequence of str   Sources that are not counted, as in `predict`.
     n, seed : int               Members; of the draws.
     nodes : sequence of str     Nodes to keep; the reference points by default.

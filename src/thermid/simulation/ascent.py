@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,10 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError, nearest
 from thermid.measure import read_plain
-from thermid.model.signal import Constant, Signal, Table, literal, signal
+from thermid.model.signal import Constant, Signal, Table, joined, literal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import HOTTEST, Irradiation
-from thermid.physics.atmosphere import Air, standard_atmosphere, upper_atmosphere
+from thermid.physics.atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
 from thermid.physics.exposure import molecular_heating
 from thermid.simulation.scenario import Scenario
 from thermid.units import TEMPERATURE
@@ -31,7 +32,7 @@ STEP = 0.5
 """Interval at which pressure and density are worked out between the points of a trajectory. [s]"""
 UNITS = {"altitude": "m", "speed": "m/s", "pressure": "Pa", "density": "kg/m^3"}
 JUMP = 1e-3
-"""Time that the parting of a fairing takes. [s]"""
+"""Time that the stream takes to reach the unit as the fairing parts. [s]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +82,37 @@ class Trajectory:
         if upper not in ("", "standard"):
             raise ScenarioError(f"upper is 'standard' or left out, not '{upper}'.", "trajectory")
         if self.pressure is not None and self.density is not None:
-            return np.interp(times, self.times, self.pressure), np.interp(times, self.times, self.density)
+            return self.column(times, "pressure"), self.column(times, "density")
         model = upper_atmosphere if upper else standard_atmosphere
-        found: Air = model(np.interp(times, self.times, self.altitude))
-        pressure = found.pressure if self.pressure is None else np.interp(times, self.times, self.pressure)
-        density = found.density if self.density is None else np.interp(times, self.times, self.density)
+        found: Air = model(self.column(times, "altitude"))
+        pressure = found.pressure if self.pressure is None else self.column(times, "pressure")
+        density = found.density if self.density is None else self.column(times, "density")
         return pressure, density
+
+    def column(self, times: Array, name: str) -> Array:
+        """Return altitude, speed, pressure or density (times,) along the flight.
+
+        Raises
+        ------
+        ScenarioError   Before its first row and after its last.
+        """
+        return Table(self.times, getattr(self, name)).within(times, f"trajectory, {name}")
+
+    def grid(self, end: float, upper: str = "") -> Array:
+        """Return times at which the air is worked out, close together between rows: of the flight as far as the air is known.
+
+        Parameters
+        ----------
+        end : float     Time that is needed; beyond it the air may be unknown. [s]
+        upper : str     As in `air`.
+        """
+        parts = [np.linspace(a, b, int(np.ceil((b - a) / STEP)) + 1) for a, b in pairwise(self.times.tolist())]
+        fine = np.unique(np.concatenate([self.times[:1], *parts]))
+        if self.pressure is not None and self.density is not None:
+            return fine
+        high = self.column(fine, "altitude") > (1e3 * UPPER[-1, 0] if upper else HIGHEST_ALTITUDE)
+        known = fine[: int(np.argmax(high))] if high.any() else fine
+        return np.union1d(known, fine[fine <= end])
 
 
 @takes_objects
@@ -155,7 +181,7 @@ def ascent_scenario(
     ScenarioError   When pressure or temperature of the gas are not said, or a stream is asked for without speed or separation.
     """
     seconds = _duration(duration, trajectory, pressure, title)
-    times = np.linspace(0.0, seconds, max(int(np.ceil(seconds / STEP)), 1) + 1)
+    times = trajectory.grid(seconds, upper) if trajectory is not None else np.zeros(1)
     gone = (
         None
         if separation is None
@@ -168,7 +194,8 @@ def ascent_scenario(
     if air_temperature is None:
         raise ScenarioError(f"nothing says how warm the gas of '{air}' is: give air_temperature.", title)
     boundaries = {air: signal(air_temperature, TEMPERATURE, f"{title}, air_temperature")}
-    boundaries |= {k: _until(signal(v, TEMPERATURE, f"{title}, walls.{k}"), gone, SPACE) for k, v in (walls or {}).items()}
+    hulls = {k: signal(v, TEMPERATURE, f"{title}, walls.{k}") for k, v in (walls or {}).items()}
+    boundaries |= {k: hull if gone is None else joined(hull, gone, Constant(SPACE)) for k, hull in hulls.items()}
     gas: Signal = signal(pressure, "Pa", f"{title}, pressure") if pressure is not None else _pressure(trajectory, times, upper, title)
     streams = _streams(trajectory, flow or {}, gone, times, accommodation, upper, title)
     return Scenario(
@@ -207,10 +234,10 @@ def _streams(
     if not 0.0 < accommodation <= 1.0:
         raise ScenarioError(f"an accommodation of {accommodation:g} does not exist; give 0 to 1.", title)
     after = np.union1d(times[times > gone], [gone])
-    heat = molecular_heating(trajectory.air(after, upper)[1], np.interp(after, trajectory.times, trajectory.speed), accommodation)
+    heat = molecular_heating(trajectory.air(after, upper)[1], trajectory.column(after, "speed"), accommodation)
     if heat.max() > HOTTEST:
         k = int(heat.argmax())
-        height = float(np.interp(after[k], trajectory.times, trajectory.altitude)) / 1e3
+        height = float(trajectory.column(after[k : k + 1], "altitude")[0]) / 1e3
         raise ScenarioError(
             f"at {after[k]:.4g} s, {height:.4g} km up, the stream would bring {heat[k]:.3g} W/m^2: there the air is "
             "no stream of single molecules yet. Fairings go where it brings some kilowatts at most; look at its time and speed.",
@@ -226,16 +253,6 @@ def _streams(
             raise ScenarioError(f"the cosine between '{surface}' and the flight is {share:g}; give 0 to 1.", f"{title}, flow")
         out[surface] = Irradiation(stream=Table(after, share * heat))
     return out
-
-
-def _until(given: Signal, gone: float | None, then: float) -> Signal:
-    """Return a signal that ends at an instant and gives way to a constant."""
-    if gone is None:
-        return given
-    before = given.times[given.times < gone] if isinstance(given, Table) else np.zeros(1)
-    before = np.union1d(before, [max(gone - JUMP, 0.5 * gone)])
-    times = np.concatenate((before, [gone]))
-    return Table(times, np.concatenate((given.at(before), [then]))) if gone > 0.0 else Constant(then)
 
 
 def _duration(given: Any, trajectory: Trajectory | None, pressure: Any, title: str) -> float:

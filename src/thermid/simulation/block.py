@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.model.block import FACES, Block, Exchange
 from thermid.model.block_cells import exchange_cells, links
-from thermid.model.signal import Constant, Signal, literal
+from thermid.model.signal import Constant, Drawn, literal, multiplied
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation.block_solution import Again, BlockSolution
 from thermid.simulation.engine import Options
-from thermid.simulation.inputs import product
 from thermid.simulation.large import METHODS, LargeAnswer, Watched, integrate
-from thermid.simulation.scenario import STEADY, Scenario
+from thermid.simulation.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import output_times
 from thermid.simulation.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
 from thermid.units import TEMPERATURE
@@ -132,22 +131,22 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
     """
     where = f"{block.title}, {scenario.title}"
     _check(block, scenario, where)
-    inputs: list[Signal] = []
+    inputs: list[Drawn] = []
 
-    def place(given: Signal) -> int:
+    def place(given: Drawn) -> int:
         if isinstance(given, Constant):
             return NONE
         inputs.append(given)
         return len(inputs) - 1
 
     boundaries = block.boundaries
-    given = [scenario.boundaries[b] for b in boundaries]
+    given = [scenario.boundaries[b].drawn(scenario.seconds) for b in boundaries]
     offsets = np.array([s.value if isinstance(s, Constant) else 0.0 for s in given])
     places = tuple(place(s) for s in given)
     rows = [row for e in block.exchanges for row in _rows(block, e, boundaries)]
     loads = []
     for tag, (name, heater) in enumerate(block.heaters.items()):
-        power = product(scenario.loads.get(name, heater.power), scenario.commands.get(name, Constant(1.0)), scenario.seconds)
+        power = multiplied(scenario.loads.get(name, heater.power), scenario.commands.get(name, Constant(1.0))).drawn(scenario.seconds)
         nodes = block.heater_cells(name)
         coefficients = np.zeros((4, nodes.size))
         coefficients[0] = (power.value if isinstance(power, Constant) else 1.0) / nodes.size
@@ -159,6 +158,7 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
 
 def _check(block: Block, scenario: Scenario, where: str) -> None:
     """Refuse what a block cannot follow."""
+    scenario.check_spans()
     for name in ("gains", "schedule", "prescribed", "environment"):
         if getattr(scenario, name):
             raise ScenarioError(f"a block takes no '{name}'; turn it into a model with model(), which does.", where)
@@ -198,12 +198,15 @@ def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list
 def _start(block: Block, scenario: Scenario, network: SparseNetwork, where: str) -> Array:
     """Return the initial temperatures (cells,). [K]"""
     start = scenario.start
-    if start == STEADY:
+    asked = Start.of(start, where)
+    if asked is not None and asked.kind != STEADY:
+        raise ScenarioError(f"a block starts steady under the inputs of one time, not '{start}'; turn it into a model with model().", where)
+    if asked is not None:
         if scenario.initial:
             raise ScenarioError("a steady start holds for all cells; leave 'initial' out.", where)
         from thermid.simulation.large_steady import settle_large
 
-        return settle_large(network, 0.0, where)[0]
+        return settle_large(network, asked.time, where)[0]
     if start == "" and len(network.boundaries) != 1:
         raise ScenarioError("there is no start: give a temperature, the name of a boundary, or 'steady'.", where)
     initial = np.full(block.count, _temperature(start or network.boundaries[0], network, where))

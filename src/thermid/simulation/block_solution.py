@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, SolverError, nearest
 from thermid.memo import Memo
 from thermid.model.block import Block
-from thermid.model.signal import Constant
+from thermid.model.signal import Constant, multiplied
 from thermid.simulation.engine import Options
 from thermid.simulation.extremes import Turnings
-from thermid.simulation.inputs import product
 from thermid.simulation.kernel_form import break_times
 from thermid.simulation.large import LargeAnswer, Watched, integrate
 from thermid.simulation.scenario import Scenario
@@ -96,7 +95,7 @@ class BlockSolution(Solution):
         out = {}
         for name, heater in self.block.heaters.items():
             given, command = self._scenario.loads.get(name, heater.power), self._scenario.commands.get(name, Constant(1.0))
-            signal = product(given, command, self._scenario.seconds)
+            signal = multiplied(given, command)
             out[name] = np.full(self.times.shape, signal.value) if isinstance(signal, Constant) else signal.at(self.times)
         return out
 

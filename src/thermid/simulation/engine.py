@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +18,7 @@ from thermid.simulation.extremes import Turnings, by_column
 from thermid.simulation.kernel_form import break_times, ending, ints, kernel_input, row_form
 from thermid.simulation.modal import Modal
 from thermid.simulation.squares import LOSSES, Squares, Weighing
+from thermid.simulation.traces import Traces
 from thermid.simulation.wiring import Assembled, Wiring
 
 __all__ = ["Answer", "Engine", "Options"]
@@ -364,8 +366,6 @@ class Engine:
 
     def left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:
         """Return which tables that are refused outside their points are left at temperatures (nodes,) [K]; empty where none is."""
-        from thermid.simulation.traces import Traces
-
         network = self.wiring.network
         if not self.refuses:
             return ""
@@ -386,10 +386,15 @@ class Engine:
             return a
         if not unknown.all():
             raise ScenarioError("a steady start holds for all nodes; leave 'initial' out.", self.wiring.scenario.title)
-        from thermid.simulation.steady import settle
+        from thermid.simulation.steady import beginning
 
-        found, slopes = settle(self, a, 0.0, gradients)
+        found, slopes = beginning(self, a, gradients)
         return replace(a, initial=found, initial_gradient=slopes if gradients else a.initial_gradient)
+
+    @cached_property
+    def still(self) -> Engine:
+        """The same problem with every input at its mean; it takes the same numbers."""
+        return Engine(self.wiring.stilled())
 
     def capacities(self, a: Assembled) -> Array:
         """Return the capacitance (nodes,) of every node, zero for a massless one. [J/K]"""

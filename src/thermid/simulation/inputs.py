@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,18 +11,15 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ScenarioError, nearest
-from thermid.model.signal import Constant, Signal, Sine, Table, signal
+from thermid.model.signal import Constant, Drawn, Mixed, Signal, Sine, Table, multiplied, pulses, signal, together
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow, LoadRow
 from thermid.simulation.scenario import Scenario
 from thermid.units import TEMPERATURE, require
 
-__all__ = ["Schedule", "check_courses", "command_curve", "load_inputs", "normalised", "read_schedule", "scheduled"]
+__all__ = ["Schedule", "check_courses", "load_inputs", "normalised", "read_schedule", "scheduled"]
 
 Array = NDArray[np.float64]
-SINE_SAMPLES = 400
-MOST_SAMPLES = 5_000_000
-"""Samples of one periodic signal: 80 MB."""
 
 
 def normalised(network: Network, scenario: Scenario) -> Scenario:
@@ -69,57 +66,17 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
         raise ScenarioError(f"load '{both[0]}' has both a power and a command; give one of them.", where)
     gains = {load(k): gain(v) for k, v in scenario.gains.items()}
     initial = {network.find(k, where): v for k, v in scenario.initial.items()}
+    scenario.check_spans()
     return replace(scenario, boundaries=boundaries, loads=loads, commands=commands, gains=gains, initial=initial, prescribed={})
 
 
-def _samples(given: Signal, duration: float) -> Array:
-    """Return the times at which a signal must be sampled to be kept as a table. [s]"""
-    if isinstance(given, Table):
-        return given.times
-    if isinstance(given, Sine):
-        return np.linspace(0.0, duration, max(2, _enough(duration / given.period * SINE_SAMPLES, given.period)))
-    return np.array([0.0])
+@dataclass(frozen=True)
+class Curvature:
+    """What the curvature of a command's law is multiplied by: s (s - 1)."""
 
-
-def _enough(samples: float, period: float) -> int:
-    """Return how many samples a periodic signal needs.
-
-    Raises
-    ------
-    ScenarioError   When they would fill the memory.
-    """
-    if samples > MOST_SAMPLES:
-        raise ScenarioError(
-            f"a period of {period:g} s would take {samples:.3g} samples for this run, and at most {MOST_SAMPLES:.0e} are made. "
-            "Give a longer period, its mean in place of it, or a shorter run.",
-            "a periodic signal",
-        )
-    return int(np.ceil(samples)) + 1
-
-
-def product(first: Signal, second: Signal, duration: float) -> Signal:
-    """Return the product of two signals, as a table where neither is constant."""
-    if isinstance(first, Constant) and isinstance(second, Constant):
-        return Constant(first.value * second.value)
-    if isinstance(second, Constant):
-        first, second = second, first
-    if isinstance(first, Constant):
-        if isinstance(second, Table):
-            return Table(second.times, first.value * second.values, second.hold)
-        if isinstance(second, Sine):
-            return Sine(first.value * second.mean, first.value * second.amplitude, second.period, second.phase)
-    times = np.union1d(_samples(first, duration), _samples(second, duration))
-    hold = all(isinstance(s, Table) and s.hold for s in (first, second))
-    return Table(times, first.at(times) * second.at(times), hold)
-
-
-def command_curve(given: Signal, duration: float) -> Signal:
-    """Return s (s - 1) of a command s: what its curvature multiplies."""
-    if isinstance(given, Constant):
-        return Constant(given.value * (given.value - 1.0))
-    times = _samples(given, duration)
-    values = given.at(times)
-    return Table(times, values * (values - 1.0), isinstance(given, Table) and given.hold)
+    def __call__(self, command: Array) -> Array:
+        """Return s (s - 1) of a command (times,). [-]"""
+        return command * (command - 1.0)
 
 
 def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[str, Signal]:
@@ -127,37 +84,31 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
 
     A power given by the scenario is marked ``watts <load>``: it stands in place of the deck's own.
     """
-    duration = scenario.seconds
     out: dict[str, Signal] = {}
     for load in network.flat.loads:
         command: Signal = scenario.commands.get(load.path, Constant(1.0))
         if load.flux is not None:
-            command = product(command, load.flux(scenario.boundaries), duration)
+            command = multiplied(command, load.flux(scenario.boundaries))
         if "periodic.period" in load.fields:
-            command = product(command, _square(load.fields, numbers.values, duration, load.where), duration)
+            command = multiplied(command, _square(load.fields, numbers.values, load.where))
         watts = scenario.loads.get(load.path)
         if watts is not None:
             out[f"watts {load.path}"] = watts
             command = watts
         out[f"load {load.path}"] = command
-        out[f"curve {load.path}"] = Constant(0.0) if watts is not None else command_curve(command, duration)
+        out[f"curve {load.path}"] = Constant(0.0) if watts is not None else Mixed(Curvature(), (command,))
         if "sine.amplitude" in load.fields:
             period = value_of(numbers.values[load.fields["sine.period"]])
             out[f"sine {load.path}"] = Constant(0.0) if watts is not None else Sine(0.0, 1.0, period)
     return out
 
 
-def _square(fields: Mapping[str, str], values: Mapping[str, Any], duration: float, where: str) -> Signal:
+def _square(fields: Mapping[str, str], values: Mapping[str, Any], where: str) -> Signal:
     """Return the on-off signal of a periodic load: on first, for `duty` of every period."""
     period, duty = (value_of(values[fields[f"periodic.{k}"]]) for k in ("period", "duty"))
     if not (period > 0 and 0.0 <= duty <= 1.0):
         raise DeckError(f"a periodic load needs a period above zero and a duty from 0 to 1, not {period:g} s and {duty:g}.", where)
-    if duty in (0.0, 1.0):
-        return Constant(duty)
-    _enough(duration / period, period)
-    starts = np.arange(0.0, duration + period, period)
-    times = np.column_stack((starts, starts + duty * period)).ravel()
-    return Table(times, np.tile([1.0, 0.0], starts.size), hold=True)
+    return pulses(period, duty)
 
 
 class Schedule:
@@ -172,9 +123,9 @@ class Schedule:
 
     def __init__(self, signals: Mapping[str, Signal], duration: float) -> None:
         self.signals = dict(signals)
-        self.times: Array = np.unique(np.concatenate([_samples(s, duration) for s in signals.values()]))
-        self.hold = all(isinstance(s, Constant) or (isinstance(s, Table) and s.hold) for s in signals.values())
-        columns = np.column_stack([s.at(self.times) for s in signals.values()])
+        drawn = [s.drawn(duration) for s in signals.values()]
+        self.times, self.hold = together(drawn, duration)
+        columns = np.column_stack([s.at(self.times) for s in drawn])
         self.rows, self.index = np.unique(columns, axis=0, return_inverse=True)
         self.index = self.index.ravel()
 
@@ -204,7 +155,7 @@ def read_schedule(network: Network, scenario: Scenario) -> Schedule | None:
     return Schedule(signals, scenario.seconds)
 
 
-def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) -> tuple[Numbers, dict[tuple[str, int, int], Signal]]:
+def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) -> tuple[Numbers, dict[tuple[str, int, int], Drawn]]:
     """Return the numbers at the reference sample, and which coefficient follows which signal.
 
     Keys of the second are (row's name, position among the rows of that name, coefficient). A coefficient that changes is its value at the
@@ -226,7 +177,7 @@ def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) 
             )
     reference = max(range(len(sets)), key=lambda k: _magnitude(sets[k]))
     base = sets[reference]
-    out: dict[tuple[str, int, int], Signal] = {}
+    out: dict[tuple[str, int, int], Drawn] = {}
     every: list[tuple[ConductorRow | LoadRow, ...]] = [(*s.conductors, *s.loads) for s in sets]
     seen: dict[str, int] = {}
     kept: list[tuple[Number, ...]] = []
@@ -297,6 +248,6 @@ def check_courses(numbers: Numbers, follow: Courses, wired: Courses, title: str)
 
 def _same_course(one: Signal, other: Signal) -> bool:
     """Whether two signals are the same in time, to rounding."""
-    if isinstance(one, Table) and isinstance(other, Table):
-        return np.array_equal(one.times, other.times) and np.allclose(one.values, other.values, rtol=1e-9, atol=1e-12)
-    return type(one) is type(other) and np.allclose(one.at(np.zeros(1)), other.at(np.zeros(1)), rtol=1e-9, atol=1e-12)
+    end = max(one.extent, other.extent)
+    mine, others = one.knots(0.0, end), other.knots(0.0, end)
+    return np.array_equal(mine, others) and np.allclose(one.at(mine), other.at(mine), rtol=1e-9, atol=1e-12)

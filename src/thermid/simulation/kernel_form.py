@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.model.curves import Curve
-from thermid.model.signal import Constant, Signal, Sine, Table
+from thermid.model.signal import Constant, Drawn, Signal, Sine, Table
 from thermid.network.rows import LOADS, conductor_law, curve_arrays, tables_behind
 
 __all__ = ["break_times", "ending", "ints", "kernel_input", "load_places", "row_form"]
@@ -54,7 +54,7 @@ def row_form(
     return law.kind, four, table
 
 
-def kernel_input(given: Signal) -> tuple[int, Array, Array]:
+def kernel_input(given: Drawn) -> tuple[int, Array, Array]:
     """Return the kernel's form of a signal."""
     none = np.zeros(0)
     if isinstance(given, Constant):

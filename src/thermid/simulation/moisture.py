@@ -16,7 +16,7 @@ from thermid.model.elements import HeatLoad
 from thermid.model.flat import Flat, FlatConductor
 from thermid.model.model import Model
 from thermid.model.parameter import parameter
-from thermid.model.signal import Constant, Signal, Table, signal
+from thermid.model.signal import Constant, Signal, Table, check_span, signal
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import Scenario
@@ -166,6 +166,8 @@ def moisture(
     gases = list(dict.fromkeys(c.gas for c in _exchanging(flat)))
     own = {flat.names.find(k): v for k, v in (volumes or {}).items()}
     open_air = {flat.names.find(k): signal(v, "1", f"humidity of {k}") for k, v in humidity.items()}
+    for name, given_humidity in open_air.items():
+        check_span(given_humidity, scenario.seconds, f"{scenario.title}, humidity of {name}")
     for name, volume in own.items():
         if volume.to and flat.names.find(volume.to) not in (*open_air, *own):
             raise ScenarioError(f"'{name}' exchanges gas with '{volume.to}', whose humidity is not given.", scenario.title)
@@ -190,7 +192,7 @@ def moisture(
         if max(moved, _remaining(moved, given, left)) < SETTLED:
             return Moisture.of(solution, parts, followed)
         before = solution.temperatures
-        heats = {names[c.path]: Table(solution.times, heat) for c, heat in zip(parts, _mixed(given, left), strict=True)}
+        heats = {names[c.path]: Table(solution.times, heat, after="hold") for c, heat in zip(parts, _mixed(given, left), strict=True)}
     raise ScenarioError(f"latent heat and temperatures found no balance in {PASSES} passes; give a shorter `every`.", scenario.title)
 
 

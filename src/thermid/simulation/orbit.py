@@ -8,7 +8,7 @@ import numpy as np
 
 from thermid.errors import ScenarioError
 from thermid.model.facing import degrees
-from thermid.model.signal import Constant, Signal, Table, literal, signal
+from thermid.model.signal import Constant, Signal, Table, joined, literal, signal
 from thermid.network.irradiation import Irradiation
 from thermid.physics.exposure import SOLAR_CONSTANT, eclipse, planet_share
 
@@ -62,20 +62,20 @@ def orbit_irradiation(
     glow = literal(infrared, "W/m^2", "orbit, infrared") if isinstance(infrared, str) else float(infrared)
     facing, above = (max(float(np.cos(np.radians(angles[k]))), 0.0) for k in ("sun", "subsolar"))
     return Irradiation(
-        direct=_times(light, strength * facing),
-        albedo=_times(light, strength * albedo * view * above),
+        direct=light.scaled(strength * facing),
+        albedo=light.scaled(strength * albedo * view * above),
         infrared=Constant(glow * view),
     )
 
 
 def eclipse_signal(altitude: str | float, beta: float | str, duration: str | float, begin: str | float = 0.0) -> Signal:
-    """Return the light of a circular orbit about the earth: 1 in the sun, 0 in the earth's shadow, a cylinder.
+    """Return the light of a circular orbit about the earth, orbit after orbit: 1 in the sun, 0 in the earth's shadow, a cylinder.
 
     Parameters
     ----------
     altitude : str, float   [m]
     beta : float            Between the orbit's plane and the sun. [deg]
-    duration : str, float   [s]
+    duration : str, float   Of the run; the light goes on beyond it. [s]
     begin : str, float      When the first eclipse begins. [s]
 
     References
@@ -88,31 +88,20 @@ def eclipse_signal(altitude: str | float, beta: float | str, duration: str | flo
     >>> [float(v) for v in light.at(np.array([0.0, 2400.0, 4200.0]))]
     [1.0, 0.0, 1.0]
     """
-    height, seconds, first = (
+    height, _, first = (
         literal(v, slot, f"orbit, {name}") if isinstance(v, str) else float(v)
         for v, slot, name in ((altitude, "m", "altitude"), (duration, "s", "duration"), (begin, "s", "begin"))
     )
     period, dark = eclipse(height, degrees(beta, "orbit, beta"))
     if dark == 0.0:
         return Constant(1.0)
-    starts = np.arange(first, max(seconds, first) + period, period)
-    times = np.column_stack((starts, starts + dark)).ravel()
-    values = np.tile([0.0, 1.0], starts.size)
-    if first > 0.0:
-        times, values = np.concatenate(([0.0], times)), np.concatenate(([1.0], values))
-    return Table(times, values, hold=True)
+    orbits = Table(np.array([first, first + dark, first + period]), np.array([0.0, 1.0, 0.0]), hold=True, after="repeat")
+    # an eclipse one period earlier would be seen where the first begins late
+    return orbits if first <= period - dark else joined(Constant(1.0), first, orbits)
 
 
 def _lit(given: Any) -> Signal:
     made = Constant(float(given)) if isinstance(given, int | float) else signal(given, "1", "orbit, lit")
-    values = made.values if isinstance(made, Table) else made.at(np.zeros(1))
-    if not (values.min() >= 0.0 and values.max() <= 1.0):
+    if not (made.bounds[0] >= 0.0 and made.bounds[1] <= 1.0):
         raise ScenarioError("light is 0 in eclipse and 1 in the sun, or between.", "orbit, lit")
     return made
-
-
-def _times(light: Signal, strength: float) -> Signal:
-    """Return light times a strength."""
-    if isinstance(light, Table):
-        return Table(light.times, strength * light.values, light.hold)
-    return Constant(strength * float(light.at(np.zeros(1))[0]))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import replace
-from datetime import datetime
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.measure import Weather
 from thermid.model.facing import Facing, degrees
-from thermid.model.signal import Constant, Signal, Table, literal, signal
+from thermid.model.signal import Constant, MeanOf, Mixed, Signal, Table, literal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import OpenSky
 from thermid.physics.air import dry_air
@@ -93,9 +94,10 @@ def pad_scenario(
         zoned = None if weather.begin is None else place.instant(weather.begin)
         if zoned is not None and place.timezone is not None:
             zoned = zoned.astimezone(place.zone)
-        weather = replace(weather, begin=zoned).window(begin, duration)
+        weather, seconds = replace(weather, begin=zoned).begun(begin, duration)
+    else:
+        seconds = _duration(duration, title)
     instant = begin if weather is None or weather.begin is None else weather.begin
-    seconds = weather.duration if weather is not None else _duration(duration, title)
     fields: dict[str, Any] = {"title": title, "duration": seconds, "start": others.pop("start", air)}
     temperature = _temperature(weather, air_temperature, title, air)
     downward = _downward(weather, temperature) if sky else None
@@ -103,7 +105,7 @@ def pad_scenario(
     if isinstance(sky, Mapping) and downward is not None:
         fields["boundaries"] |= {name: _seen(downward, temperature, tilt, title) for name, tilt in sky.items()}
         downward = None
-    fields["environment"] = {air: _environment(place, weather), **others.pop("environment", {})}
+    fields["environment"] = {air: _environment(place, weather, seconds), **others.pop("environment", {})}
     if sun or downward is not None:
         if instant is None:
             raise ScenarioError("the sun needs an instant: give begin = '2026-03-21 06:00', or read the weather with its beginning.", title)
@@ -142,21 +144,49 @@ def open_sky(
     """
     times = np.linspace(0.0, duration, max(int(np.ceil(duration / STEP)), 1) + 1)
     path = site.sun(begin, times)
+    again = Overhead(site, site.instant(begin), duration, weather, downward, air, albedo, turbidity, sun)
     if not sun:
         none = np.zeros(times.shape)
-        return OpenSky(times, none, none, none, path.zenith, path.azimuth, downward, air, albedo)
+        return OpenSky(times, none, none, none, path.zenith, path.azimuth, downward, air, albedo, again)
     if weather is None:
         clear = site.clear_sky(begin, times, turbidity)
         beam, diffuse, total = clear["direct_normal"], clear["diffuse"], clear["global"]
     else:
         beam, diffuse, total = _radiation(weather, site, begin, times, path.zenith)
-    return OpenSky(times, beam, diffuse, total, path.zenith, path.azimuth, downward, air, albedo)
+    return OpenSky(times, beam, diffuse, total, path.zenith, path.azimuth, downward, air, albedo, again)
+
+
+@dataclass(frozen=True, eq=False)
+class Overhead:
+    """What an open sky was made of, so that it can be worked out for a run that begins later; fields as in `open_sky`."""
+
+    site: Site
+    begin: datetime
+    duration: float
+    weather: Weather | None
+    downward: Signal | None
+    air: str
+    albedo: float
+    turbidity: float | None
+    sun: bool
+
+    def sky(self, seconds: float) -> OpenSky:
+        """Return the sky of a run that begins later. [s]
+
+        Raises
+        ------
+        RecordError   When the weather does not cover it.
+        """
+        weather = None if self.weather is None else self.weather.begun(seconds, self.duration)[0]
+        downward = None if self.downward is None else self.downward.shifted(seconds)
+        later = self.begin + timedelta(seconds=seconds)
+        return open_sky(self.site, later, self.duration, weather, downward, self.air, self.albedo, self.turbidity, self.sun)
 
 
 def _radiation(weather: Weather, site: Site, begin: Any, times: Array, zenith: Array) -> tuple[Array, Array, Array]:
     """Return beam, diffuse and global (samples,) from what the weather has of them. [W/m^2]"""
     _check_night(weather, site, begin, float(times[-1]))
-    have = {k: np.interp(times, *weather[k]) for k in ("direct_normal", "diffuse", "global") if k in weather}
+    have = {k: Table(*weather[k]).within(times, f"{weather.name}, {k}") for k in ("direct_normal", "diffuse", "global") if k in weather}
     up = np.maximum(np.cos(np.radians(zenith)), 0.0)
     if {"direct_normal", "diffuse"} <= set(have):
         return have["direct_normal"], have["diffuse"], have.get("global", have["diffuse"] + have["direct_normal"] * up)
@@ -181,12 +211,13 @@ def _check_night(weather: Weather, site: Site, begin: Any, duration: float) -> N
     """Refuse weather with more sun than there is, at night above all: its clock, or the site, is another."""
     for name in ("direct_normal", "diffuse", "global"):
         if name in weather:
-            times, values = weather[name]
+            inside = (weather[name].times > 0.0) & (weather[name].times < duration)
+            times, values = (column[inside] for column in weather[name])
             zenith = site.sun(begin, times).zenith
             above = np.maximum(np.cos(np.radians(zenith)), 0.0) if name != "direct_normal" else np.ones(zenith.shape)
             # clouds at the sun's rim may throw a third more on a place than comes from above the air
             most = np.where(zenith > NIGHT, TWILIGHT, 5.0 * TWILIGHT + 1.3 * BRIGHTEST * above)
-            wrong = np.flatnonzero((values > most) & (times > 0.0) & (times < duration))
+            wrong = np.flatnonzero(values > most)
             if wrong.size:
                 k = wrong[0]
                 height = 90.0 - zenith[k]
@@ -198,7 +229,7 @@ def _check_night(weather: Weather, site: Site, begin: Any, duration: float) -> N
                 )
 
 
-def _downward(weather: Weather | None, air: Signal) -> Table:
+def _downward(weather: Weather | None, air: Signal) -> Signal:
     """Return the long-wave radiation of the sky: measured, or from dew point and clouds. [W/m^2]"""
     if weather is not None and "infrared" in weather:
         return Table(*weather["infrared"])
@@ -208,18 +239,36 @@ def _downward(weather: Weather | None, air: Signal) -> Table:
             weather.name if weather is not None else "pad",
         )
     wet = "dew_point" if "dew_point" in weather else "humidity"
-    times = weather[wet].times
-    kelvin = air.at(times)
-    dew = weather[wet].values if wet == "dew_point" else dew_point(vapour_pressure(kelvin, np.maximum(weather[wet].values, 0.01)))
-    cloud = np.interp(times, *weather["cloud"]) if "cloud" in weather else 0.0
-    return Table(times, cloudless_sky(dew, cloud) * STEFAN_BOLTZMANN * kelvin**4)
+    cloud = Table(*weather["cloud"]) if "cloud" in weather else Constant(0.0)
+    return Mixed(Glow(wet == "humidity"), (Table(*weather[wet]), cloud, air))
 
 
-def _seen(downward: Table, air: Signal, tilt: float, title: str) -> Table:
+@dataclass(frozen=True)
+class Glow:
+    """Long-wave radiation of the sky from dew point, or `relative` humidity, clouds and the temperature of the air."""
+
+    relative: bool
+
+    def __call__(self, wet: Array, cloud: Array, kelvin: Array) -> Array:
+        """Return the radiation on the horizontal (times,). [W/m^2]"""
+        dew = dew_point(vapour_pressure(kelvin, np.maximum(wet, 0.01))) if self.relative else wet
+        return np.asarray(cloudless_sky(dew, cloud) * STEFAN_BOLTZMANN * kelvin**4)
+
+
+def _seen(downward: Signal, air: Signal, tilt: float, title: str) -> Signal:
     """Return the temperature of what a surface of some tilt sees, sky and ground as warm as the air. [K]"""
-    share = sky_share(Facing(degrees(tilt, f"{title}, sky")).tilt)
-    seen = share * downward.values + (1.0 - share) * STEFAN_BOLTZMANN * air.at(downward.times) ** 4
-    return Table(downward.times, (seen / STEFAN_BOLTZMANN) ** 0.25)
+    return Mixed(Seen(float(sky_share(Facing(degrees(tilt, f"{title}, sky")).tilt))), (downward, air))
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The temperature that a surface sees, a `share` of sky and the rest as warm as the air. [-]"""
+
+    share: float
+
+    def __call__(self, downward: Array, kelvin: Array) -> Array:
+        """Return the temperature (times,). [K]"""
+        return np.asarray((self.share * downward / STEFAN_BOLTZMANN + (1.0 - self.share) * kelvin**4) ** 0.25)
 
 
 def wind_htc(speed: Any, length: float, temperature: Any, pressure: float, calm: float = 0.0) -> Array:
@@ -252,7 +301,7 @@ def wind_htc(speed: Any, length: float, temperature: Any, pressure: float, calm:
     return out
 
 
-def _coefficient(weather: Weather, table: Mapping[str, Any], pressure: float, where: str) -> Table:
+def _coefficient(weather: Weather, table: Mapping[str, Any], pressure: float, where: str) -> Signal:
     """Return a coefficient that follows wind, and rain that leaves as warm as the wall. [W/(m^2 K)]"""
     unknown = set(table) - set(WIND)
     if unknown or not {"length", "calm"} <= set(table):
@@ -260,16 +309,30 @@ def _coefficient(weather: Weather, table: Mapping[str, Any], pressure: float, wh
     length, calm = literal(table["length"], "m", where), literal(table["calm"], "W/(m^2 K)", where)
     if not (length > 0.0 and calm >= 0.0):
         raise ScenarioError("a length along the wind is above zero, and a calm coefficient not below it.", where)
-    times, speed = weather["wind"]
-    kelvin = np.interp(times, *weather["dry_bulb"]) if "dry_bulb" in weather else np.full(times.shape, 300.0)
-    values = wind_htc(speed, length, kelvin, pressure, calm)
     wet = table.get("rain", "")
-    if wet:
-        if wet not in ("roof", "wall"):
-            raise ScenarioError(f"rain falls on a 'roof' or is driven on a 'wall', not on a '{wet}'.", where)
-        fall = np.interp(times, *weather["rain"])
-        values = values + WATER * (fall if wet == "roof" else driving_rain(fall, speed))
-    return Table(times, values)
+    if wet not in ("", "roof", "wall"):
+        raise ScenarioError(f"rain falls on a 'roof' or is driven on a 'wall', not on a '{wet}'.", where)
+    kelvin = Table(*weather["dry_bulb"]) if "dry_bulb" in weather else Constant(300.0)
+    fall = Table(*weather["rain"]) if wet else Constant(0.0)
+    # straight between the rows of the weather: a correlation is no better than that
+    return Mixed(Swept(length, pressure, calm, wet), (Table(*weather["wind"]), kelvin, fall), math.inf)
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A coefficient that follows wind, and rain on a roof or a wall; as in `wind_htc`."""
+
+    length: float
+    pressure: float
+    calm: float
+    wet: str
+
+    def __call__(self, speed: Array, kelvin: Array, fall: Array) -> Array:
+        """Return the coefficient (times,). [W/(m^2 K)]"""
+        values = wind_htc(speed, self.length, kelvin, self.pressure, self.calm)
+        if not self.wet:
+            return values
+        return np.asarray(values + WATER * (fall if self.wet == "roof" else driving_rain(fall, speed)))
 
 
 def _place(weather: Weather | None, title: str) -> Site:
@@ -289,13 +352,14 @@ def _temperature(weather: Weather | None, given: Any, title: str, air: str) -> S
     return Table(*weather["dry_bulb"])
 
 
-def _environment(site: Site, weather: Weather | None) -> Environment:
+def _environment(site: Site, weather: Weather | None, seconds: float) -> Environment:
     """Return the state of the open air: its wind, and pressure and humidity as means, since no coefficient feels how weather moves them."""
     if weather is None:
         return Environment(Constant(site.pressure))
-    means = {k: float(np.mean(weather[k].values)) for k in ("pressure", "humidity") if k in weather}
+    means = {k: MeanOf(Table(*weather[k]), seconds) for k in ("pressure", "humidity") if k in weather}
     wind = Table(*weather["wind"]) if "wind" in weather else Constant(0.0)
-    return Environment(Constant(means.get("pressure", site.pressure)), means.get("humidity", Environment.humidity), wind=wind)
+    humidity = means["humidity"].value if "humidity" in means else Environment.humidity
+    return Environment(means.get("pressure", Constant(site.pressure)), humidity, wind=wind)
 
 
 def _duration(given: Any, title: str) -> float:

@@ -24,8 +24,9 @@ from thermid.network.reach import unreached
 from thermid.simulation.engine import Engine, Options
 from thermid.simulation.ensemble import Ensemble
 from thermid.simulation.run import Run
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenario import STEADY, Scenario, sampled_logs
 from thermid.simulation.solution import Solution
+from thermid.simulation.steady import held_inputs
 from thermid.simulation.wiring import Wiring
 from thermid.units import TEMPERATURE
 
@@ -294,6 +295,9 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
         powers[load.path] = mean * (1.0 if f"watts {load.path}" in wiring.signals else value_of(first.coefficients[0]))
     out = [part.message() for part in unreached(wiring.network, numbers, powers)]
+    if wiring.start is not None and wiring.start.kind == STEADY and (said := held_inputs(wiring, wiring.start.time)):
+        out.append(f"the start is {said}")
+    out += sampled_logs(scenario)
     if scenario.as_printed:
         out.append("vacuum as printed: every coefficient is zero, radiation in it included; the temperatures are an upper bound")
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()

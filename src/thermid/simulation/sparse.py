@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.memo import Memo
 from thermid.model.curves import Curve
-from thermid.model.signal import Constant, Signal
+from thermid.model.signal import Constant, Drawn
 from thermid.network.rows import LOADS, conductor_law, curve_arrays, tables_behind
 from thermid.simulation.extremes import Turnings, signal_turnings
 from thermid.simulation.kernel_form import kernel_input
@@ -137,7 +137,7 @@ class SparseNetwork:
     load_names, boundaries : tuple of str
     boundary_inputs : tuple of int  Place of each boundary's input, -1 for none.
     offsets : array (boundaries,)   Constant part of each boundary's temperature. [K]
-    inputs : tuple of Signal
+    inputs : tuple of Drawn
     memo : Memo                     The kernel's form of it.
     """
 
@@ -149,7 +149,7 @@ class SparseNetwork:
     boundaries: tuple[str, ...]
     boundary_inputs: tuple[int, ...]
     offsets: Array
-    inputs: tuple[Signal, ...]
+    inputs: tuple[Drawn, ...]
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @property

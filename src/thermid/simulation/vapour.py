@@ -281,7 +281,7 @@ def _open(times: Array, held: Array, s: _Surfaces, which: NDArray[np.bool_]) -> 
 
 
 @dataclass(eq=False)
-class _State:
+class _Water:
     """Vapour of the volumes (volumes,) [kg/m^3], films (surfaces,) [kg/m^2], and what came from and went to known gases (2,) [kg]."""
 
     vapour: Array
@@ -341,11 +341,11 @@ class _System:
     def solve(self, held: Array) -> tuple[Array, Array, Array, Array]:
         """Return films, their means, what settled and dried, and what was exchanged; write the vapour of the volumes into `held`."""
         first = len(held) - self.size.size
-        state = _State(held[first:, 0].copy(), np.zeros(self.area.size), np.zeros(2))
+        state = _Water(held[first:, 0].copy(), np.zeros(self.area.size), np.zeros(2))
         film, mean = np.zeros((self.area.size, self.times.size)), np.zeros((self.area.size, self.times.size - 1))
         moved, scale, width = np.zeros((2, self.area.size)), self._scale(state), 1.0
         for i in range(self.times.size - 1):
-            course = _Course(self, i, scale)
+            course = _Interval(self, i, scale)
             tried, width = 2.0 * width, 0.0
             for before, after, share, middle in course.steps(state, min(tried, 1.0)):
                 width = max(width, share)
@@ -356,13 +356,13 @@ class _System:
             held[first:, i + 1], film[:, i + 1] = state.vapour, state.film
         return film, mean, moved, state.through
 
-    def _scale(self, state: _State) -> float:
+    def _scale(self, state: _Water) -> float:
         """Return the size of vapour densities that occur. [kg/m^3]"""
         return float(max(state.vapour.max(), self.known.max(initial=0.0), 1e-9))
 
 
 @dataclass(frozen=True, eq=False)
-class _Course:
+class _Interval:
     """The equations between two outputs, where temperatures are straight lines."""
 
     system: _System
@@ -378,12 +378,12 @@ class _Course:
         """Return values (rows, shares) of a quantity at shares of the interval."""
         return np.asarray(values[:, self.i, None] * (1.0 - share) + values[:, self.i + 1, None] * share)
 
-    def gain(self, state: _State, share: float) -> Array:
+    def gain(self, state: _Water, share: float) -> Array:
         """Return what walls would take (surfaces,), were they wet. [kg/(m^2 s)]"""
         s, at = self.system, np.array([share])
         return np.asarray(self._at(s.speed, at)[:, 0] * (state.vapour[s.at] - self._at(s.wall, at)[:, 0]))
 
-    def step(self, state: _State, share: float, width: float, wet: NDArray[np.bool_]) -> _State:
+    def step(self, state: _Water, share: float, width: float, wet: NDArray[np.bool_]) -> _Water:
         """Return the state after a step of a share of the interval, with these walls wet."""
         s, n, h = self.system, self.system.size.size, width * self.span
         at = share + width * RADAU_C
@@ -398,9 +398,9 @@ class _Course:
         weight = h * RADAU_A[2]
         film = state.film + (speed * (stages[s.at] - wall)) @ weight
         through = np.array([brought.sum(axis=0) @ weight, s.fresh.sum(axis=1) @ stages @ weight])
-        return _State(stages[:, 2], film, state.through + through)
+        return _Water(stages[:, 2], film, state.through + through)
 
-    def steps(self, state: _State, width: float) -> Iterator[tuple[_State, _State, float, _State]]:
+    def steps(self, state: _Water, width: float) -> Iterator[tuple[_Water, _Water, float, _Water]]:
         """Yield the steps of the interval: the state before and after, the share that it takes, and the state in its middle.
 
         The first step tries a share `width`.
@@ -426,7 +426,7 @@ class _Course:
             width *= min(5.0, 0.9 * max(error, 1e-8) ** (-1.0 / 6.0)) if not crossed.any() else 1.0
             width = max(width, LEAST)
 
-    def _doubled(self, state: _State, share: float, width: float, wet: NDArray[np.bool_]) -> tuple[_State, _State, float]:
+    def _doubled(self, state: _Water, share: float, width: float, wet: NDArray[np.bool_]) -> tuple[_Water, _Water, float]:
         """Return the state after two half steps, that between them, and their distance from one step over what is allowed."""
         whole = self.step(state, share, width, wet)
         middle = self.step(state, share, 0.5 * width, wet)
@@ -438,19 +438,19 @@ class _Course:
         ]
         return after, middle, float(np.concatenate(off).max(initial=0.0))
 
-    def _guards(self, state: _State, share: float, wet: NDArray[np.bool_]) -> Array:
+    def _guards(self, state: _Water, share: float, wet: NDArray[np.bool_]) -> Array:
         """Return what stays above zero while the same walls are wet: their films, and of dry ones what they would lose. (surfaces,)"""
         return np.where(wet, state.film / self.scale, -self.gain(state, share) / self.scale)
 
-    def _crossed(self, state: _State, share: float, wet: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _crossed(self, state: _Water, share: float, wet: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return np.asarray(self._guards(state, share, wet) < -NOTHING)
 
-    def _turned(self, state: _State, share: float, wet: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _turned(self, state: _Water, share: float, wet: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which walls have just dried or just passed the dew point."""
         gain = self.gain(state, share)
         return np.asarray(np.where(wet, (state.film <= NOTHING * self.scale) & (gain < 0.0), gain > -NOTHING * self.scale))
 
-    def _until(self, state: _State, share: float, width: float, wet: NDArray[np.bool_], middle: _State) -> float:
+    def _until(self, state: _Water, share: float, width: float, wet: NDArray[np.bool_], middle: _Water) -> float:
         """Return the share at whose end the first wall dries or passes the dew point, by bisection and the secant."""
         low, high = LEAST, width
         if self._crossed(middle, share + 0.5 * width, wet).any():

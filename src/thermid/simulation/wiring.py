@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -11,15 +12,14 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import ScenarioError, nearest
-from thermid.model.signal import Constant, Signal, literal
+from thermid.model.signal import Constant, Drawn, Signal, Table, common_cycle, literal, multiplied
 from thermid.model.stores import Store
 from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
 from thermid.network.network import Network, Numbers
-from thermid.network.pressure import combined
 from thermid.network.rows import ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
 from thermid.simulation.inputs import check_courses, load_inputs, normalised, read_schedule, scheduled
-from thermid.simulation.scenario import STEADY, Scenario
+from thermid.simulation.scenario import PERIODIC, STEADY, Scenario, Start
 from thermid.units import TEMPERATURE
 
 __all__ = ["Assembled", "Wiring"]
@@ -94,17 +94,23 @@ class Wiring:
             self._check_free(name)
         self.schedule = read_schedule(network, self.scenario)
         base = network.numbers()
-        self.signals: dict[str, Signal] = {f"boundary {b}": s for b, s in self.scenario.boundaries.items()}
+        signals: dict[str, Signal] = {f"boundary {b}": s for b, s in self.scenario.boundaries.items()}
         needed = {name for row in base.conductors for name in (row.signal, row.second)}
         gases = {name: given for name, given in network.media.signals().items() if name in needed}
         self.streams = {c.path: network.streams.course(c.path, self.scenario.boundaries) for c in network.streams.conductors}
         gases |= {signal_of(path): course for path, course in self.streams.items() if not isinstance(course, Constant)}
-        self.signals |= load_inputs(network, self.scenario, base) | gases
+        signals |= load_inputs(network, self.scenario, base) | gases
+        follow = self.schedule.signals if self.schedule is not None else {}
+        changing = {n: s for n, s in (*signals.items(), *follow.items()) if s.cycle != 0.0}
+        self.changing = tuple(dict.fromkeys(_shown(n) for n in changing))
+        self.cycle = common_cycle([s.cycle for s in changing.values()])
+        self.signals: dict[str, Drawn] = {name: given.drawn(self.scenario.seconds) for name, given in signals.items()}
         self._follow: dict[tuple[str, int, int], str] = {}
         numbers = self.flowing(self._numbers({}), {})
         for (path, _, _), name in self._follow.items():
             if signal_of(path) in gases:
-                self.signals[f"{signal_of(path)} {name}"] = combined(np.multiply, self.signals[name], gases[signal_of(path)])
+                both = multiplied(self.signals[name], gases[signal_of(path)])
+                self.signals[f"{signal_of(path)} {name}"] = both.drawn(self.scenario.seconds)
         # the kernel needs a node to solve for, even where all of them only follow
         self.gone = eliminable(self._marked(numbers))[: len(network.nodes) - 1]
         self.used: dict[str, int] = {}
@@ -159,12 +165,33 @@ class Wiring:
 
     def _read_start(self) -> None:
         start = self.scenario.start
+        self.start = Start.of(start, f"{self.scenario.title}, start")
+        if self.start is not None:
+            self._check_start(self.start)
         if start == "":
             if len(self.network.boundaries) != 1:
                 raise ScenarioError("there is no start: give a temperature, the name of a boundary, or 'steady'.", self.scenario.title)
             start = self.network.boundaries[0]
-        self._start = self._temperature(start, "start") if start != STEADY else STEADY
+        self._start = self._temperature(start, "start") if self.start is None else STEADY
         self._initial = {n: self._temperature(v, f"initial.{n}") for n, v in self.scenario.initial.items()}
+
+    def _check_start(self, start: Start) -> None:
+        """Refuse a start that asks for more of the inputs than the run has."""
+        where, seconds = f"{self.scenario.title}, start", self.scenario.seconds
+        if start.time > seconds > 0.0:
+            raise ScenarioError(f"it takes the inputs at {start.time:g} s, after the end of the run at {seconds:g} s.", where)
+        if start.kind == STEADY:
+            return
+        if (self.cycle or 0.0) > seconds * (1.0 + 1e-9):
+            raise ScenarioError(f"the inputs repeat after {self.cycle:g} s, and the run lasts {seconds:g} s. Let it last a period.", where)
+        if start.kind == PERIODIC and not self.cycle:
+            if not self.changing:
+                raise ScenarioError("nothing comes back periodically, as no input changes in time. Write start = 'steady'.", where)
+            raise ScenarioError(
+                f"nothing comes back periodically: {', '.join(self.changing)} do not repeat. A table repeats with after = 'repeat'; "
+                "the longest period is at most a thousand of the shortest.",
+                where,
+            )
 
     def _temperature(self, value: Any, key: str) -> Number | str:
         """Return an initial temperature: a number, or the canonical name of a boundary."""
@@ -173,7 +200,7 @@ class Wiring:
             if path in self.network.boundaries:
                 return path
             if path.replace(".", "").replace("_", "").isalnum() and not path[0].isdigit():
-                known = [*self.network.boundaries, STEADY]
+                known = [*self.network.boundaries, STEADY, PERIODIC]
                 raise ScenarioError(f"'{value}' is no temperature and no boundary.{nearest(value, known)}", f"{self.scenario.title}, {key}")
         return literal(value, TEMPERATURE, f"{self.scenario.title}, {key}") if isinstance(value, str) else float(value)
 
@@ -350,6 +377,25 @@ class Wiring:
         signal = self.signals[f"boundary {boundary}"]
         return signal.value if isinstance(signal, Constant) else 0.0
 
+    def stilled(self) -> Wiring:
+        """Return the wiring with every input at its mean over the period of all, or over the run where they do not repeat.
+
+        Raises
+        ------
+        ScenarioError   When they do not repeat and the run has no duration.
+        """
+        span = self.cycle or self.scenario.seconds
+        if self.changing and not span:
+            raise ScenarioError("a mean over what? The inputs do not repeat; give a duration.", self.scenario.title)
+        self.structure()
+        out = copy(self)
+        out.signals = {}
+        for name, given in self.signals.items():
+            # a table of one row keeps its place among the coefficients
+            still = Table(np.zeros(1), np.array([given.mean_over(0.0, span)]))
+            out.signals[name] = given if isinstance(given, Constant) else still
+        return out
+
     def structure(self) -> dict[str, Any]:
         """Return the index arrays of the network, fixed for all values."""
         if not self._structure:
@@ -361,6 +407,12 @@ class Wiring:
         signal = self.signals[f"boundary {name}"]
         varying = np.zeros(times.shape) if isinstance(signal, Constant) else signal.at(times)
         return varying + value_of(offsets[name])
+
+
+def _shown(name: str) -> str:
+    """Return what an input is called in a sentence."""
+    kind, _, rest = name.partition(" ")
+    return rest if kind in ("boundary", "load", "curve", "sine", "watts") else f"the gas of {rest}" if rest else name
 
 
 def _level(store: Store, kelvin: Number) -> Number:

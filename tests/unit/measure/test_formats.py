@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import random
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import thermid as td
 from thermid.errors import ThermidError
 from thermid.measure import Record, read_record
 from thermid.measure.formats import FORMATS, log_cells
@@ -49,10 +52,12 @@ def test_right_times_values_and_units_with_no_option_or_refused_with_a_remedy_th
         assert (valid[0], valid[-1]) == pytest.approx(ends, abs=1e-9), name
 
 
-def test_samples_cover_the_formats() -> None:
-    formats = {make.__name__ for make in SAMPLES}
-    assert len(formats) == len(SAMPLES) >= 30
-    assert len(FORMATS) >= 12
+def test_thirty_logs_of_which_three_are_refused() -> None:
+    samples = [make() for make in SAMPLES if make.__name__ not in ("tdms", "hdf5", "excel")]
+    assert len({make.__name__ for make in SAMPLES}) == len(SAMPLES) >= 30
+    assert [sample.file for sample in samples if sample.refused] == ["dates.csv", "left.csv", "duty.csv"]
+    assert all(sample.remedy for sample in samples if sample.refused)
+    assert all(not sample.remedy for sample in samples if not sample.refused)
 
 
 def test_every_sample_of_a_binary_format_is_refused_when_it_is_cut_short(log):
@@ -90,3 +95,20 @@ def test_the_page_has_the_table_of_the_formats() -> None:
     assert rows == [[each.name, each.known_by, each.needs or "-"] for each in FORMATS]
     extra = (Path(__file__).parents[3] / "pyproject.toml").read_text(encoding="utf-8").partition("readers = [")[2].partition("]")[0]
     assert {each.needs for each in FORMATS} - {""} == {name.strip('" ') for name in extra.split(",")}
+
+
+@pytest.mark.parametrize("make", SAMPLES, ids=[make.__name__ for make in SAMPLES])
+def test_a_damaged_file_is_read_or_refused_in_words(log, make):
+    sample = made(make)
+    if sample.needs:
+        pytest.importorskip(sample.needs)
+    rng = random.Random(sample.file)
+    marks = (b",", b"\n", b'"', b"-127", b"abc", b"1e400", b"\xff")
+    for count in (1, 3, 20):
+        data = bytearray(sample.data)
+        for _ in range(count):
+            at = rng.randrange(len(data))
+            data[at : at + rng.choice((0, 1, 1, 30))] = rng.choice(marks)
+        path = log(bytes(data), sample.file)
+        with contextlib.suppress(ThermidError):
+            assert str(td.look(path)).startswith(sample.file)

@@ -224,3 +224,11 @@ def test_stamps_of_one_day_leave_the_order_open_and_say_so(log):
     record = read_record(log("time,T1\n1/2/2024 10:00,20\n1/2/2024 10:01,21\n"), {"T1": {"node": "a"}})
     assert record.times.tolist() == [0, 60]
     assert record.steps == ("day and month of the stamps are open (day/month/year or month/day/year); the times are the same",)
+
+
+def test_errors_of_a_load_in_per_cent_are_shares_of_its_full_scale(log):
+    table = {"Q1": {"load": "q", "full_scale": "5 [W]", "accuracy": "2 [%]", "noise": "1 [%]"}}
+    channel = read_record(log("t,Q1\n0,10\n10,20\n"), table)["Q1"]
+    assert (channel.accuracy, channel.noise) == (pytest.approx(0.1), pytest.approx(0.05))
+    with pytest.raises(UnitError, match="a plain number"):
+        read_record(log("t,Q1\n0,10\n10,20\n"), {"Q1": table["Q1"] | {"accuracy": "0.1 [W]"}})

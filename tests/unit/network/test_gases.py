@@ -331,7 +331,7 @@ def test_a_sealed_volume_keeps_its_gas_in_vacuum() -> None:
 
 def test_a_pressure_that_falls_in_time_meets_the_constant_ones() -> None:
     """Half an hour from one atmosphere to 100 Pa; long before and after, the run is that at a constant pressure."""
-    pump = Table(np.array([0.0, 36000.0, 37800.0]), np.array([ATMOSPHERE, ATMOSPHERE, 100.0]))
+    pump = Table(np.array([0.0, 36000.0, 37800.0]), np.array([ATMOSPHERE, ATMOSPHERE, 100.0]), after="hold")
     for skin in (
         {"htc": "5 [W/(m^2 K)]", "emissivity": 0.3},
         {"effective_htc": "6 [W/(m^2 K)]", "emissivity": 0.3},
@@ -374,7 +374,7 @@ def test_a_vented_volume_loses_its_gas_in_vacuum() -> None:
 
 
 def test_the_root_of_a_sampled_pressure_is_straight() -> None:
-    table = sampled(Table(np.array([0.0, 100.0]), np.array([ATMOSPHERE, 0.0])))
+    table = sampled(Table(np.array([0.0, 100.0]), np.array([ATMOSPHERE, 0.0])), 100.0)
     times = np.linspace(0.0, 100.0, 5001)
     root = np.interp(times, table.times, np.sqrt(table.values))
     assert np.abs(root - np.sqrt(ATMOSPHERE * (1 - times / 100.0))).max() < 0.01 * np.sqrt(ATMOSPHERE)
@@ -400,7 +400,7 @@ def crowded() -> td.Model:
     )
 
 
-PUMPED = Table(np.array([0.0, 600.0, 3000.0]), np.array([ATMOSPHERE, ATMOSPHERE, 20.0]))
+PUMPED = Table(np.array([0.0, 600.0, 3000.0]), np.array([ATMOSPHERE, ATMOSPHERE, 20.0]), after="hold")
 FREE = ["up.area", "up.htc.length", "side.area", "side.htc.length", "gap.area", "gap.gap", "gap.accommodation", "heat.power", "air"]
 
 

@@ -126,7 +126,7 @@ def test_pressure_between_and_in_time_ends_at_both() -> None:
     assert np.all(np.diff(steps) < 0)
     assert steps[-1] == pytest.approx(0.0, abs=1e-3 * steps[0])
     for hold in (True, False):
-        pump = Table(np.array([0.0, 600.0, 1200.0]), np.array([ATMOSPHERE, ATMOSPHERE, 0.0]), hold=hold)
+        pump = Table(np.array([0.0, 600.0, 1200.0]), np.array([ATMOSPHERE, ATMOSPHERE, 0.0]), hold=hold, after="hold")
         run = td.simulate(model(lead), bench(environment={"*": td.Environment(pump)}))
         assert run.heat_flow("rod.first")[-1] == pytest.approx(0.0, abs=1e-9)
         assert run.heat_flow("rod.first")[10] == pytest.approx(heats(lead)["rod.first"], rel=1e-6)

@@ -9,6 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.interop.wired import wired as wire
+from thermid.model.rules import findings
 from thermid.physics.gas import GASES
 
 R_AIR = GASES["air"].constant
@@ -145,6 +146,9 @@ def test_thirty_in_and_sixty_on_is_refused(fluid: str) -> None:
     streams = {"fan": stream("inlet", "gas", fluid=fluid, **more), "out": stream("gas", "outlet", "60 [l/min]", fluid=fluid, **more)}
     with pytest.raises(td.ThermidError, match=r"'gas' takes in 30 l/min \('fan'\) and passes on 60 l/min \('out'\).*Make them equal"):
         td.compile_network(bay(**streams))
+    found = [f for f in findings(bay(**streams)) if f.severity == "error"]
+    assert len(found) == 1
+    assert "'gas' takes in 30 l/min" in found[0].message
 
 
 def test_a_stream_of_no_fluid_into_a_gas_node_is_balanced_too() -> None:

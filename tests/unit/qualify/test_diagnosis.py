@@ -27,7 +27,7 @@ def cases(model: td.Model) -> list[td.Scenario]:
     loads, (room,) = [x.path for x in network.flat.loads], network.boundaries
     out = []
     for name, celsius, off in (("hot", 55, loads[:1]), ("cold", -20, loads[1:])):
-        ramp = {"times": ["0 [h]", "2 [h]"], "values": ["24 [degC]", f"{celsius} [degC]"]}
+        ramp = {"times": ["0 [h]", "2 [h]"], "values": ["24 [degC]", f"{celsius} [degC]"], "after": "hold"}
         pause = {"times": ["0 [h]", "7 [h]"], "values": [1, 0], "hold": True}
         out.append(td.Scenario(name, boundaries={room: ramp}, start="24 [degC]", duration="10 [h]", commands=dict.fromkeys(off, pause)))
     return out

@@ -91,7 +91,7 @@ def test_a_massless_node_follows_an_outside_as_well() -> None:
 
 
 def test_as_few_as_keep_within_a_limit() -> None:
-    scenario = WARM.with_(start="steady", loads={"heat_base": {"times": ["0 [h]", "1 [h]"], "values": ["5 [W]", "9 [W]"]}})
+    scenario = WARM.with_(start="steady", loads={"heat_base": {"times": ["0 [h]", "1 [h]"], "values": ["5 [W]", "9 [W]"], "after": "hold"}})
     loose, tight = (td.reduce(box(), scenario, within=limit) for limit in ("1 [K]", "0.001 [K]"))
     assert loose.masses[1] < tight.masses[1] <= 4
     assert abs(loose.worst.largest) <= 1.0
@@ -99,7 +99,7 @@ def test_as_few_as_keep_within_a_limit() -> None:
 
 
 def test_the_deviation_is_that_of_two_runs(tmp_path: Path) -> None:
-    scenario = WARM.with_(start="steady", loads={"heat_base": {"times": ["0 [h]", "1 [h]"], "values": ["5 [W]", "9 [W]"]}})
+    scenario = WARM.with_(start="steady", loads={"heat_base": {"times": ["0 [h]", "1 [h]"], "values": ["5 [W]", "9 [W]"], "after": "hold"}})
     found = td.reduce(box(), scenario, nodes=1)
     td.save_model(found.model, tmp_path / "small.toml")
     small, full = (td.simulate(m, scenario) for m in (td.load_model(tmp_path / "small.toml"), box()))
@@ -184,7 +184,7 @@ def test_a_part_that_changes_in_time_is_refused(macro: td.Model) -> None:
     with pytest.raises(DeckError, match=r"'air_flow' follows a schedule, which a reduced deck cannot"):
         td.reduce(macro, td.load_scenario(MACRO / "pad_hold.toml"), nodes=6)
     skin = {"of": "base", "to": "air", "area": "0.05 [m^2]", "htc": "4 [W/(m^2 K)]", "emissivity": 0.8}
-    thinner = {"times": ["0 [h]", "1 [h]"], "values": ["1 [atm]", "0.1 [atm]"]}
+    thinner = {"times": ["0 [h]", "1 [h]"], "values": ["1 [atm]", "0.1 [atm]"], "after": "hold"}
     with pytest.raises(DeckError, match=r"'skin.*' changes with its gas or a schedule"):
         td.reduce(box(surfaces={"skin": skin}), WARM.with_(environment={"air": td.Environment(thinner)}), nodes=3)
 

@@ -186,10 +186,10 @@ def test_a_start_later_keeps_tables_and_what_is_done() -> None:
     assert later.commands == given.commands
 
 
-def test_tables_that_end_too_early_are_remarked() -> None:
+def test_tables_that_end_before_a_run_begun_last_are_refused() -> None:
     short = SCENARIO.with_(boundaries={"air": {"times": ["0 [h]", "1 [h]"], "values": ["10 [degC]", "20 [degC]"]}})
-    found = td.uncertain_runs(plate(), short, spread={"start_time": {"low": "0 [h]", "high": "1 [h]"}}, n=4)
-    assert found.warnings == ("the tables of air end before a run that begins last; they stay at their last value",)
+    with pytest.raises(ScenarioError, match=r"boundaries\.air: it ends at 1800 s and the run lasts 1 h"):
+        td.uncertain_runs(plate(), short, spread={"start_time": {"low": "0 [h]", "high": "1 [h]"}}, n=4)
 
 
 # chunks ------------------------------------------------------------------------------------------------------------------------------

@@ -141,11 +141,11 @@ def test_only_global_is_taken_apart(tmp_path: Path) -> None:
 def test_wind_and_rain_make_coefficients(weather: td.Weather) -> None:
     wind = {"face.htc": {"length": "2 [m]", "calm": "4 [W/(m^2 K)]", "rain": "roof"}}
     made = td.pad_scenario(SITE, weather, wind=wind)
-    table = made.schedule["face.htc"]
-    assert table.values[0] == pytest.approx(4.0)
+    values = made.schedule["face.htc"].at(weather["wind"].times)
+    assert values[0] == pytest.approx(4.0)
     forced = float(wind_htc(6.0, 2.0, 304.15, SITE.pressure))
-    assert table.values[2] == pytest.approx((forced**3 + 4.0**3) ** (1 / 3), rel=1e-6)
-    assert table.values[3] - table.values[2] == pytest.approx(20 / 3.6e6 * 4.186e6, rel=0.01)
+    assert values[2] == pytest.approx((forced**3 + 4.0**3) ** (1 / 3), rel=1e-6)
+    assert values[3] - values[2] == pytest.approx(20 / 3.6e6 * 4.186e6, rel=0.01)
     assert (
         td.simulate(skin(), made)["skin"].highest < td.simulate(skin(htc="4 [W/(m^2 K)]"), td.pad_scenario(SITE, weather))["skin"].highest
     )

@@ -20,7 +20,7 @@ from thermid.model.modelfile import load_model
 from thermid.model.parameter import exact
 from thermid.model.replacement import Start
 from thermid.model.resolve import ParameterSet
-from thermid.model.signal import Constant, Table
+from thermid.model.signal import Constant
 from thermid.model.touching import touching
 from thermid.simulation.scenario import Scenario
 
@@ -155,7 +155,7 @@ def _at_rest(done: Calibration, without: str) -> Scenario:
 
     def constant(signals: Mapping[str, Any], unit: str) -> dict[str, Any]:
         kept = {k: v for k, v in signals.items() if not without or not k.startswith(f"{without}.")}
-        return {k: f"{float(np.mean(v.values))!r} [{unit}]" if isinstance(v, Table) else v for k, v in kept.items()}
+        return {k: f"{v.mean_over(0.0, given.seconds)!r} [{unit}]" if not isinstance(v, Constant) else v for k, v in kept.items()}
 
     return replace(
         given,

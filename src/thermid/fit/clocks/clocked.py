@@ -117,7 +117,7 @@ class Clocked:
                 path = canonical(channel.target or channel.name)
                 for name in ("loads", "commands"):
                     signal = getattr(experiment.scenario, name).get(path)
-                    if isinstance(signal, Table) and signal.hold:
+                    if isinstance(signal, Table) and signal.held:
                         yield name, path, signal
 
     def changes(self, at: tuple[float, float]) -> list[tuple[float, Array]]:

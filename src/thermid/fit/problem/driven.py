@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from thermid.errors import RecordError
 from thermid.measure import Channel, Record
-from thermid.model.signal import Constant, Signal, Sine, Table
-from thermid.simulation.scenario import SLOTS, Scenario
+from thermid.model.signal import Constant, Signal, Table, conducted
+from thermid.simulation.scenario import Scenario
 
 __all__ = ["Inputs", "corrected", "on_the_clock_of", "power_while_on", "signal_of"]
 
@@ -29,7 +29,7 @@ class Inputs:
     def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
         """Lay the signal of a channel over a boundary or load, with its constant error taken off or noted as one to look for."""
         if role == "boundary":
-            self.boundaries[path] = signal if errors is None else _corrected(signal, shift=errors.get(channel.name, 0.0))
+            self.boundaries[path] = signal if errors is None else signal.raised(errors.get(channel.name, 0.0))
             if errors is None and channel.accuracy:
                 self.shared[channel.name] = (path, channel.accuracy)
         elif channel.gain or role == "command":
@@ -37,7 +37,7 @@ class Inputs:
             if channel.gain:
                 self.gains[path] = channel.gain
         else:
-            self.loads[path] = signal if errors is None else _corrected(signal, factor=errors.get(channel.name, 1.0))
+            self.loads[path] = signal if errors is None else signal.scaled(errors.get(channel.name, 1.0))
             power = power_while_on(signal)
             if errors is None and channel.accuracy and power > 0:
                 self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
@@ -62,30 +62,16 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
                 record.name,
             )
         zero = float(record.times[0])
-        return replace(given, times=given.times - (zero - given.log[1]), log=(given.log[0], zero))
+        return given.shifted(zero - given.log[1])
 
-    tables: dict[str, Any] = {name: {k: moved(v) for k, v in getattr(scenario, name).items()} for name in SLOTS}
-    tables["environment"] = {gas: replace(e, pressure=moved(e.pressure), wind=moved(e.wind)) for gas, e in scenario.environment.items()}
-    tables["irradiation"] = {
-        surface: replace(i, **{f.name: moved(getattr(i, f.name)) for f in fields(i)}) for surface, i in scenario.irradiation.items()
-    }
-    return replace(scenario, **tables)
+    return scenario.mapped(moved)
 
 
 def power_while_on(signal: Signal) -> float:
     """Return the mean power weighted by itself, so that pauses do not count; zero for a load that is always off. [W]"""
-    values = np.abs(signal.values if isinstance(signal, Table) else signal.at(np.zeros(1)))
+    values = np.abs(signal.levels)
     total = float(values.sum())
     return float(values @ values) / total if total > 0 else 0.0
-
-
-def _corrected(signal: Signal, factor: float = 1.0, shift: float = 0.0) -> Signal:
-    """Return a logged signal times a factor, with a constant added."""
-    if isinstance(signal, Table):
-        return replace(signal, values=factor * signal.values + shift)
-    if isinstance(signal, Sine):
-        return replace(signal, mean=factor * signal.mean + shift, amplitude=factor * signal.amplitude)
-    return Constant(factor * signal.value + shift)
 
 
 def corrected(scenario: Scenario, found: Mapping[str, float]) -> Scenario:
@@ -98,17 +84,17 @@ def corrected(scenario: Scenario, found: Mapping[str, float]) -> Scenario:
                             ``initial.<node>`` a temperature [K], of ``scale.<load>`` a factor on its power. Other names are ignored.
     """
     boundaries = {
-        b: Constant(found[b]) if isinstance(s, Constant) else _corrected(s, shift=found[b])
-        for b, s in scenario.boundaries.items()
-        if b in found
+        b: Constant(found[b]) if isinstance(s, Constant) else s.raised(found[b]) for b, s in scenario.boundaries.items() if b in found
     }
-    loads = {p: _corrected(s, factor=found[f"scale.{p}"]) for p, s in scenario.loads.items() if f"scale.{p}" in found}
+    loads = {p: s.scaled(found[f"scale.{p}"]) for p, s in scenario.loads.items() if f"scale.{p}" in found}
     initial = {name.removeprefix("initial."): t for name, t in found.items() if name.startswith("initial.")}
     return scenario.with_(boundaries=boundaries, loads=loads, initial=initial)
 
 
 def signal_of(record: Record, name: str, zero: float, held: bool) -> Signal:
     """Return a channel of a record as a signal of a run, whose time counts from `zero` [s]."""
-    table = record.table(name)
+    table, samples = record.table(name), record.channel(name).samples
     times = np.asarray(table.times) - zero
-    return Table(times, np.asarray(table.values), held) if times.size > 1 else Constant(float(table.values[0]))
+    if times.size == 1:
+        return Constant(float(table.values[0]))
+    return conducted(Table(times, np.asarray(table.values), held and samples != "average"), {"samples": samples}, record.name)

@@ -19,7 +19,7 @@ __all__ = ["digest", "in_full", "ingredients_of", "key_for", "key_of"]
 
 def _channel_key(c: Channel) -> list[Any]:
     """Return what a fit depends on of a channel beside its numbers in the file, whose hash is of them as they are written."""
-    known = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction]
+    known = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction, c.samples]
     return [*known, *([repr(c.part)] if c.part else [])]
 
 

@@ -54,9 +54,13 @@ class Ticks:
     def _moved(self, signal: Signal, at: tuple[float, float]) -> Signal:
         if not isinstance(signal, Table):
             return signal
-        own = (signal.times + self.zero - self.at[0]) / self.at[1]
-        # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
-        return replace(signal, times=np.round(at[0] + at[1] * own - self.zero, 9))
+
+        def law(times: Array) -> Array:
+            own = (times + self.zero - self.at[0]) / self.at[1]
+            # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
+            return np.round(at[0] + at[1] * own - self.zero, 9)
+
+        return signal.retimed(law)
 
     @property
     def span(self) -> float:

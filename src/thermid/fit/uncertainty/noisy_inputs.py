@@ -103,7 +103,7 @@ def _answers(
         signal = _signal(given.experiment, path)
         assert isinstance(signal, Table)
         place = bench.free.index(name)
-        yield path, np.asarray(signal.times), [_Step(since[late], slopes[late, k, place]) for k in range(slopes.shape[1])]
+        yield path, signal.instants, [_Step(since[late], slopes[late, k, place]) for k in range(slopes.shape[1])]
 
 
 def _shifted(experiment: Experiment, paths: Sequence[str]) -> tuple[Experiment, list[str]]:

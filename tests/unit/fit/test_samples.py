@@ -1,0 +1,65 @@
+"""What a sample of a log is: an instant or an average, in a fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import RecordError
+from thermid.fit.calibrate import calibrate
+from thermid.fit.problem.driven import signal_of
+from thermid.measure import Channel, Record, read_record
+from unit.fit.bench import HTC, box
+
+STEP = 300.0
+
+
+def averaged(samples: str) -> Record:
+    """A room that swings by 8 K in half an hour, logged as averages of five minutes; the box read every minute."""
+    swing = td.Scenario(
+        "swing", boundaries={"air": {"mean": "20 [degC]", "amplitude": "8 [K]", "period": "30 [min]"}}, start="20 [degC]", duration="3 [h]"
+    )
+    times = np.arange(0.0, 3 * 3600.0 + 1.0, STEP)
+    run = td.simulate(box().with_values({HTC: "6 [W/(m^2 K)]"}), swing, times=times)
+    air = swing.boundaries["air"]
+    means = np.array([air.mean_over(t - STEP, t) for t in times])
+    made = [
+        Channel.of("T", run["case"].kelvin, target="case", role="node", noise=0.02),
+        Channel.of("ROOM", means, target="air", role="boundary", samples=samples),
+    ]
+    return Record("swing", times, {c.name: c for c in made}, td.Record.from_arrays("swing", times, {"T": run["case"].kelvin}).origin)
+
+
+def test_averages_are_steps_to_their_stamps() -> None:
+    record = averaged("average")
+    drives = signal_of(record, "ROOM", 0.0, held=False)
+    values = record["ROOM"].values
+    assert drives.at(np.array([1.0, STEP - 1.0, STEP + 1.0])) == pytest.approx([values[1], values[1], values[2]])
+    assert drives.mean_over(0.0, 3 * 3600.0) == pytest.approx(np.mean(values[1:]))
+
+
+def test_a_fit_says_where_it_matters_that_samples_are_taken_as_instants() -> None:
+    found = {s: calibrate(box(), averaged(s), [HTC], scenario=td.Scenario("s", start="20 [degC]")) for s in ("", "average", "instant")}
+    assert any("samples of logged boundaries are taken as instants" in w and "'air'" in w for w in found[""].warnings)
+    assert not any("instants" in w for w in (*found["average"].warnings, *found["instant"].warnings))
+    off = {s: abs(f.values[HTC].value - 6.0) for s, f in found.items()}
+    assert off["average"] < 0.5 * off["instant"]
+
+
+def test_channels_say_what_their_samples_are(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,ROOM,T\n0,20,20\n60,21,20\n", "ascii")
+    room = {"boundary": "air", "samples": "average"}
+    assert read_record(path, {"ROOM": room, "T": {"node": "case"}})["ROOM"].samples == "average"
+    for channels, why in (
+        ({"ROOM": room | {"samples": "mean"}}, "neither 'instant' nor 'average'"),
+        ({"T": {"node": "case", "samples": "average"}}, "samples says what drives the model"),
+    ):
+        with pytest.raises(RecordError, match=why):
+            read_record(path, channels)
+    with pytest.raises(RecordError, match="'instant' or 'average'"):
+        replace(averaged("average")["ROOM"], samples="mean")
