@@ -200,7 +200,7 @@ class Engine:
         slopes = found.sensitivities if found.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
         switched = tuple(zip(found.event_times.tolist(), found.event_loads.tolist(), found.event_states.tolist(), strict=True))
         energies = (found.load_energy, found.boundary_energy, flows)
-        turnings = dict(zip((*nodes, *gone), by_column(*found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
+        turnings = dict(zip((*nodes, *gone), by_column(found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(found.traces, slopes, a.initial, found.final_temperatures, *energies, end, statistics, found.on, switched, turnings)
 
     def _by_modes(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool) -> Answer:
@@ -213,7 +213,7 @@ class Engine:
         statistics = {"method": "modal", "reason": "", "steps": found.steps, "rejected": 0, "switchings": []}
         energies = (found.load_energy, found.boundary_energy, np.zeros(0))
         off = np.zeros(len(self.load_names), dtype=np.int32)
-        turnings = dict(zip((*nodes, *gone), by_column(*found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
+        turnings = dict(zip((*nodes, *gone), by_column(found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(found.traces, slopes, a.initial, found.final, *energies, end, statistics, off, (), turnings)
 
     def _sums(self, a: Assembled) -> tuple[tuple[str, ...], tuple[NDArray[np.int32], NDArray[np.int32], Array] | None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,8 +182,9 @@ def first_above(times: Array, above: Array, dense: Callable[[Array], Array] | No
     return float(times[k - 1] - low / (high - low) * (times[k] - times[k - 1]))
 
 
-def by_column(columns: NDArray[np.int32], times: Array, kelvin: Array, count: int) -> tuple[Turnings, ...]:
-    """Return the turning points of each of `count` columns, from those of all (points,): column, time [s] and temperature [K]."""
+def by_column(found: tuple[Any, Array, Array], count: int) -> tuple[Turnings, ...]:
+    """Return the turning points of each of `count` columns, from those of all: columns, times [s] and temperatures (points,) [K]."""
+    columns, times, kelvin = found
     order = np.lexsort((times, columns))
     ends = np.searchsorted(columns[order], np.arange(count + 1))
     times, kelvin = times[order], kelvin[order]

@@ -130,7 +130,7 @@ def integrate(
         "switchings": [],
     }
     energies = (found.load_energy, found.boundary_energy)
-    turnings = by_column(*found.turnings, len(watched)) if extremes else None
+    turnings = by_column(found.turnings, len(watched)) if extremes else None
     return LargeAnswer(found.traces, found.fields, initial, found.final_temperatures, *energies, statistics, turnings)
 
 
