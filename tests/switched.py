@@ -25,7 +25,7 @@ def _signal(rng: np.random.Generator, low: float, high: float, unit: str, durati
     times[0] = 0.0
     values = rng.uniform(low, high, times.size)
     texts = {"times": [f"{t} [s]" for t in times], "values": [f"{v} [{unit}]" for v in values]}
-    return texts | {"hold": bool(kind == 3)}
+    return texts | {"hold": bool(kind == 3), "after": "hold"}
 
 
 def _load(rng: np.random.Generator, into: str, nodes: list[str], power: float, duration: float) -> dict[str, Any]:

@@ -18,7 +18,9 @@ from thermid.model.signal import Table
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 
 ROOM = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="air", duration="10 [h]")
-PUMPED = ROOM.with_(environment={"*": td.Environment(Table(np.array([0.0, 600.0, 1200.0]), np.array([ATMOSPHERE, ATMOSPHERE, 0.0])))})
+PUMPED = ROOM.with_(
+    environment={"*": td.Environment(Table(np.array([0.0, 600.0, 1200.0]), np.array([ATMOSPHERE, ATMOSPHERE, 0.0]), after="hold"))}
+)
 HTC = {"htc": "5 [W/(m^2 K)]"}
 SAYS_NO_EMISSIVITY = (
     "'skin' has htc and no emissivity: without gas in 'air' nothing would leave it. Give an emissivity or a finish; emissivity = 0"

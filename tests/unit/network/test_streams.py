@@ -97,7 +97,7 @@ def test_another_gas(name: str) -> None:
 
 def test_a_pressure_that_falls_in_time() -> None:
     """Density follows the pressure of an ascent: each instant is that of a run at its pressure."""
-    fall = {"times": ["0 [min]", "10 [min]"], "values": ["101325 [Pa]", "0 [Pa]"]}
+    fall = {"times": ["0 [min]", "10 [min]"], "values": ["101325 [Pa]", "0 [Pa]"], "after": "hold"}
     found = td.simulate(bay(fan=stream("inlet", "gas")), run(environment={"*": td.Environment(pressure=fall)}), every="30 [s]")
     share = np.clip(1.0 - found.times / 600.0, 0.0, None)
     across = 293.15 - found["gas"].kelvin
@@ -108,7 +108,7 @@ def test_a_pressure_that_falls_in_time() -> None:
 
 
 def test_a_mass_flow_stops_when_the_gas_is_gone() -> None:
-    fall = {"times": ["0 [min]", "10 [min]"], "values": ["101325 [Pa]", "0 [Pa]"]}
+    fall = {"times": ["0 [min]", "10 [min]"], "values": ["101325 [Pa]", "0 [Pa]"], "after": "hold"}
     model = bay(fan=stream("inlet", "gas", "0.6 [g/s]"))
     found = td.simulate(model, run(environment={"*": td.Environment(pressure=fall)}), every="30 [s]")
     conductance = found.heat_flow("fan")[1:] / (293.15 - found["gas"].kelvin[1:])
