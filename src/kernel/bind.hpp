@@ -91,7 +91,7 @@ inline Options options_of(const nb::kwargs& given) {
 
 inline std::vector<int> thermostats_of(const Problem& p, const std::optional<Ints>& on) {
     if (!on) return {};
-    need(on->size() == static_cast<size_t>(p.load.size()), "on: one entry for each load");
+    need(on->size() == static_cast<size_t>(p.control.size()), "on: one entry for each control");
     return copy<int>(*on);
 }
 

@@ -97,9 +97,12 @@ bool Group::clear_of_knees(const double* tolerance, double& next) const {
         };
         for (int r = 0; r < p.nloads; ++r) {
             const LaneLoad& x = p.loads[r];
-            if (x.kind != PROPORTIONAL || x.sensor >= p.n) continue;
-            auto c = [&](int k) { return g_.ceff[x.c[k] * LANES + l]; };
-            knee.heater(sweep(x.sensor), c(0), c(1), c(2), g_.h, inertia(x.node));
+            if (x.control != PROPORTIONAL || x.sensor >= p.n) continue;
+            auto c = [&](int k) { return g_.ceff[x.d[k] * LANES + l]; };
+            double own[4];
+            for (int k = 0; k < 4; ++k) own[k] = g_.ceff[x.c[k] * LANES + l];
+            const double full = std::fabs(load<double>(x.kind, -1, g_.T[x.follows * LANES + l], 0.0, own, nullptr, Tables{s_.p.tables.data() + x.table}, true, false).p);
+            knee.heater(sweep(x.sensor), c(0), c(1), c(2), c(2) == 0.0 ? 0.0 : std::fabs(c(0) / c(2)) * full, g_.h, inertia(x.node));
         }
         for (int r = 0; r < p.kind_begin[CONDUCTOR_KINDS]; ++r) {
             const LaneRow& x = p.rows[r];

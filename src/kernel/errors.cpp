@@ -41,13 +41,17 @@ bool Integrator::clear_of_knees(double& next) const {
         pass(inertia);
         if (knee.error > before) steepest = std::max(steepest, gain * h_ / inertia);
     };
+    auto uncontrolled = [&](int l) {  // power without the control
+        double c[4];
+        for (int k = 0; k < 4; ++k) c[k] = e_.ceff[p_.load.c[k][l]];
+        return std::fabs(load<double>(p_.load.kind[l], -1, e_.t[p_.load.sensor[l]], 0.0, c, nullptr, Tables{p_.tables.data() + p_.load.table[l]}, true, false).p);
+    };
     for (int l = 0; l < p_.load.size(); ++l) {
-        const int s = p_.load.sensor[l];
-        if (p_.load.kind[l] != PROPORTIONAL || s >= n_) continue;
-        const double gain = e_.ceff[p_.load.c[0][l]];
-        meets(p_.load.node[l], gain, [&](double inertia) {
-            knee.heater(sweep(s), gain, e_.ceff[p_.load.c[1][l]], e_.ceff[p_.load.c[2][l]], h_, inertia);
-        });
+        const int j = p_.load.control[l], s = j < 0 ? n_ : p_.control.sensor[j];
+        if (j < 0 || p_.control.kind[j] != PROPORTIONAL || s >= n_) continue;
+        auto c = [&](int k) { return e_.ceff[p_.control.c[k][j]]; };
+        const double bend = c(2) == 0.0 ? 0.0 : std::fabs(c(0) / c(2)) * uncontrolled(l);
+        meets(p_.load.node[l], bend, [&](double inertia) { knee.heater(sweep(s), c(0), c(1), c(2), bend, h_, inertia); });
     }
     const Conductors& c = p_.con;
     for (int r = 0; r < c.size(); ++r) {

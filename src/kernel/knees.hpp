@@ -39,10 +39,11 @@ struct Knee {
         least = 0.041 * whole;
         where = low;
     }
-    void heater(const Sweep& s, double gain, double setpoint, double full, double h, double inertia) {
-        if (!(gain > 0.0)) return;
-        pass(s, setpoint, gain, h, inertia);
-        pass(s, setpoint - full / gain, gain, h, inertia);
+    // bend: by how much the power's slope in the sensor's temperature changes at either end of the band [W/K].
+    void heater(const Sweep& s, double gain, double setpoint, double full, double bend, double h, double inertia) {
+        if (gain == 0.0 || full == 0.0) return;
+        pass(s, setpoint, bend, h, inertia);
+        pass(s, setpoint - full / gain, bend, h, inertia);
     }
     // The next length to try: up to just before the knee, or so short that it may be passed.
     double retry(double h, double allowed) const {

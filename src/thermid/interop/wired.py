@@ -113,8 +113,9 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
         raise DeckError(f"the specific heat of '{node}' changes with temperature, which is not written to {what}.", network.title)
     sources = []
     for load in numbers.loads:
-        if load.form != "signal":
-            raise DeckError(f"the load '{load.name}' depends on temperature ({load.form}), which is not written to {what}.", network.title)
+        if not load.fixed:
+            law = load.control or load.form
+            raise DeckError(f"the load '{load.name}' depends on temperature ({law}), which is not written to {what}.", network.title)
         signal = wiring.signals[load.signal]
         power: Formula | float = load.coefficients[0]  # type: ignore[assignment]  # formulas stand where numbers do
         if load.signal.startswith("load "):

@@ -21,6 +21,8 @@ __all__ = ["Schedule", "check_courses", "command_curve", "load_inputs", "normali
 
 Array = NDArray[np.float64]
 SINE_SAMPLES = 400
+JUST_BEFORE = 1e-12
+"""How long before a jump its last value stands, relative to its time. [-]"""
 MOST_SAMPLES = 5_000_000
 """Samples of one periodic signal: 80 MB."""
 
@@ -110,6 +112,9 @@ def product(first: Signal, second: Signal, duration: float) -> Signal:
             return Sine(first.value * second.mean, first.value * second.amplitude, second.period, second.phase)
     times = np.union1d(_samples(first, duration), _samples(second, duration))
     hold = all(isinstance(s, Table) and s.hold for s in (first, second))
+    if not hold:  # a jump stays one: its last value stands just before it
+        jumps = [s.times[1:][np.diff(s.values) != 0.0] for s in (first, second) if isinstance(s, Table) and s.hold]
+        times = np.union1d(times, np.concatenate([np.zeros(0), *jumps]) * (1.0 - JUST_BEFORE))
     return Table(times, first.at(times) * second.at(times), hold)
 
 
@@ -137,13 +142,20 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
             command = product(command, _square(load.fields, numbers.values, duration, load.where), duration)
         watts = scenario.loads.get(load.path)
         if watts is not None:
+            if load.curve is not None:
+                raise ScenarioError(
+                    f"the power of '{load.path}' is a table, which a power of the scenario cannot stand in place of. Give it a command.",
+                    scenario.title,
+                )
             out[f"watts {load.path}"] = watts
             command = watts
         out[f"load {load.path}"] = command
         out[f"curve {load.path}"] = Constant(0.0) if watts is not None else command_curve(command, duration)
         if "sine.amplitude" in load.fields:
             period = value_of(numbers.values[load.fields["sine.period"]])
-            out[f"sine {load.path}"] = Constant(0.0) if watts is not None else Sine(0.0, 1.0, period)
+            wave: Signal = Constant(0.0) if watts is not None else Sine(0.0, 1.0, period)
+            square = _square(load.fields, numbers.values, duration, load.where) if "periodic.period" in load.fields else Constant(1.0)
+            out[f"sine {load.path}"] = product(wave, square, duration)
     return out
 
 

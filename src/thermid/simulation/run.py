@@ -70,7 +70,7 @@ class Run:
         at = self.traces.temperature
         numbers = self.assembled.numbers
         plain = {r.name for r in numbers.conductors if r.form == "table"} | {r.name for r in numbers.loads}
-        rows = [(r.name, r.curve, r.ends) for r in numbers.conductors] + [(r.name, r.curve, (r.sensor, r.sensor)) for r in numbers.loads]
+        rows = [(r.name, r.curve, r.ends) for r in numbers.conductors] + [(r.name, r.curve, (r.node, r.node)) for r in numbers.loads]
         rows += [
             (c.path, c.curve.film[1], (e, e)) for c in self.network.flat.conductors if c.curve is not None and c.curve.film for e in c.ends
         ]

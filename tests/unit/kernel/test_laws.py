@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from thermid import _kernel as k
-
-from .reference import Net
+from unit.kernel.reference import Net
 
 Table = tuple[np.ndarray, np.ndarray, np.ndarray]
 LAWS = tuple(k.CONDUCTOR_LAWS)
