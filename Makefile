@@ -62,7 +62,7 @@ format: setup-test  ## let ruff mend and lay out what it can
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-lengths: setup-test  ## how long modules and functions are
+lengths: setup-test  ## which functions are long
 	@$(BIN)/python -m pytest -q -rP tests/architecture/test_lengths.py
 
 lock:  ## pin every package again (needs uv; UPGRADE=--upgrade for newer versions)

@@ -53,7 +53,7 @@ def _flatten(deck: dict[str, Any], prefix: str, bound: dict[str, str], flat: dic
         names[prefix + name] = _plain(prefix + name)
     for name, s in deck.get("surfaces", {}).items():
         new = {**s, "of": end(s["of"]), "to": end(s["to"])}
-        flat["surfaces"][_plain(prefix + name)] = new | ({"radiates_to": end(s["radiates_to"])} if "radiates_to" in s else {})
+        flat["surfaces"][_plain(prefix + name)] = new | ({"sees": end(s["sees"])} if "sees" in s else {})
     for name, c in deck.get("conductors", {}).items():
         ends = [end(e) for e in c["between"]]
         if ends[0] != ends[1]:  # two needs may be bound to one node: no heat flows
@@ -114,14 +114,15 @@ class Signal:
     def breaks(self) -> list[float]:
         return self.times
 
-    def at(self, t: float, middle: float) -> float:
+    def at(self, t: Any, middle: float) -> Any:
+        """Return the value at a time, or at many."""
         if self.times:
             if self.given.get("hold"):
                 return self.values[max(0, bisect_right(self.times, middle) - 1)]
-            return float(np.interp(t, self.times, self.values))
+            return np.interp(t, self.times, self.values)
         if isinstance(self.given, dict):
             angle = 2 * math.pi * t / si(self.given["period"]) + self.given.get("phase", 0.0)
-            return si(self.given["mean"]) + si(self.given["amplitude"]) * math.sin(angle)
+            return si(self.given["mean"]) + si(self.given["amplitude"]) * np.sin(angle)
         return si(self.given)
 
 
@@ -162,7 +163,7 @@ class Oracle:
     def _capacity(fields: dict[str, Any]) -> float:
         if "capacitance" in fields:
             return si(fields["capacitance"])
-        return si(fields["mass"]) * si(fields["specific_heat"]) if fields else 0.0
+        return si(fields["mass"]) * si(fields["specific_heat"]) if "mass" in fields else 0.0
 
     def _link(self, a: str, b: str, heat: Callable[[float, float], float], one_way: bool = False) -> None:
         if a != b:
@@ -243,7 +244,7 @@ class Oracle:
             if "effective_htc" in s:
                 self._link(s["of"], s["to"], self.linear(si(s["effective_htc"]) * area))
             if "emissivity" in s:
-                self._link(s["of"], s.get("radiates_to", s["to"]), self.radiation(si(s["emissivity"]), area))
+                self._link(s["of"], s.get("sees", s["to"]), self.radiation(si(s["emissivity"]), area))
 
     def _power(self, name: str, q: dict[str, Any]) -> Callable[[float, np.ndarray], float]:
         """Return the power of a load by time and temperatures: (law x command + sine) x duty x control. [W]"""
@@ -344,6 +345,71 @@ class Oracle:
                 here, state = self._stretch(here, b, state, times, out, rtol, atol)
         return {n: out[:, k] for n, k in self.index.items() if n not in self.deck["needs"]}
 
+    def extremes(self, end: float, rtol: float = 1e-10, atol: float = 1e-9) -> dict[str, tuple[float, float, float, float]]:
+        """Return name -> lowest [K], when [s], highest [K] and when [s], of every node.
+
+        The dense output is scanned at 1 ms for 10 s after each switching and at 1 s elsewhere.
+        """
+        edges, state = self.breaks(end), self.start
+        out = {n: (math.inf, 0.0, -math.inf, 0.0) for n in (*self.massive, *self.massless)}
+        self.middle = edges[1] / 2
+        self._decide(state)
+        for a, b in pairwise(edges):
+            self.middle = (a + b) / 2
+            here = a
+            while here < b:
+                start = here
+                found, here, state = self._solved(start, b, state, rtol, atol)
+                fine = np.concatenate((np.arange(start, min(start + 10.0, here), 1e-3), np.arange(start + 10.0, here, 1.0), [here]))
+                massive = found.sol(fine)
+                self._scan(out, self.massive, fine, massive)
+                if self.massless:
+                    self._scan(out, self.massless, fine, self._massless_along(fine, massive))
+                self._switch(here, b, state)
+        return out
+
+    def _massless_along(self, times: np.ndarray, massive: np.ndarray) -> np.ndarray:
+        """Return the temperatures of massless nodes without loads (massless, times), all times at once, by Newton's method. [K]"""
+        n, m = len(self.massive), len(self.massless)
+        assert not any(n <= node < n + m for _, _, node, _ in self.loads), "a massless node has a load"
+        every = np.empty((len(self.names), times.size))
+        every[:n], every[n : n + m] = massive, self.guess[:, None]
+        for k, signal in enumerate(self.signals.values()):
+            every[n + m + k] = signal.at(times, self.middle)
+        own = [(a, b, law, one_way) for a, b, law, one_way in self.links if n <= a < n + m or n <= b < n + m]
+
+        def heat() -> np.ndarray:
+            total = np.zeros((len(self.names), times.size))
+            for a, b, law, one_way in own:
+                q = law(every[a], every[b])
+                total[b] += q
+                if not one_way:
+                    total[a] -= q
+            return total[n : n + m].copy()
+
+        for _ in range(50):
+            zero, jacobian = heat(), np.empty((times.size, m, m))
+            for k in range(m):
+                every[n + k] += 1e-4
+                jacobian[:, :, k] = (heat() - zero).T / 1e-4
+                every[n + k] -= 1e-4
+            step = np.linalg.solve(jacobian, -zero.T[:, :, None])[:, :, 0].T
+            every[n : n + m] += step
+            if np.abs(step).max() < 1e-10:
+                break
+        return every[n : n + m]
+
+    @staticmethod
+    def _scan(out: dict[str, tuple[float, float, float, float]], names: list[str], times: np.ndarray, kelvin: np.ndarray) -> None:
+        for name, row in zip(names, kelvin, strict=False):
+            low, high = int(row.argmin()), int(row.argmax())
+            lowest, low_time, highest, high_time = out[name]
+            if row[low] < lowest:
+                lowest, low_time = float(row[low]), float(times[low])
+            if row[high] > highest:
+                highest, high_time = float(row[high]), float(times[high])
+            out[name] = (lowest, low_time, highest, high_time)
+
     def _thermostats(self) -> list[tuple[str, int, float, float]]:
         out = []
         for name, q, node, _ in self.loads:
@@ -370,6 +436,14 @@ class Oracle:
         self, here: float, end: float, state: np.ndarray, times: np.ndarray, out: np.ndarray, rtol: float, atol: float
     ) -> tuple[float, np.ndarray]:
         """Integrate to the end or to the next switching, and write what falls in between."""
+        found, stop, last = self._solved(here, end, state, rtol, atol)
+        for k in np.flatnonzero((times >= here) & (times < stop if stop < end else times <= end)):
+            out[k] = self.everything(times[k], found.sol(times[k]))
+        self._switch(stop, end, last)
+        return stop, last
+
+    def _solved(self, here: float, end: float, state: np.ndarray, rtol: float, atol: float) -> tuple[Any, float, np.ndarray]:
+        """Return the solution to the end or to the next switching, when that is, and the state there."""
         events = []
         for name, sensor, low, high in self._thermostats():
             limit = high if self.on[name] else low
@@ -377,13 +451,13 @@ class Oracle:
         method = "Radau" if events else "LSODA"
         found = solve_ivp(self.rate, (here, end), state, method, rtol=rtol, atol=atol, events=events or None, dense_output=True)
         assert found.success, found.message
-        stop = float(found.t[-1])
-        for k in np.flatnonzero((times >= here) & (times < stop if stop < end else times <= end)):
-            out[k] = self.everything(times[k], found.sol(times[k]))
-        if events and stop < end:
-            every = self.everything(stop, found.y[:, -1])
+        return found, float(found.t[-1]), found.y[:, -1]
+
+    def _switch(self, stop: float, end: float, state: np.ndarray) -> None:
+        """Switch the thermostats that are due where a stretch stopped before its end."""
+        if self._thermostats() and stop < end:
+            every = self.everything(stop, state)
             for name, sensor, low, high in self._thermostats():
                 gap = every[sensor] - high if self.on[name] else low - every[sensor]
                 if gap > -1e-8:  # several may switch at once
                     self.on[name] = not self.on[name]
-        return stop, found.y[:, -1]

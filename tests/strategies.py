@@ -150,12 +150,13 @@ def decks(
 
 
 def _node(draw: Any, massless: bool) -> Deck:
+    solid: Deck = {"stands_for": "walls"}  # whatever convects to it: a part may be bound to any node
     choice = draw(st.integers(0, 3 if massless else 2))
     if choice == 3:
-        return {}
+        return solid
     if choice == 2:
-        return {"mass": text(draw(spread(0.05, 2.0)), "kg"), "specific_heat": text(draw(even(400.0, 1000.0)), "J/(kg K)")}
-    return {"capacitance": text(draw(spread(20.0, 2000.0)), "J/K")}
+        return solid | {"mass": text(draw(spread(0.05, 2.0)), "kg"), "specific_heat": text(draw(even(400.0, 1000.0)), "J/(kg K)")}
+    return solid | {"capacitance": text(draw(spread(20.0, 2000.0)), "J/K")}
 
 
 def _conductor(draw: Any, level: _Level, a: str, b: str, kinds: tuple[str, ...]) -> None:
@@ -265,9 +266,11 @@ def _surface(draw: Any, level: _Level, node: str, kinds: tuple[str, ...]) -> Non
         out["htc"] = {"coefficient": text(draw(spread(1, 4)), "W/(m^2 K)"), "exponent": 0.25}
     if law == "film":
         out["htc"] = {"length": text(draw(spread(0.01, 0.3)), "m"), "orientation": draw(st.sampled_from(["vertical", "up", "down"]))}
+    if law == "emissivity":
+        out["htc"] = text(0.0, "W/(m^2 K)")
     if law in ("both", "emissivity"):
         out["emissivity"] = draw(even(0.1, 0.95))
-        out["radiates_to"] = draw(st.sampled_from(level.deck["needs"]))
+        out["sees"] = draw(st.sampled_from(level.deck["needs"]))
     name = f"s{len(level.deck['surfaces'])}"
     level.deck["surfaces"][name] = out
     level.faces[name] = area

@@ -22,9 +22,9 @@ from candidates import Candidate, candidates
 
 import thermid as td
 from thermid.errors import IdentificationError, ThermidError
-from thermid.identify.calibrate import fit
+from thermid.fit.calibrate import fit
+from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.identify.campaignfile import CampaignSource, read_campaign
-from thermid.identify.request import LocalSpec, Reading, Request
 
 HERE = Path(__file__).parent
 TRAINING = {

@@ -11,7 +11,7 @@ struct PyResult {
     double time;
     long filled, steps, rejected, newton, factorisations;
     nb::object traces, sensitivities, final_temperatures, final_sensitivities, on, event_times, event_controls, event_states;
-    nb::object load_energy, boundary_energy, conductor_energy;
+    nb::object load_energy, boundary_energy, conductor_energy, turnings;
 };
 
 void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints offset, Ints ckind, Ints ca, Ints cb,
@@ -68,7 +68,7 @@ bool increase(const double* t, size_t m, double t0, double t_end) {
 }
 
 PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_end, Reals times, Ints nodes, std::optional<Csr> dcoef,
-                   std::optional<In<double, 2>> dT0, bool energy, std::optional<Ints> on, nb::kwargs options) {
+                   std::optional<In<double, 2>> dT0, bool energy, std::optional<Ints> on, std::optional<Weights> sums, nb::kwargs options) {
     need(coef.size() == static_cast<size_t>(p.nc), "coef: wrong length");
     need(T0.size() == static_cast<size_t>(p.n), "T0: wrong length");
     need(std::isfinite(t0) && std::isfinite(t_end) && t_end >= t0, "t_end must not lie before t0");
@@ -84,6 +84,7 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
         need(dT0->shape(0) == static_cast<size_t>(p.n) && dT0->shape(1) == static_cast<size_t>(d.np), "dT0: must be (nodes, parameters)");
     }
     o.energy = energy;
+    o.sums = sums_of(sums, p.nodes());
     o.on = thermostats_of(p, on);
     o.poll = poll_interrupt;
     const size_t nt = times.size(), no = nodes.size(), np = d.np;
@@ -97,7 +98,7 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
         nb::gil_scoped_release others;  // threads of the caller go on; what the run reads is its own, or fixed
         run.run(T0.data(), dT0 ? dT0->data() : nullptr, t0, t_end, times.data(), static_cast<long>(nt), nodes.data(), static_cast<int>(no), r);
     }
-    PyResult out{r.status, r.node, r.time, r.filled, r.steps, r.rejected, r.newton, r.factorisations, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
+    PyResult out{r.status, r.node, r.time, r.filled, r.steps, r.rejected, r.newton, r.factorisations, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
     out.traces = traces;
     out.sensitivities = sens;
     out.final_temperatures = reals(r.final_t);
@@ -116,6 +117,7 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
     out.load_energy = reals(r.load_energy);
     out.boundary_energy = reals(r.boundary_energy);
     out.conductor_energy = reals(r.conductor_energy);
+    out.turnings = turnings_of(r.turnings);
     return out;
 }
 
@@ -197,13 +199,14 @@ NB_MODULE(_kernel, m) {
         .def_ro("final_temperatures", &PyResult::final_temperatures).def_ro("final_sensitivities", &PyResult::final_sensitivities)
         .def_ro("on", &PyResult::on).def_ro("event_times", &PyResult::event_times).def_ro("event_controls", &PyResult::event_controls)
         .def_ro("event_states", &PyResult::event_states).def_ro("load_energy", &PyResult::load_energy)
-        .def_ro("boundary_energy", &PyResult::boundary_energy).def_ro("conductor_energy", &PyResult::conductor_energy);
+        .def_ro("boundary_energy", &PyResult::boundary_energy).def_ro("conductor_energy", &PyResult::conductor_energy)
+        .def_ro("turnings", &PyResult::turnings);
     nb::class_<Problem>(m, "Problem")
         .def("__init__", &make_problem, "capacity"_a, "coef_input"_a, "boundary_gain"_a, "boundary_offset"_a, "conductor_kind"_a,
              "conductor_a"_a, "conductor_b"_a, "conductor_coef"_a, "conductor_table"_a, "load_kind"_a, "load_node"_a, "load_coef"_a,
              "load_sensor"_a, "load_table"_a, "load_control"_a, "control_kind"_a, "control_sensor"_a, "control_coef"_a, "tables"_a, "inputs"_a)
         .def("integrate", &integrate, "coef"_a, "T0"_a, "t0"_a, "t_end"_a, "output_times"_a, "output_nodes"_a, nb::kw_only(),
-             "dcoef"_a = nb::none(), "dT0"_a = nb::none(), "energy"_a = true, "on"_a = nb::none(), "options"_a)
+             "dcoef"_a = nb::none(), "dT0"_a = nb::none(), "energy"_a = true, "on"_a = nb::none(), "sums"_a = nb::none(), "options"_a)
         .def("rhs", &rhs, "coef"_a, "T"_a, "t"_a, "dcoef"_a = nb::none(), "on"_a = nb::none())
         .def("flows", [](const Problem& p, Reals c, In<double, 2> T, Reals t) { return rows_of(p, c, T, t, false, {}); }, "coef"_a, "T_all"_a, "t"_a)
         .def("load_powers", [](const Problem& p, Reals c, In<double, 2> T, Reals t, std::optional<In<int32_t, 2>> on) {

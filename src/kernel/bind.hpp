@@ -26,6 +26,7 @@ using In = nb::ndarray<const T, nb::ndim<D>, nb::c_contig, nb::device::cpu>;
 using Reals = In<double, 1>;
 using Ints = In<int32_t, 1>;
 using Csr = std::tuple<Ints, Ints, Reals, int>;
+using Weights = std::tuple<Ints, Ints, Reals>;
 
 inline void need(bool ok, const char* message) {
     if (!ok) throw std::invalid_argument(message);
@@ -82,11 +83,38 @@ inline Options options_of(const nb::kwargs& given) {
         else if (name == "input_atol") o.input_atol = nb::cast<double>(value);
         else if (name == "max_step") o.max_step = nb::cast<double>(value);
         else if (name == "max_steps") o.max_steps = nb::cast<long>(value);
+        else if (name == "turnings") o.turnings = nb::cast<bool>(value);
         else if (name != "breaks") throw nb::type_error(("no such option: " + name).c_str());
         else if (!value.is_none()) o.breaks = copy<double>(nb::cast<Reals>(value));
     }
     need(o.rtol >= 0.0 && o.atol > 0.0 && o.input_atol > 0.0 && o.max_step > 0.0, "tolerances and max_step must be positive");
     return o;
+}
+
+// Weighted sums of temperatures, as CSR over nodes and boundaries.
+inline Sums sums_of(const std::optional<Weights>& given, int nodes) {
+    Sums out;
+    if (!given) return out;
+    const auto& [begin, node, weight] = *given;
+    need(begin.size() > 0 && begin(0) == 0 && node.size() == weight.size() && begin(begin.size() - 1) == static_cast<int>(node.size()), "sums: do not fit");
+    out.begin = copy<int>(begin);
+    out.node = copy<int>(node);
+    out.weight = copy<double>(weight);
+    for (int k = 0; k < out.size(); ++k) need(out.begin[k] <= out.begin[k + 1], "sums: begin must not decrease");
+    for (int i : out.node) need(i >= 0 && i < nodes, "sums: no such node");
+    return out;
+}
+
+// Columns, times and temperatures of turning points.
+inline nb::tuple turnings_of(const std::vector<Turnings::Point>& found) {
+    std::vector<int> column;
+    std::vector<double> time, kelvin;
+    for (const Turnings::Point& p : found) {
+        column.push_back(p.column);
+        time.push_back(p.time);
+        kelvin.push_back(p.kelvin);
+    }
+    return nb::make_tuple(ints(column), reals(time), reals(kelvin));
 }
 
 inline std::vector<int> thermostats_of(const Problem& p, const std::optional<Ints>& on) {

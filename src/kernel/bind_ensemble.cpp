@@ -37,6 +37,18 @@ nb::object advance(Ensemble& e, long rows, int threads) {
     return array(std::move(out), {groups, m, nodes, LANES});
 }
 
+// Members, columns, times and temperatures of turning points.
+nb::tuple turnings(const Ensemble& e) {
+    std::vector<int> member;
+    std::vector<Turnings::Point> points;
+    for (const Ensemble::Turning& x : e.turnings()) {
+        member.push_back(static_cast<int>(x.member));
+        points.push_back(x.point);
+    }
+    const nb::tuple rest = turnings_of(points);
+    return nb::make_tuple(ints(member), rest[0], rest[1], rest[2]);
+}
+
 }  // namespace
 
 void bind_ensemble(nb::module_& m) {
@@ -47,6 +59,7 @@ void bind_ensemble(nb::module_& m) {
         .def_prop_ro("status", [](const Ensemble& e) { return ints(e.status); }).def_prop_ro("node", [](const Ensemble& e) { return ints(e.node); })
         .def_prop_ro("time", [](const Ensemble& e) { return reals(e.time); })
         .def_prop_ro("alone", [](const Ensemble& e) { return ints(std::vector<int>(e.alone.begin(), e.alone.end())); })
+        .def_prop_ro("turnings", &turnings)
         .def_ro("steps", &Ensemble::steps).def_ro("rejected", &Ensemble::rejected)
         .def_prop_ro("simd", [](const Ensemble& e) { return std::string(e.setup.code.name); });
     m.def("instruction_sets", [] { nb::list out; for (const std::string& s : instruction_sets()) out.append(s); return out; });

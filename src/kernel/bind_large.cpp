@@ -14,7 +14,7 @@ struct PyLarge {
     int status, node, method;
     double time, rate, longest;
     long steps, rejected, evaluations, iterations;
-    nb::object traces, fields, final_temperatures, load_energy, boundary_energy;
+    nb::object traces, fields, final_temperatures, load_energy, boundary_energy, turnings;
 };
 
 void padded(const Reals& g, const Links& l, std::vector<double>& out) {
@@ -99,7 +99,7 @@ void check_times(Reals times, double t0, double t_end) {
 }
 
 PyLarge integrate_large(const LargeProblem& p, Reals T0, double t0, double t_end, Reals times, Ints kind, Ints indptr, Ints indices, Reals weights,
-                        Reals field_times, int method, double tolerance, double input_atol, double max_step, long max_steps, Reals breaks) {
+                        Reals field_times, int method, double tolerance, double input_atol, double max_step, long max_steps, Reals breaks, bool turnings) {
     need(T0.size() == static_cast<size_t>(p.n), "T0: wrong length");
     need(std::isfinite(t0) && std::isfinite(t_end) && t_end >= t0, "t_end must not lie before t0");
     need(tolerance > 0.0 && input_atol > 0.0 && max_step > 0.0 && method >= AUTO && method <= TRBDF2, "tolerances and max_step must be positive");
@@ -113,6 +113,7 @@ PyLarge integrate_large(const LargeProblem& p, Reals T0, double t0, double t_end
     o.max_step = max_step;
     o.max_steps = max_steps;
     o.method = method;
+    o.turnings = turnings;
     o.breaks = copy<double>(breaks);
     o.poll = [] {
         nb::gil_scoped_acquire held;
@@ -129,12 +130,13 @@ PyLarge integrate_large(const LargeProblem& p, Reals T0, double t0, double t_end
         LargeRun run(p, o);
         run.run(T0.data(), t0, t_end, at, seen, field_at, r);
     }
-    PyLarge out{r.status, r.node, r.method, r.time, r.rate, r.longest, r.steps, r.rejected, r.evaluations, r.iterations, {}, {}, {}, {}, {}};
+    PyLarge out{r.status, r.node, r.method, r.time, r.rate, r.longest, r.steps, r.rejected, r.evaluations, r.iterations, {}, {}, {}, {}, {}, {}};
     out.traces = array(std::move(traces), {nt, no});
     out.fields = array(std::move(fields), {nf, n});
     out.final_temperatures = reals(r.final_t);
     out.load_energy = reals(r.load_energy);
     out.boundary_energy = reals(r.boundary_energy);
+    out.turnings = turnings_of(r.turnings);
     return out;
 }
 
@@ -166,13 +168,13 @@ void bind_large(nb::module_& m) {
         .def_ro("rejected", &PyLarge::rejected).def_ro("evaluations", &PyLarge::evaluations).def_ro("iterations", &PyLarge::iterations)
         .def_ro("traces", &PyLarge::traces).def_ro("fields", &PyLarge::fields)
         .def_ro("final_temperatures", &PyLarge::final_temperatures).def_ro("load_energy", &PyLarge::load_energy)
-        .def_ro("boundary_energy", &PyLarge::boundary_energy);
+        .def_ro("boundary_energy", &PyLarge::boundary_energy).def_ro("turnings", &PyLarge::turnings);
     nb::class_<LargeProblem>(m, "LargeProblem")
         .def("__init__", &make_large, "capacity"_a, "links"_a, "row_groups"_a, "row_exponents"_a, "row_a"_a, "row_b"_a, "row_coef"_a,
              "load_groups"_a, "load_node"_a, "load_coef"_a, "load_control"_a, "tags"_a, "boundary_input"_a, "boundary_offset"_a, "tables"_a, "inputs"_a)
         .def("integrate", &integrate_large, "T0"_a, "t0"_a, "t_end"_a, "times"_a, "observed_kind"_a, "observed_indptr"_a, "observed_indices"_a,
              "observed_weights"_a, "field_times"_a, nb::kw_only(), "method"_a = 0, "tolerance"_a = 1e-3, "input_atol"_a = 1e-4,
-             "max_step"_a = std::numeric_limits<double>::infinity(), "max_steps"_a = 1000000L, "breaks"_a)
+             "max_step"_a = std::numeric_limits<double>::infinity(), "max_steps"_a = 1000000L, "breaks"_a, "turnings"_a = false)
         .def("heat", &heat_large, "T"_a, "t"_a);
     m.attr("LARGE_AUTO") = static_cast<int>(AUTO);
     m.attr("LARGE_RKC2") = static_cast<int>(RKC2);

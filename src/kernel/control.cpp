@@ -35,8 +35,9 @@ bool Integrator::attempt(Outputs& out, double& next) {
     const bool watch = !p_.thermostats.empty();
     project();
     start(first_);
+    if (turnings_.on()) turnings_start();
     first_ = false;
-    inside_ = watch || (out.next < out.n && out.t[out.next] <= end_);
+    inside_ = watch || turnings_.on() || (out.next < out.n && out.t[out.next] <= end_);
     const double left = input_error();
     if (left > slack_ * o_.input_atol) {
         hold_ = h_ * std::max(0.2, 0.8 * std::pow(o_.input_atol / left, 0.4));  // the caller's next stands
@@ -166,6 +167,7 @@ void Integrator::advance(double t_end, Outputs& out) {
         ++r_->steps;
         drift_.swap(drift_next_);
         if (clipped_) next = std::max(next, wish);
+        if (turnings_.on()) turnings_end(out);
         emit(out);
         if (o_.energy) {
             for (size_t r = 0; r < E_con_.size(); ++r) E_con_[r] += h_ * acc_con_[r];

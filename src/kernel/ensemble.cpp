@@ -65,6 +65,13 @@ void Ensemble::run_alone(Block& b, long member) {
     b.rejected += r.rejected;
     b.alone.push_back(member);
     b.traces.push_back(std::move(traces));
+    for (const Turnings::Point& x : r.turnings) b.turnings.push_back({member, x});
+}
+
+std::vector<Ensemble::Turning> Ensemble::turnings() const {
+    std::vector<Turning> out;
+    for (const Block& b : blocks_) out.insert(out.end(), b.turnings.begin(), b.turnings.end());
+    return out;
 }
 
 // The outputs first to last of one group.
@@ -91,6 +98,11 @@ void Ensemble::work(Block& b, long first, long last, double* out) {
     if (b.group) {
         b.steps += b.group->steps;
         b.rejected += b.group->rejected;
+        for (Turnings::Point x : b.group->turnings()) {
+            const long m = at + x.column % LANES;
+            x.column /= LANES;
+            if (m < end && !alone[m]) b.turnings.push_back({m, x});
+        }
     }
     b.group.reset();
     b.traces.clear();

@@ -61,6 +61,7 @@ class Group {
     Group(const EnsembleSetup& s, long first);
     // Steps until the outputs up to `last` are written to out (outputs from `from`, observed, LANES).
     void advance(long from, long last, double* out, const std::atomic<bool>& stop);
+    const std::vector<Turnings::Point>& turnings();  // once the end is reached; columns: (observed, LANES)
     std::vector<long> dropped;  // members that the lane code gave up
     long steps = 0, rejected = 0;
 
@@ -99,6 +100,10 @@ class Group {
     unsigned check_state();
     void drop(unsigned lanes);
     void emit(long from, long last, double* out);
+    void turn();
+    void weigh(double time);
+    Turnings turnings_;
+    std::vector<double> seen_, seen_times_;
 };
 
 class Ensemble {
@@ -111,6 +116,9 @@ class Ensemble {
     std::vector<int> status, node;  // of each member
     std::vector<double> time;
     std::vector<char> alone;        // members that the integrator ran
+    // Turning points of the observed nodes, member by member, once all outputs are out.
+    struct Turning { long member; Turnings::Point point; };
+    std::vector<Turning> turnings() const;
     long done = 0, steps = 0, rejected = 0;
 
   private:
@@ -118,6 +126,7 @@ class Ensemble {
         std::unique_ptr<Group> group;
         std::vector<long> alone;
         std::vector<std::vector<double>> traces;  // of those, all outputs
+        std::vector<Turning> turnings;
         long steps = 0, rejected = 0;
     };
     std::vector<Block> blocks_;

@@ -218,25 +218,83 @@ void Group::choose(double& next) {
     }
 }
 
+// What is left over of the inputs at a time of the step that began at origin_.
+void Group::weigh(double time) {
+    const double s = time - origin_;
+    weights_[0] = s;
+    for (int k = 0; k < g_.plan->nk; ++k) {
+        if (!active_[k]) continue;
+        cursor_[k].move(time);
+        weights_[1 + 3 * k] = in_[k].w(s, cursor_[k].sum);
+        weights_[2 + 3 * k] = in_[k].ww(s, cursor_[k].sum);
+        weights_[3 + 3 * k] = in_[k].www(s, cursor_[k].sum);
+    }
+}
+
 void Group::emit(long from, long last, double* out) {
     const size_t nobs = s_.observed.size();
     for (; out_next_ < last && s_.times[out_next_] <= end_; ++out_next_) {
-        const double time = s_.times[out_next_], s = time - origin_, x = g_.h > 0.0 ? (time == end_ ? 1.0 : s / g_.h) : 0.0;
-        weights_[0] = s;
-        for (int k = 0; k < g_.plan->nk; ++k) {
-            if (!active_[k]) continue;
-            cursor_[k].move(time);
-            weights_[1 + 3 * k] = in_[k].w(s, cursor_[k].sum);
-            weights_[2 + 3 * k] = in_[k].ww(s, cursor_[k].sum);
-            weights_[3 + 3 * k] = in_[k].www(s, cursor_[k].sum);
-        }
+        const double time = s_.times[out_next_], x = g_.h > 0.0 ? (time == end_ ? 1.0 : (time - origin_) / g_.h) : 0.0;
+        weigh(time);
         s_.code.output(g_, x, weights_.data(), s_.observed.data(), static_cast<int>(nobs), out + (out_next_ - from) * nobs * LANES);
     }
+}
+
+// Turning points inside the step just made, as Integrator::turnings_end; nodes of the lane code all have a delay.
+void Group::turn() {
+    const int m = g_.plan->n * LANES, nobs = static_cast<int>(s_.observed.size()), columns = nobs * LANES;
+    double moved = 0.0;  // |b| int |v| <= |b| h sqrt(mean v^2)
+    for (int k = 0; k < g_.plan->nk; ++k) {
+        if (!active_[k]) continue;
+        double most = 0.0;
+        for (int i : s_.observed)
+            for (int l = 0; l < LANES; ++l) most = std::max(most, std::fabs(g_.b[static_cast<size_t>(k) * m + i * LANES + l]));
+        moved += most * g_.h * std::sqrt(in_[k].variance);
+    }
+    if (moved < Turnings::NOISE) {
+        for (int j = 0; j < columns; ++j) {
+            const int i = s_.observed[j / LANES] * LANES + j % LANES;
+            turnings_.see_polynomial(j, g_.poly + i, m, origin_, g_.h, end_, g_.T1[i]);
+        }
+        return;
+    }
+    std::vector<double>& at = seen_times_;
+    at.clear();
+    for (int k = 0; k < g_.plan->nk; ++k)
+        if (active_[k])
+            for (double t = input(k).next_knot(origin_, -1); t < end_; t = input(k).next_knot(t, -1)) at.push_back(t);
+    at.push_back(end_);
+    std::sort(at.begin(), at.end());
+    seen_.resize(3 * static_cast<size_t>(columns));
+    double *y0 = seen_.data(), *y1 = y0 + columns, *y2 = y1 + columns, before = origin_;
+    auto look = [&](double time, double* to) {
+        weigh(time);
+        s_.code.output(g_, time == end_ ? 1.0 : (time - origin_) / g_.h, weights_.data(), s_.observed.data(), nobs, to);
+    };
+    look(before, y0);
+    for (int j = 0; j < columns; ++j) turnings_.see(j, before, y0[j]);
+    for (double time : at) {
+        if (!(time > before)) continue;
+        const double half = 0.5 * (before + time);
+        look(half, y1);
+        look(time, y2);
+        for (int j = 0; j < columns; ++j) turnings_.see_three(j, before, y0[j], half, y1[j], time, y2[j]);
+        std::swap(y0, y2);
+        before = time;
+    }
+    for (int k = 0; k < g_.plan->nk; ++k)  // the outputs of the step begin at its start again
+        if (input(k).sampled()) cursor_[k].begin(&input(k), origin_);
+}
+
+const std::vector<Turnings::Point>& Group::turnings() {
+    if (turnings_.on()) turnings_.end();
+    return turnings_.found;
 }
 
 void Group::advance(long from, long last, double* out, const std::atomic<bool>& stop) {
     if (!begun_) {
         initial();
+        if (s_.options.turnings) turnings_.begin(static_cast<int>(s_.observed.size()) * LANES, s_.times.data(), static_cast<long>(s_.times.size()));
         end_ = s_.t_end;
         g_.h = 0.0;
         origin_ = t_;
@@ -247,7 +305,9 @@ void Group::advance(long from, long last, double* out, const std::atomic<bool>& 
     } else if (alive_) {
         emit(from, last, out);
     }
-    while (alive_ && out_next_ < last && t_ < s_.t_end) {
+    const bool watch = turnings_.on();
+    const auto open = [&] { return out_next_ < last || (watch && last == static_cast<long>(s_.times.size())); };
+    while (alive_ && open() && t_ < s_.t_end) {
         if (stop) return;
         if (steps + rejected >= s_.options.max_steps) return drop(alive_);
         if (begun_) choose(next_);
@@ -257,7 +317,7 @@ void Group::advance(long from, long last, double* out, const std::atomic<bool>& 
         }
         ++steps;
         if (clipped_) next_ = std::max(next_, wish_);
-        if (s_.times[out_next_] <= end_) {
+        if (watch || s_.times[out_next_] <= end_) {
             inputs_at(g_.h);
             for (int k = 0; k < g_.plan->nk; ++k) {
                 const Input& in = input(k);
@@ -267,6 +327,7 @@ void Group::advance(long from, long last, double* out, const std::atomic<bool>& 
             s_.code.dense(g_);
         }
         origin_ = t_;
+        if (watch) turn();
         for (int i = 0; i < g_.plan->n; ++i)
             for (int l = 0; l < LANES; ++l) {
                 low_[l] = std::min(low_[l], g_.T1[i * LANES + l]);

@@ -152,6 +152,7 @@ void Integrator::run(const double* t0_nodes, const double* s0, double t0, double
     std::copy(t0_nodes, t0_nodes + n_, T_.begin());
     Outputs out{out_t, nout, 0, obs, nobs};
     for (int i = 0; i < n_; ++i) all_.push_back(i);
+    if (o_.turnings) turnings_.begin(nobs + o_.sums.size(), out_t, nout);
     try {
         initial(s0, out);
         if (t_end > t_) advance(t_end, out);
@@ -161,6 +162,8 @@ void Integrator::run(const double* t0_nodes, const double* s0, double t0, double
     }
     r.time = t_;
     r.filled = out.next;
+    if (o_.turnings) turnings_.end();
+    r.turnings.swap(turnings_.found);
     const double nan = std::numeric_limits<double>::quiet_NaN();
     const size_t first = static_cast<size_t>(out.next) * nobs, last = static_cast<size_t>(nout) * nobs;
     if (r.traces) std::fill(r.traces + first, r.traces + last, nan);

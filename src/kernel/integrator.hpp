@@ -8,6 +8,7 @@
 #include "linear.hpp"
 #include "problem.hpp"
 #include "tableau.hpp"
+#include "turnings.hpp"
 
 namespace thermid {
 
@@ -20,6 +21,8 @@ struct Options {
     std::vector<double> breaks;
     std::vector<double> mesh;           // ends of steps to take as they are, while their error is not far beyond the tolerances
     std::vector<int> on;                // thermostats at the start: 1 on, 0 off, -1 decided by the sensor
+    bool turnings = false;              // of the observed nodes, then of these sums
+    Sums sums;
     std::function<void()> poll;         // called now and then; may throw
 };
 
@@ -34,6 +37,7 @@ struct Result {
     std::vector<Event> events;
     std::vector<double> load_energy, boundary_energy, conductor_energy;  // J
     std::vector<double> mesh;  // ends of the steps taken
+    std::vector<Turnings::Point> turnings;  // columns: observed, then sums
     long steps = 0, rejected = 0, newton = 0, factorisations = 0, filled = 0;
 };
 
@@ -183,6 +187,16 @@ class Integrator {
     void rows(const double* times, long m, const int* obs, int nobs, double* T, double* S);
     void slaved_row(double s, double time, const int* obs, int nobs, double* S);
     void collect(const double* times, long last);
+
+    // turnings.cpp
+    Turnings turnings_;
+    std::vector<double> seen_times_, seen_both_, seen_values_;
+    std::vector<double> start_t_;  // all temperatures at the step's start, with the inputs of this step
+    void turnings_start();
+    void turnings_end(const Outputs& out);
+    void turnings_of(int column, int node) { turnings_.see_polynomial(column, poly_.data() + node, n_, t_, h_, end_, T1_[node]); }
+    bool quiet(int node) const;
+    void turnings_sampled(const Outputs& out);
 
     // events.cpp
     std::vector<double> samples_, when_, rates_;

@@ -8,6 +8,7 @@
 
 #include "inputs.hpp"
 #include "laws.hpp"
+#include "turnings.hpp"
 
 namespace thermid {
 
@@ -107,6 +108,7 @@ struct LargeOptions {
     double tolerance = 1e-3, input_atol = 1e-4, max_step = std::numeric_limits<double>::infinity();
     long max_steps = 1000000;
     int method = AUTO;
+    bool turnings = false;  // of what is observed
     std::vector<double> breaks;
     std::function<void()> poll;
 };
@@ -123,6 +125,7 @@ struct LargeResult {
     double time = 0.0, rate = 0.0, longest = 0.0;  // largest rate of decay seen [1/s]; longest step
     double *traces = nullptr, *fields = nullptr;   // (times, observed), (field times, n)
     std::vector<double> final_t, load_energy, boundary_energy;
+    std::vector<Turnings::Point> turnings;
     long steps = 0, rejected = 0, evaluations = 0, iterations = 0;
 };
 
@@ -162,6 +165,9 @@ class LargeRun {
     void settle();
     void write(const std::vector<double>& times, size_t& next, const Observed& seen, double until);
     void write_fields(const std::vector<double>& times, size_t& next, double until);
+    Turnings turnings_;
+    void turn(const Observed& seen, double reached);
+    double observed(const Observed& seen, int k, const Hermite& w, const Summary* whole = nullptr) const;
     Hermite hermite(double s) const;
     double between(size_t i, const Hermite& w) const { return w.a * T_[i] + w.b * T1_[i] + w.c * G_[i] + w.d * G1_[i]; }
     void fail(int status);

@@ -12,6 +12,7 @@ constexpr double HOTTEST = 1e6;  // [K]
 constexpr int MOST_KINKS = 200;
 constexpr double MOST_STAGES = 5000.0;  // of a step of RKC2
 constexpr long POLL_CELLS = 20000000;
+constexpr int PARTS = 2;  // of a step, where a largest or smallest temperature is looked at
 }  // namespace
 
 LargeRun::LargeRun(const LargeProblem& p, const LargeOptions& o)
@@ -116,27 +117,34 @@ Hermite LargeRun::hermite(double s) const {
     return {y + bend, x - bend, x * y * y * h_, -x * x * y * h_};
 }
 
+// What is observed, at the weights of a time; over all nodes, `whole` is theirs.
+double LargeRun::observed(const Observed& seen, int k, const Hermite& w, const Summary* whole) const {
+    const int from = seen.indptr[k], to = seen.indptr[k + 1];
+    Summary s;
+    if (from == to) {
+        s = whole ? *whole : summary(T_.data(), T1_.data(), G_.data(), G1_.data(), n_, w);
+        s.sum /= n_;
+    }
+    for (int j = from; j < to; ++j) {
+        const double v = between(seen.indices[j], w);
+        s.sum += seen.weights[j] * v;
+        s.low = std::min(s.low, v);
+        s.high = std::max(s.high, v);
+    }
+    return seen.kind[k] == 0 ? s.sum : (seen.kind[k] == 1 ? s.high : s.low);
+}
+
 void LargeRun::write(const std::vector<double>& times, size_t& next, const Observed& seen, double until) {
     for (; next < times.size() && times[next] <= until; ++next) {
         const Hermite w = hermite(times[next] - t_);
         Summary whole;
         bool known = false;
         for (int k = 0; k < seen.size(); ++k) {
-            const int from = seen.indptr[k], to = seen.indptr[k + 1];
-            Summary s;
-            if (from == to) {
-                if (!known) whole = summary(T_.data(), T1_.data(), G_.data(), G1_.data(), n_, w);
+            if (seen.indptr[k] == seen.indptr[k + 1] && !known) {
+                whole = summary(T_.data(), T1_.data(), G_.data(), G1_.data(), n_, w);
                 known = true;
-                s = whole;
-                s.sum /= n_;
             }
-            for (int j = from; j < to; ++j) {
-                const double v = between(seen.indices[j], w);
-                s.sum += seen.weights[j] * v;
-                s.low = std::min(s.low, v);
-                s.high = std::max(s.high, v);
-            }
-            r_->traces[next * seen.size() + k] = seen.kind[k] == 0 ? s.sum : (seen.kind[k] == 1 ? s.high : s.low);
+            r_->traces[next * seen.size() + k] = observed(seen, k, w, &whole);
         }
     }
 }
@@ -145,6 +153,35 @@ void LargeRun::write_fields(const std::vector<double>& times, size_t& next, doub
     for (; next < times.size() && times[next] <= until; ++next) {
         const Hermite w = hermite(times[next] - t_);
         for (int i = 0; i < n_; ++i) r_->fields[next * n_ + i] = between(i, w);
+    }
+}
+
+// Turning points of what is observed inside the step just made: of a weighted sum those of its cubic, of a largest or smallest those of
+// parabolas through samples.
+void LargeRun::turn(const Observed& seen, double reached) {
+    for (int k = 0; k < seen.size(); ++k) {
+        const int from = seen.indptr[k], to = seen.indptr[k + 1];
+        if (seen.kind[k] == 0 && from < to) {
+            double y0 = 0.0, y1 = 0.0, d0 = 0.0, d1 = 0.0;
+            for (int j = from; j < to; ++j) {
+                const double w = seen.weights[j];
+                const int i = seen.indices[j];
+                y0 += w * T_[i];
+                y1 += w * T1_[i];
+                d0 += w * h_ * G_[i];
+                d1 += w * h_ * G1_[i];
+            }
+            const double c[] = {y0, d0, 3.0 * (y1 - y0) - 2.0 * d0 - d1, d0 + d1 - 2.0 * (y1 - y0), 0.0, 0.0};
+            turnings_.see_polynomial(k, c, 1, t_, h_, reached, y1);
+            continue;
+        }
+        double at[PARTS + 1], y[PARTS + 1];
+        for (int q = 0; q <= PARTS; ++q) {
+            at[q] = q == PARTS ? reached : t_ + h_ * q / PARTS;
+            y[q] = observed(seen, k, hermite(h_ * q / PARTS));
+        }
+        turnings_.see(k, at[0], y[0]);
+        for (int q = 2; q <= PARTS; q += 2) turnings_.see_three(k, at[q - 2], y[q - 2], at[q - 1], y[q - 1], at[q], y[q]);
     }
 }
 
@@ -209,6 +246,7 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
     kinks.push_back(t_end);
     std::sort(kinks.begin(), kinks.end());
     size_t next_time = 0, next_field = 0, kink = 0;
+    if (o_.turnings) turnings_.begin(seen.size(), times.data(), static_cast<long>(times.size()));
     try {
         for (int i = 0; i < n_; ++i) {
             T_[i] = t0_nodes[i];
@@ -242,10 +280,11 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
                 const double now = reached == stop ? std::nextafter(stop, t_) : reached;  // at a jump: after it
                 const bool due = (next_time < times.size() && times[next_time] <= now) ||
                                  (next_field < field_times.size() && field_times[next_field] <= now);
-                if (due && r.method == TRBDF2) draw_parabolas();
+                if ((due || o_.turnings) && r.method == TRBDF2) draw_parabolas();
+                if (o_.turnings) turn(seen, reached);
                 write(times, next_time, seen, now);
                 write_fields(field_times, next_field, now);
-                if (due && r.method == TRBDF2) restore_slopes();
+                if ((due || o_.turnings) && r.method == TRBDF2) restore_slopes();
                 for (size_t k = 0; k < energy_.size(); ++k) energy_[k] += gain_[k];
                 t_ = reached;
                 T_.swap(T1_);
@@ -264,6 +303,8 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
         r.status = f.status;
         r.node = f.node;
     }
+    if (o_.turnings) turnings_.end();
+    r.turnings.swap(turnings_.found);
     r.time = t_;
     r.final_t.assign(T_.data(), T_.data() + n_);
     r.load_energy.assign(energy_.begin(), energy_.begin() + p_.tags);

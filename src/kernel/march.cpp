@@ -156,7 +156,7 @@ void Modal::outputs(const int* obs, int nobs) {
 
 // The factors of a stretch of length h that ends at a time: those of a stretch met before where lengths differ by no more than the
 // rounding of times. What waits is carried out before factors are replaced.
-const Modal::Stretch& Modal::stretch(double h, double until, int nobs, double* traces) {
+Modal::Stretch& Modal::stretch(double h, double until, int nobs, double* traces) {
     uint64_t bits;
     std::memcpy(&bits, &h, sizeof bits);
     bits = (bits + (uint64_t(1) << 20)) >> 21;
@@ -165,6 +165,7 @@ const Modal::Stretch& Modal::stretch(double h, double until, int nobs, double* t
     flush(nobs, traces);
     const int nin = static_cast<int>(sampled_.size());
     x.h = h;
+    x.parts.clear();
     x.step.assign(static_cast<size_t>(lanes_) * (2 + 2 * nin), 0.0);
     x.whole.assign(static_cast<size_t>(lanes_) * 3, 0.0);
     for (int j = 0; j < modes_; ++j) {
@@ -227,9 +228,18 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
         f.now = f.u + f.slope * (t0 - f.from);
     }
     double t = t0, wanted = nout > 0 ? out_t[0] : INF;
-    const Stretch* last = stretches_.data();
+    Stretch* last = stretches_.data();
     long next = 0, steps = 0;
-    const bool plain = nin == 1 && nw == 0 && !echo_;
+    const auto show = [&](double time) {  // what outputs at a time take from inputs directly
+        double* to = rows_.data() + static_cast<size_t>(filled_++) * terms_ + lanes_ + 1;
+        if (echo_)
+            for (const Follower& f : follow) *to++ = f.now;
+        for (int k = 0; k < nw; ++k) {
+            *to++ = wave(k, time, true);
+            *to++ = wave(k, time, false);
+        }
+    };
+    const bool watch = turnings_.on(), plain = nin == 1 && nw == 0 && !echo_ && !watch;
     for (; next < nout || t < t_end; ++steps) {
         if (plain && last->h > 0.0) {
             double* drive = drive_.data() + 2 * static_cast<size_t>(count_);
@@ -243,6 +253,7 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
         }
         double until = std::min(wanted, t_end);
         for (const Follower& f : follow) until = std::min(until, f.knot);
+        for (int k = 0; watch && k < nw; ++k) until = std::min(until, t + 0.125 * p_.inputs[sines_[k]].period);
         until = std::max(until, t);
         if (count_ == BLOCK) {
             flush(nobs, r.traces);
@@ -260,17 +271,26 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
             while (f.knot <= same) f.enter();
             f.now = f.u + f.slope * (until - f.from);
         }
-        t = until;
         row_[at] = -1;
+        if (watch) {  // one stretch after the other
+            before_ = z_;
+            const std::vector<double> own(drive_.begin(), drive_.begin() + 2 * nin);
+            row_[at] = wanted <= same ? filled_ : -1;
+            if (row_[at] >= 0) {
+                show(until);
+                wanted = ++next < nout ? out_t[next] : INF;
+            }
+            flush(nobs, r.traces);
+            turn(*last, own.data(), t, until);
+            for (const Follower& f : follow)
+                if (f.from > t && f.from <= same) kink_ = until;
+            t = until;
+            continue;
+        }
+        t = until;
         if (!(wanted <= same)) continue;
         row_[at] = filled_;
-        double* to = rows_.data() + static_cast<size_t>(filled_++) * terms_ + lanes_ + 1;
-        if (echo_)
-            for (const Follower& f : follow) *to++ = f.now;
-        for (int k = 0; k < nw; ++k) {
-            *to++ = wave(k, t, true);
-            *to++ = wave(k, t, false);
-        }
+        show(t);
         wanted = ++next < nout ? out_t[next] : INF;
     }
     r.steps = steps;

@@ -226,7 +226,7 @@ void Modal::finish(double t0, double t_end, Result& r) {
 }
 
 void Modal::run(const double* start, double t0, double t_end, const double* out_t, long nout, const int* obs, int nobs,
-                const std::function<void()>& poll, Result& r) {
+                const std::function<void()>& poll, Result& r, const Sums* sums) {
     r.time = t0;
     try {
         check(start, t0);
@@ -243,7 +243,10 @@ void Modal::run(const double* start, double t0, double t_end, const double* out_
         decompose();
         begin(start, t0);
         outputs(obs, nobs);
+        if (sums) follow(out_t, nout, obs, nobs, *sums, t0);
         march(out_t, nout, obs, nobs, t0, t_end, poll, r);
+        if (sums) turnings_.end();
+        r.turnings.swap(turnings_.found);
         finish(t0, t_end, r);
         for (int i = 0; i < p_.n; ++i) {
             if (!std::isfinite(r.final_t[i])) throw Failure{NON_FINITE, i};

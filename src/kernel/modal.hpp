@@ -20,8 +20,9 @@ Phi phi(double x);
 class Modal {
   public:
     Modal(const Problem& p, const double* coef);  // throws std::invalid_argument where a row is not linear with constant coefficients
+    // With `sums`, turning points of the observed nodes and of these sums too.
     void run(const double* start, double t0, double t_end, const double* out_t, long nout, const int* obs, int nobs,
-             const std::function<void()>& poll, Result& r);
+             const std::function<void()>& poll, Result& r, const Sums* sums = nullptr);
 
   private:
     // Heats and boundary temperatures are sums over sources: column 0 is constant, column 1 + k follows input k less its mean.
@@ -37,7 +38,8 @@ class Modal {
     std::vector<double> area_;                             // (cols) integrals of the sources
 
     // A stretch of one length: factors of z, of the constant and of value and slope of every sampled input; those of the integral.
-    struct Stretch { double h = -1.0; std::vector<double> step, whole; };
+    // parts: for turning points, each mode's factors after a quarter of it, a sixteenth, and so on.
+    struct Stretch { double h = -1.0; std::vector<double> step, whole; std::vector<std::vector<Phi>> parts; };
     std::vector<Stretch> stretches_;
 
     // Stretches that are carried out together.
@@ -56,10 +58,23 @@ class Modal {
     void decompose();
     void begin(const double* start, double t0);
     void outputs(const int* obs, int nobs);
-    const Stretch& stretch(double h, double until, int nobs, double* traces);
+    Stretch& stretch(double h, double until, int nobs, double* traces);
     void flush(int nobs, double* traces);
     void march(const double* out_t, long nout, const int* obs, int nobs, double t0, double t_end, const std::function<void()>& poll, Result& r);
     void finish(double t0, double t_end, Result& r);
+
+    // modal_turnings.cpp
+    Turnings turnings_;
+    bool jumps_ = false;             // some column takes from sampled inputs directly
+    double fastest_ = 0.0, kink_ = 0.0;  // largest rate; when an input last had a knot
+    std::vector<double> course_shape_, course_base_, course_direct_, course_wave_;  // (columns; modes, -, sampled, 2 sines)
+    std::vector<double> before_, level_, tilt_, slope_[2], reached_;                // states at the start; forces and their slopes
+    void follow(const double* out_t, long nout, const int* obs, int nobs, const Sums& sums, double t0);
+    void parts_of(Stretch& x) const;
+    double course(int column, const double* z, const double* drive, double s, double t) const;
+    double course_slope(int column, const double* z, const double* drive, double s, double t) const;
+    double slope_at(int column, const double* drive, double s, double t);
+    void turn(Stretch& x, const double* drive, double t, double until);
     double wave(int k, double t, bool sine) const;
     double wave_area(int k, double t0, double t_end, bool sine) const;
 };

@@ -9,62 +9,57 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from thermid.design.actions import Action as Action
+    from thermid.design.actions import Aim as Aim
+    from thermid.design.next_test import next_test as next_test
+    from thermid.design.ranking import Advice as Advice
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
-    from thermid.identify.actions import Action as Action
-    from thermid.identify.actions import Aim as Aim
-    from thermid.identify.balance import EnergyBalance as EnergyBalance
-    from thermid.identify.balance import energy_balance as energy_balance
-    from thermid.identify.calibrate import calibrate as calibrate
-    from thermid.identify.calibration import Calibration as Calibration
-    from thermid.identify.clocks import Alignment as Alignment
-    from thermid.identify.clocks import align as align
-    from thermid.identify.compare import compare as compare
+    from thermid.explain.balance import EnergyBalance as EnergyBalance
+    from thermid.explain.balance import energy_balance as energy_balance
+    from thermid.explain.criticism import Criticism as Criticism
+    from thermid.explain.criticism import criticise as criticise
+    from thermid.explain.plausibility import Plausibility as Plausibility
+    from thermid.explain.plausibility import plausibility as plausibility
+    from thermid.fit.calibrate import calibrate as calibrate
+    from thermid.fit.calibration import Calibration as Calibration
+    from thermid.fit.clocks.alignment import Alignment as Alignment
+    from thermid.fit.clocks.alignment import align as align
+    from thermid.fit.discrepancy import Discrepancy as Discrepancy
+    from thermid.fit.discrepancy import discrepancy as discrepancy
     from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
     from thermid.identify.credibility import credibility as credibility
-    from thermid.identify.criticism import Criticism as Criticism
-    from thermid.identify.criticism import criticise as criticise
-    from thermid.identify.difference import Difference as Difference
-    from thermid.identify.difference import difference as difference
-    from thermid.identify.discrepancy import Discrepancy as Discrepancy
-    from thermid.identify.discrepancy import discrepancy as discrepancy
     from thermid.identify.identifiability import Identifiability as Identifiability
     from thermid.identify.identifiability import identifiability as identifiability
-    from thermid.identify.inverse import power_history as power_history
-    from thermid.identify.plausibility import Plausibility as Plausibility
-    from thermid.identify.plausibility import plausibility as plausibility
     from thermid.identify.posterior import Evidence as Evidence
     from thermid.identify.posterior import Posterior as Posterior
     from thermid.identify.posterior import evidence as evidence
     from thermid.identify.posterior import posterior as posterior
-    from thermid.identify.power_history import PowerHistory as PowerHistory
-    from thermid.identify.power_laws import PowerLaw as PowerLaw
     from thermid.identify.profile import Profile as Profile
     from thermid.identify.profile import profile as profile
-    from thermid.identify.ranking import Advice as Advice
     from thermid.identify.retune_plan import RetunePlan as RetunePlan
-    from thermid.identify.split import split as split
-    from thermid.identify.split_surface import Split as Split
-    from thermid.identify.spread import Spread as Spread
     from thermid.identify.stages import Campaign as Campaign
     from thermid.identify.stages import joint as joint
     from thermid.identify.stages import run_stages as run_stages
     from thermid.identify.study import Study as Study
     from thermid.identify.study_file import load_study as load_study
     from thermid.identify.swap import plan_retune as plan_retune
-    from thermid.identify.validate import Criteria as Criteria
-    from thermid.identify.validate import Verdict as Verdict
-    from thermid.identify.validate import validate as validate
     from thermid.identify.valley import Valley as Valley
     from thermid.identify.valley import valley as valley
-    from thermid.identify.values import load_values as load_values
     from thermid.interop.equations import Equations as Equations
     from thermid.interop.equations import equations as equations
     from thermid.interop.initfcn import InitFcn as InitFcn
     from thermid.interop.initfcn import read_initfcn as read_initfcn
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
+    from thermid.judge.compare import compare as compare
+    from thermid.judge.difference import Difference as Difference
+    from thermid.judge.difference import difference as difference
+    from thermid.judge.validate import Criteria as Criteria
+    from thermid.judge.validate import Verdict as Verdict
+    from thermid.judge.validate import validate as validate
     from thermid.knowledge.standing import Standing as Standing
+    from thermid.knowledge.values import load_values as load_values
     from thermid.measure import Channel as Channel
     from thermid.measure import Record as Record
     from thermid.measure import SensorCertificate as SensorCertificate
@@ -90,10 +85,15 @@ if TYPE_CHECKING:
     from thermid.network.network import compile_network as compile_network
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
+    from thermid.power.history import PowerHistory as PowerHistory
+    from thermid.power.inverse import power_history as power_history
+    from thermid.power.laws import PowerLaw as PowerLaw
     from thermid.prediction.known import Known as Known
-    from thermid.prediction.next_test import next_test as next_test
     from thermid.prediction.predict import predict as predict
     from thermid.prediction.prediction import Prediction as Prediction
+    from thermid.prediction.split import split as split
+    from thermid.prediction.split_surface import Split as Split
+    from thermid.prediction.spread import Spread as Spread
     from thermid.qualify.ascent import AscentCheck as AscentCheck
     from thermid.qualify.ascent import ascent_checks as ascent_checks
     from thermid.qualify.conduct import run_profile as run_profile
@@ -138,6 +138,8 @@ if TYPE_CHECKING:
     from thermid.qualify.standards import profile_of as profile_of
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
+    from thermid.reporting.look import Look as Look
+    from thermid.reporting.look import look as look
     from thermid.reporting.page import report as report
     from thermid.reporting.pdf import page_to_pdf as page_to_pdf
     from thermid.reporting.qualification_page import correlation_report as correlation_report
@@ -168,6 +170,7 @@ if TYPE_CHECKING:
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.transient import simulate as simulate
     from thermid.simulation.vapour import Volume as Volume
+    from thermid.simulation.vapour import WaterBalance as WaterBalance
 
 # in reading order: what the hardware is, what is done to it, what was measured, what a fit says, what is shown
 _PUBLIC = {
@@ -212,39 +215,42 @@ _PUBLIC = {
     "BlockSolution": "simulation.block_solution",
     "moisture": "simulation.moisture",
     "Volume": "simulation.vapour",
+    "WaterBalance": "simulation.vapour",
     "Moisture": "simulation.moisture",
     "Channel": "measure",
     "SensorPart": "measure",
     "SensorCertificate": "measure",
     "Record": "measure",
+    "look": "reporting.look",
+    "Look": "reporting.look",
     "read_record": "measure",
-    "compare": "identify.compare",
-    "align": "identify.clocks",
-    "Alignment": "identify.clocks",
-    "calibrate": "identify.calibrate",
-    "Calibration": "identify.calibration",
-    "split": "identify.split",
-    "Split": "identify.split_surface",
-    "energy_balance": "identify.balance",
-    "EnergyBalance": "identify.balance",
+    "compare": "judge.compare",
+    "align": "fit.clocks.alignment",
+    "Alignment": "fit.clocks.alignment",
+    "calibrate": "fit.calibrate",
+    "Calibration": "fit.calibration",
+    "split": "prediction.split",
+    "Split": "prediction.split_surface",
+    "energy_balance": "explain.balance",
+    "EnergyBalance": "explain.balance",
     "identifiability": "identify.identifiability",
     "Identifiability": "identify.identifiability",
     "profile": "identify.profile",
     "Profile": "identify.profile",
     "valley": "identify.valley",
     "Valley": "identify.valley",
-    "criticise": "identify.criticism",
-    "Criticism": "identify.criticism",
-    "plausibility": "identify.plausibility",
-    "Plausibility": "identify.plausibility",
-    "next_test": "prediction.next_test",
-    "Action": "identify.actions",
-    "Aim": "identify.actions",
-    "Advice": "identify.ranking",
-    "load_values": "identify.values",
-    "power_history": "identify.inverse",
-    "PowerHistory": "identify.power_history",
-    "PowerLaw": "identify.power_laws",
+    "criticise": "explain.criticism",
+    "Criticism": "explain.criticism",
+    "plausibility": "explain.plausibility",
+    "Plausibility": "explain.plausibility",
+    "next_test": "design.next_test",
+    "Action": "design.actions",
+    "Aim": "design.actions",
+    "Advice": "design.ranking",
+    "load_values": "knowledge.values",
+    "power_history": "power.inverse",
+    "PowerHistory": "power.history",
+    "PowerLaw": "power.laws",
     "posterior": "identify.posterior",
     "Posterior": "identify.posterior",
     "evidence": "identify.posterior",
@@ -253,20 +259,20 @@ _PUBLIC = {
     "run_stages": "identify.stages",
     "joint": "identify.stages",
     "predict": "prediction.predict",
-    "discrepancy": "identify.discrepancy",
-    "Discrepancy": "identify.discrepancy",
+    "discrepancy": "fit.discrepancy",
+    "Discrepancy": "fit.discrepancy",
     "Prediction": "prediction.prediction",
-    "Spread": "identify.spread",
+    "Spread": "prediction.spread",
     "plan_retune": "identify.swap",
     "RetunePlan": "identify.retune_plan",
     "credibility": "identify.credibility",
     "CredibilityRecord": "identify.credibility",
-    "difference": "identify.difference",
-    "Difference": "identify.difference",
-    "Criteria": "identify.validate",
+    "difference": "judge.difference",
+    "Difference": "judge.difference",
+    "Criteria": "judge.validate",
     "Standing": "knowledge.standing",
-    "validate": "identify.validate",
-    "Verdict": "identify.validate",
+    "validate": "judge.validate",
+    "Verdict": "judge.validate",
     "load_study": "identify.study_file",
     "Study": "identify.study",
     "macro_model": "qualify.macro",

@@ -6,7 +6,7 @@ command line returns for it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "ThermidWarning",
     "UnitError",
     "nearest",
+    "quoted",
 ]
 
 
@@ -113,3 +114,15 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """
     hits = get_close_matches(name, list(known), n=1, cutoff=0.5)
     return f" Did you mean '{hits[0]}'?" if hits else ""
+
+
+def quoted(names: Sequence[str], longest: int = 8) -> str:
+    """Return names in words, the rest of a long list counted.
+
+    >>> quoted(["a", "b", "c"])
+    "'a', 'b' and 'c'"
+    """
+    shown = [f"'{n}'" for n in names[:longest]]
+    if len(names) > longest:
+        return f"{', '.join(shown)} and {len(names) - longest} more"
+    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"

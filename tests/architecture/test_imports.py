@@ -14,7 +14,8 @@ from .source import Module, room_of, within
 
 FOUNDATION = {"arguments", "errors", "files", "seals", "memo", "_units_table", "units", "expression", "dual"}
 
-# Room: the rooms it may import. `thermid/__init__.py` offers the public names of all of them and stands outside.
+# Package: the packages it may import; of a room with packages inside, each has its own line. `thermid/__init__.py` offers the public names
+# of all of them and stands outside.
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
     "arguments": {"errors"},
@@ -32,15 +33,33 @@ ARROWS: dict[str, set[str]] = {
     "knowledge": FOUNDATION | {"physics", "model", "measure"},
     "simulation": FOUNDATION | {"physics", "model", "network", "measure", "knowledge", "_kernel"},
 }
-BELOW_IDENTIFY = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "knowledge"}
+LOW = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "knowledge"}
+FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
+CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
+ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
 ARROWS |= {
-    "identify": BELOW_IDENTIFY,
-    "prediction": BELOW_IDENTIFY | {"identify"},
-    "qualify": BELOW_IDENTIFY | {"identify", "prediction"},
-    "reporting": BELOW_IDENTIFY | {"identify", "prediction", "qualify"},
+    "fit.problem": LOW,
+    "fit.least_squares": LOW | {"fit.problem"},
+    "fit.uncertainty": LOW | {"fit.problem", "fit.least_squares"},
+    "fit.clocks": LOW | {"fit.problem", "fit.least_squares", "fit.uncertainty"},
+    "fit": LOW | FIT - {"fit"},
+    "power": LOW | FIT,
+    "explain": LOW | FIT,
+    "judge": LOW | FIT,
+    "prediction": LOW | FIT,
+    "design": LOW | FIT | {"prediction"},
+    "inference": LOW | FIT | {"design"},
+    "campaign": LOW | FIT | {"judge", "inference"},
+    "campaign.swap": LOW | FIT | {"campaign"},
+    "campaign.study": LOW | FIT | {"campaign"},
+    "qualify": LOW | FIT | ABOVE_FIT | CAMPAIGN,
+    "reporting": LOW | FIT | ABOVE_FIT | CAMPAIGN | {"qualify"},
     "acquire": FOUNDATION | {"measure"},
     "interop": FOUNDATION | {"physics", "model", "network", "simulation"},
 }
+ARROWS["identify"] = LOW | FIT | ABOVE_FIT | CAMPAIGN
+for _room in ("prediction", "qualify", "reporting"):
+    ARROWS[_room] = ARROWS[_room] | {"identify"}
 TOP = {"cli", "studio", "__main__"}
 ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}
 
@@ -50,27 +69,34 @@ ONLY_NAMES = {("simulation", "measure"): {"read_record", "read_plain", "read_wea
 HEAVY = ("pandas", "scipy", "matplotlib", "xarray", "pydantic", "pint", "plotly", "jinja2", "h5netcdf", "h5py", "sympy", "pvlib")
 
 
+def package_of(name: str) -> str:
+    """Longest beginning of a dotted name, below `thermid`, that has a line in ARROWS; else the room."""
+    parts = name.split(".")[1:]
+    return next((p for n in range(len(parts), 0, -1) if (p := ".".join(parts[:n])) in ARROWS), room_of(name))
+
+
 def forbidden_imports(modules: Iterable[Module], known: set[str]) -> list[str]:
     """Every import against the arrows, as a line a person can act on; `known` are the modules that exist."""
     found = []
     for module in modules:
         if module.name == "thermid":
             continue
-        if module.room not in ARROWS:
-            found.append(f"{module.name}: the room '{module.room}' has no line in ARROWS of {__name__}")
+        here = package_of(module.name)
+        if here not in ARROWS:
+            found.append(f"{module.name}: the room '{here}' has no line in ARROWS of {__name__}")
             continue
         for imported in module.imports():
             for target, names in within(imported, {*known, "thermid._kernel"}):
-                room = room_of(target)
-                if room == module.room:
+                room = package_of(target)
+                if room == here:
                     continue
-                if room not in ARROWS[module.room]:
-                    found.append(f"{module.name}:{imported.line} imports {target}; '{module.room}' may not import '{room or 'thermid'}'")
+                if room not in ARROWS[here]:
+                    found.append(f"{module.name}:{imported.line} imports {target}; '{here}' may not import '{room or 'thermid'}'")
                     continue
-                only = ONLY_NAMES.get((module.room, room))
+                only = ONLY_NAMES.get((here, room))
                 if only and not (names and only.issuperset(names)):
                     taken, free = ", ".join(names) or target, ", ".join(only)
-                    found.append(f"{module.name}:{imported.line} takes {taken}; of '{room}' only {free} is open to '{module.room}'")
+                    found.append(f"{module.name}:{imported.line} takes {taken}; of '{room}' only {free} is open to '{here}'")
     return found
 
 

@@ -104,6 +104,12 @@ def test_a_decision_has_its_four_parts(path: Path) -> None:
     assert all(len(body.split()) >= 2 for body in bodies)
 
 
+@pytest.mark.parametrize("page", [*PAGES, *(str(p.relative_to(ROOT)) for p in DECISIONS)])
+def test_numbers_of_decisions_are_links(page: str) -> None:
+    broken = re.findall(r"\[\d{3}\](?!\(|:).{0,20}", prose((ROOT / page).read_text(encoding="utf-8")))
+    assert not broken, f"{page}: a decision's number that links nowhere"
+
+
 def test_code_named_in_decisions_exists() -> None:
     """Every word between backticks that looks like a name or a file of this project is one."""
     from .vocabulary import words_of_the_code

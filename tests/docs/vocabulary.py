@@ -16,8 +16,8 @@ from pydantic import BaseModel
 import thermid as td
 from thermid import errors
 from thermid.identify import campaign_schema, study_schema
-from thermid.identify.validate import Criteria
-from thermid.identify.values import FittedValue, FittedValues
+from thermid.judge.validate import Criteria
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure.bindings import _KEYS as CHANNEL_KEYS
 from thermid.measure.part import _NUMBERS as PART_NUMBERS
 from thermid.measure.steps import STEPS

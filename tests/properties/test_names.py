@@ -22,9 +22,7 @@ def _renamed(deck: Deck, scenario: dict[str, Any], names: dict[str, str]) -> tup
     swap = lambda given: names.get(given, given)  # noqa: E731
     out: Deck = {**deck, "needs": [swap(n) for n in deck["needs"]], "nodes": {swap(n): v for n, v in deck["nodes"].items()}}
     if "surfaces" in deck:
-        out["surfaces"] = {
-            n: {k: swap(v) if k in ("of", "to", "radiates_to") else v for k, v in s.items()} for n, s in deck["surfaces"].items()
-        }
+        out["surfaces"] = {n: {k: swap(v) if k in ("of", "to", "sees") else v for k, v in s.items()} for n, s in deck["surfaces"].items()}
     if "conductors" in deck:
         out["conductors"] = {n: {**c, "between": [swap(e) for e in c["between"]]} for n, c in deck["conductors"].items()}
     if "joints" in deck:

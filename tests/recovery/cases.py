@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ThermidError
-from thermid.identify.calibrate import calibrate
+from thermid.fit.calibrate import calibrate
 from thermid.measure import Channel, Record
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, model_from_dict

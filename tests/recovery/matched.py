@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from recovery.cases import STACK, Z95, Bench, draw
-from thermid.identify.calibrate import calibrate
+from thermid.fit.calibrate import calibrate
 from thermid.measure import Record
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, model_from_dict

@@ -11,7 +11,7 @@ import numpy as np
 
 from recovery.cases import ICE, STACK
 from thermid.errors import IdentificationError
-from thermid.identify.calibrate import calibrate
+from thermid.fit.calibrate import calibrate
 from thermid.measure import Channel, Record
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, model_from_dict

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.moves import Move
-from thermid.identify.shifts import Shift, Test, shifts
-from thermid.identify.trace_noise import Weighed, weighed
-from thermid.identify.wander import Binned, correlation
+from thermid.fit.uncertainty.moves import Move
+from thermid.fit.uncertainty.shifts import Shift, Test, shifts
+from thermid.fit.uncertainty.trace_noise import Weighed, weighed
+from thermid.fit.uncertainty.wander import Binned, correlation
 
 __all__ = ["CELLS", "Cell", "Count", "counted"]
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from recovery.cases import ICE, STACK
-from thermid.identify.calibrate import calibrate, fit
-from thermid.identify.calibration import Calibration
-from thermid.identify.request import Request
-from thermid.identify.values import FittedValues
+from thermid.fit.calibrate import calibrate, fit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import Request
+from thermid.knowledge.values import FittedValues
 from thermid.measure import Channel, Record
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, model_from_dict

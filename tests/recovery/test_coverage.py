@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recovery.cases import CASES, Z95, Outcome, draw, log, one_htc_mass, outcome
-from thermid.identify.calibrate import calibrate
+from thermid.fit.calibrate import calibrate
 
 pytestmark = pytest.mark.recovery
 

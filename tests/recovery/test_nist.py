@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from thermid.errors import SolverError
-from thermid.identify.residuals import Compressed
-from thermid.identify.solve import Fit, covariances, minimise
-from thermid.identify.statistics import Sums
-from thermid.identify.unknowns import Unknown
+from thermid.fit.least_squares.solve import Fit, covariances, minimise
+from thermid.fit.problem.residuals import Compressed
+from thermid.fit.problem.statistics import Sums
+from thermid.fit.problem.unknowns import Unknown
 
 pytestmark = pytest.mark.recovery
 TABLES: dict[str, dict[str, Any]] = tomllib.loads((Path(__file__).parent / "nist.toml").read_text(encoding="utf-8"))

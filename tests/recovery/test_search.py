@@ -9,10 +9,10 @@ import pytest
 
 import thermid as td
 from recovery.cases import draw, stack_interfaces
-from thermid.identify.gather import problem_for
-from thermid.identify.population import Population
-from thermid.identify.request import Request
-from thermid.identify.search import evolved
+from thermid.fit.least_squares.population import Population
+from thermid.fit.least_squares.search import evolved
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import Request
 
 pytestmark = pytest.mark.recovery
 BENCH = replace(stack_interfaces(), accuracy=0.0, meter=0.0)

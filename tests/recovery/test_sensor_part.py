@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from thermid.errors import ThermidError
-from thermid.identify.calibrate import calibrate
-from thermid.identify.calibration import Calibration
-from thermid.identify.sensor_parts import attached
-from thermid.identify.solve import covariances, ended
-from thermid.identify.validate import Criteria, validate
+from thermid.fit.calibrate import calibrate
+from thermid.fit.calibration import Calibration
+from thermid.fit.least_squares.solve import covariances, ended
+from thermid.fit.problem.sensor_parts import attached
+from thermid.judge.validate import Criteria, validate
 from thermid.measure import Channel, Record
 from thermid.measure.part import SensorCertificate, SensorPart, worn
 from thermid.model.model import Model

@@ -57,7 +57,7 @@ def plan() -> None:
 def values() -> None:
     import numpy as np
 
-    from thermid.identify.values import FittedValue, FittedValues
+    from thermid.knowledge.values import FittedValue, FittedValues
 
     v = 6.0 if Path("new").exists() else 5.0
     item = FittedValue("skin.htc", v, 0.1, 0.1, True, "W/(m^2 K)", 5.0, (2.0, 12.0), "by hand")
@@ -88,7 +88,7 @@ JOBS: dict[str, Callable[[], None]] = {j.__name__: j for j in (simulate, calibra
 def prepare(folder: Path) -> None:
     """Make the project, and what a run of every job before has left."""
     from unit.cli.test_outputs import QUESTION, SCENARIO
-    from unit.identify.project import make_project
+    from unit.fit.project import make_project
     from unit.qualify.project import PLAN, project
 
     make_project(folder)

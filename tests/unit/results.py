@@ -14,8 +14,8 @@ import numpy as np
 
 import thermid as td
 from thermid.model.signal import Table
-from unit.identify.bench import HTC, MASS, box, log, metered, pair
-from unit.identify.test_sensor_matrix import FINISH, Cell
+from unit.fit.bench import HTC, MASS, box, log, metered, pair
+from unit.fit.test_sensor_matrix import FINISH, Cell
 from unit.qualify.project import project
 from unit.qualify.things import soak, unit
 

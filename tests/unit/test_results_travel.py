@@ -19,8 +19,8 @@ import pytest
 
 import thermid
 import thermid as td
-from thermid.identify.experiment import Experiment
-from thermid.identify.residuals import Problem
+from thermid.fit.problem.experiment import Experiment
+from thermid.fit.problem.residuals import Problem
 from thermid.memo import Memo
 from thermid.model.signal import Constant
 from thermid.network.medium import Media

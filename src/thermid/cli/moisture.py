@@ -72,12 +72,21 @@ def _object(found: Moisture) -> dict[str, Any]:
             "film_kg_m2": float(s.film.max()),
             "latent_J": s.heat,
         }
-    solution = found.solution
+    solution, water = found.solution, found.water
     return {
         "schema": SCHEMA,
         "status": "ok",
         "title": solution.title,
         "scenario": solution.scenario,
         "surfaces": surfaces,
-        "warnings": list(solution.warnings),
+        "water": {
+            "vapour_kg": water.vapour,
+            "films_kg": water.films,
+            "exchanged_kg": water.exchanged,
+            "open_air_kg": water.open_air,
+            "settled_kg": water.settled,
+            "dried_kg": water.dried,
+            "relative": water.relative,
+        },
+        "warnings": [*found.warnings, *solution.warnings],
     }

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
-    from thermid.identify.calibration import Calibration
-    from thermid.identify.moves import Moves
+    from thermid.fit.calibration import Calibration
+    from thermid.fit.problem.statistics import SensorStatistics
+    from thermid.fit.uncertainty.moves import Moves
     from thermid.identify.stages import Campaign
-    from thermid.identify.statistics import SensorStatistics
-    from thermid.identify.validate import Verdict
+    from thermid.judge.validate import Verdict
     from thermid.simulation.solution import Solution
 
 __all__ = ["calibration_object", "campaign_object", "campaign_standing", "clean", "solution_object"]
@@ -48,7 +48,10 @@ def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: 
         nodes[name] = {
             "final_C": trace.final,
             "max_C": trace.highest,
-            "at_C": [float(trace.at(t)) for t in at],
+            "max_time_s": trace.maximum.time,
+            "min_C": trace.lowest,
+            "min_time_s": trace.minimum.time,
+            "at_C": trace.at(at).tolist() if at else [],
             "steady_C": None if steady is None else steady[name] - ICE_POINT,
         }
     balance = solution.heat_balance()

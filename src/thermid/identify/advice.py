@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.identify.experiment import Experiment
-from thermid.identify.grouping import Group, listed, percent
-from thermid.identify.information import Information
-from thermid.identify.residuals import Problem
+from thermid.fit.problem.experiment import Experiment
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.uncertainty.grouping import Group, listed, percent
+from thermid.fit.uncertainty.information import Information
 from thermid.model.elements import HeatLoad
 from thermid.model.parameter import parameter
 from thermid.model.signal import Table

@@ -6,29 +6,18 @@ import hashlib
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.files import OWN, write_text
 
-__all__ = ["changed_since", "code_digest", "file_name", "in_full", "recall", "remember"]
+__all__ = ["changed_since", "code_digest", "file_name", "recall", "remember"]
 
 Array = NDArray[np.float64]
-
-
-def in_full(value: Any) -> Any:
-    """Return what JSON cannot hold in a form that it can, every digit of every sample kept."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: getattr(value, f.name) for f in fields(value)}
-    return str(value)
 
 
 @cache

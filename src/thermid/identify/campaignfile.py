@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError, MissingDataError, RecordError, ThermidError, nearest
+from thermid.fit.problem.request import LocalSpec
 from thermid.identify.cache import file_name
 from thermid.identify.kept_logs import log_kept
-from thermid.identify.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.memo import Memo
 from thermid.model.model import Model

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
 from thermid.files import CREDIBILITY, write_text
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibration import Calibration
 from thermid.measure.amounts import short
 from thermid.model.resolve import ParameterSet
 from thermid.units import NAMES, unit

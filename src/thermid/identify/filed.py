@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from thermid.identify.hand import hand_values
-from thermid.identify.values import FittedValues, values_of
 from thermid.knowledge.graft import graft
 from thermid.knowledge.store import Store
+from thermid.knowledge.values import FittedValues, values_of
 from thermid.knowledge.values_file import load_store, read_values
 from thermid.model.model import Model
 

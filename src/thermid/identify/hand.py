@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import DeckError, ThermidError
-from thermid.identify.unknowns import Unknown, parameter_unknown
+from thermid.fit.problem.unknowns import Unknown, parameter_unknown
 from thermid.knowledge.sources import LeftOut, LogNormal, Normal, Source, Uniform, read_spread
 from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values_file import load_store, read_values

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
+from thermid.design.planned import planned_record, sensors_of
 from thermid.errors import IdentificationError
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import LocalSpec, Request
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.uncertainty.grouping import Group, listed, percent
+from thermid.fit.uncertainty.groups import practical_groups, structural_groups
+from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.identify.advice import Cure, cures
-from thermid.identify.calibration import Calibration
-from thermid.identify.gather import problem_for
-from thermid.identify.grouping import Group, listed, percent
-from thermid.identify.groups import practical_groups, structural_groups
-from thermid.identify.information import Information, elsewhere
-from thermid.identify.planned import planned_record, sensors_of
-from thermid.identify.request import LocalSpec, Request
-from thermid.identify.residuals import Problem
-from thermid.identify.unknowns import Unknown
 from thermid.measure import Record
 from thermid.model.model import Model
 from thermid.simulation.scenario import Scenario

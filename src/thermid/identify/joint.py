@@ -13,21 +13,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.errors import IdentificationError, nearest
+from thermid.fit.calibrate import fit_problem
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.gather import prior_of, problem_for
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.selection import is_glob, matching
+from thermid.fit.problem.unknowns import Prior, Target, Unknown
+from thermid.fit.uncertainty.moved import moves_from, part_of
+from thermid.fit.uncertainty.moves import Moves
 from thermid.identify.cache import recall, remember
-from thermid.identify.calibrate import fit_problem
-from thermid.identify.calibration import Calibration
-from thermid.identify.gather import prior_of, problem_for
-from thermid.identify.moved import moves_from, part_of
-from thermid.identify.moves import Moves
-from thermid.identify.request import Request
-from thermid.identify.residuals import Problem
-from thermid.identify.selection import is_glob, matching
 from thermid.identify.sharing import Level, Shared, shared_parameters
-from thermid.identify.unknowns import Prior, Target, Unknown
-from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import Store
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.model import Model
 
 if TYPE_CHECKING:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
-from thermid.identify.calibration import Calibration
-from thermid.identify.extras import package
-from thermid.identify.population import box_of
-from thermid.identify.residuals import Compressed, Problem
-from thermid.identify.unknowns import Unknown
+from thermid.fit.calibration import Calibration
+from thermid.fit.least_squares.extras import package
+from thermid.fit.least_squares.population import box_of
+from thermid.fit.problem.residuals import Compressed, Problem
+from thermid.fit.problem.unknowns import Unknown
 
 __all__ = ["Evidence", "Posterior", "evidence", "posterior"]
 

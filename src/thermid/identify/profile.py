@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
-from thermid.identify.calibration import Calibration
-from thermid.identify.information import inverse
-from thermid.identify.residuals import Compressed, Problem
-from thermid.identify.solve import minimise
-from thermid.identify.unknowns import Unknown
+from thermid.fit.calibration import Calibration
+from thermid.fit.least_squares.solve import minimise
+from thermid.fit.problem.residuals import Compressed, Problem
+from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.uncertainty.information import inverse
 from thermid.units import unit
 
 __all__ = ["Held", "Profile", "asked", "profile", "spread_of"]

@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thermid.errors import MissingDataError, ThermidError
-from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.keys import key_of
+from thermid.fit.problem.request import Request
 from thermid.identify.campaignfile import CampaignSource, read_campaign
 from thermid.identify.campaignfile import placed as placed_in
-from thermid.identify.keys import key_of
 from thermid.identify.placing import known_below, placed
-from thermid.identify.request import Request
 from thermid.identify.stages import Campaign
 from thermid.identify.staging import request_of
-from thermid.identify.values import view
+from thermid.knowledge.values import view
 from thermid.model.identity import definition_of, inside, instances
 from thermid.model.model import Model
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from thermid.identify.calibration import Calibration
-from thermid.identify.request import Request
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import Request
 from thermid.model.identity import definition_of, instances
 from thermid.model.model import Model
 from thermid.model.resolve import ParameterSet

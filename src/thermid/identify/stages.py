@@ -12,17 +12,15 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import Request
 from thermid.identify.cache import changed_since, file_name, recall, remember
-from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, accepting, local_of, placed, read_campaign, scenario_of
 from thermid.identify.joint import Joint, fit_jointly, joint_key
-from thermid.identify.keys import keyed
-from thermid.identify.looks import look
-from thermid.identify.request import Request
-from thermid.identify.staging import plain_readings, request_of
-from thermid.identify.standings import as_now, judged, verdict_standing
-from thermid.identify.validate import Criteria, Verdict, not_judged, validate
+from thermid.identify.staging import keyed, plain_readings, request_of
+from thermid.judge.looks import look
+from thermid.judge.validate import Criteria, Verdict, not_judged, validate
 from thermid.knowledge.standing import Standing, worst
 from thermid.model.resolve import parameter_table
 from thermid.model.signal import literal
@@ -220,11 +218,11 @@ def joint(
 def _judged(made: Campaign) -> Campaign:
     """Return a campaign in which failed verdicts are known to the stages that they are about, and to all that rests on these."""
     accepted = made.source.accepted if made.source is not None else ()
-    stages = judged(made.stages, made.verdicts, accepted)
+    stages = _judged_stages(made.stages, made.verdicts, accepted)
     if made.joint is None:
         return replace(made, stages=stages)
     failed = [v for v in made.verdicts if v.passed is False and v.model not in stages]
-    joint = made.joint.judged(as_now(made.joint.rests, stages), verdict_standing(failed, False))
+    joint = made.joint.judged(_as_now(made.joint.rests, stages), _verdict_standing(failed, False))
     return replace(made, stages=stages, joint=joint)
 
 
@@ -282,3 +280,29 @@ def _judge(
             )
         except ThermidError as error:
             raise placed(error, where) from None
+
+
+def _judged_stages(stages: Mapping[str, Calibration], verdicts: tuple[Verdict, ...], accepted: tuple[str, ...]) -> dict[str, Calibration]:
+    """Return the stages of a campaign with what its verdicts make of them and of all that rests on them."""
+    out: dict[str, Calibration] = {}
+    for name, result in stages.items():
+        failed = [v for v in verdicts if v.model == result.stage and v.passed is False]
+        out[name] = result.judged(_as_now(result.rests, out), _verdict_standing(failed, name in accepted))
+    return out
+
+
+def _as_now(rests: Mapping[str, Standing], stages: Mapping[str, Calibration]) -> dict[str, Standing]:
+    """Return what a fit rests on with the standing that stages have now."""
+    now = {f"stage '{name}'": fit.standing for name, fit in stages.items()}
+    return {who: now.get(who, standing) for who, standing in rests.items()}
+
+
+def _verdict_standing(failed: list[Verdict], accepted: bool) -> Standing | None:
+    """Return what failed verdicts on one stage make of it; None without any."""
+    if not failed:
+        return None
+    missed = [c for v in failed for c in v.checks if not c.passed]
+    first = max(missed, key=lambda c: c.found / c.limit)
+    records = ", ".join(dict.fromkeys(v.record for v in failed))
+    words = f"verdict on {records}: {first.sensor} {first.criterion.replace('_', ' ')} {first.found:.3g} K, limit {first.limit:.3g} K"
+    return Standing("failed", words, failed[0].model, accepted)

@@ -13,10 +13,11 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
 from thermid.files import STUDY, write_text
-from thermid.identify.residuals import Block
+from thermid.fit.problem.residuals import Block
 from thermid.identify.stages import Campaign
 from thermid.model.boxes import node_boxes, part_boxes
 from thermid.model.model import Model
+from thermid.physics.constants import ICE_POINT
 from thermid.simulation.engine import Options
 from thermid.simulation.solution import Solution
 
@@ -241,12 +242,10 @@ def _passed(name: str, component: Component, solution: Solution, node: str) -> l
     for limit, sign in ((component.highest, 1.0), (component.lowest, -1.0)):
         if limit is None:
             continue
-        # a lower limit is an upper one of the mirrored trace
-        mirrored = type(trace)(trace.path, trace.times, sign * trace.kelvin)
-        time = mirrored.crossing(sign * limit - (trace.kelvin[0] - trace.celsius[0]))
+        celsius = limit - ICE_POINT
+        time = trace.crossing(celsius, below=sign < 0.0)
         if time is not None:
-            celsius = limit - float(trace.kelvin[0] - trace.celsius[0])
-            out.append(Exceeded(name, node, celsius, float(sign * (sign * trace.celsius).max()), time))
+            out.append(Exceeded(name, node, celsius, trace.highest if sign > 0.0 else trace.lowest, time))
     return out
 
 

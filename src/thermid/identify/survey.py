@@ -8,13 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from thermid.errors import NameNotFoundError, ThermidError, nearest
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
 from thermid.identify.cache import recall
-from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import placed, read_campaign
 from thermid.identify.identifiability import Identifiability, identifiability, identifiability_of
-from thermid.identify.keys import keyed
-from thermid.identify.staging import request_of
+from thermid.identify.staging import keyed, request_of
 
 __all__ = ["survey"]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, IdentificationError, SolverError
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibration import Calibration
 from thermid.identify.retune_plan import RetunePlan, StagePlan, Touch
 from thermid.identify.sharing import Level, places_of
 from thermid.model.areas import ledger

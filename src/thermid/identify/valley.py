@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import Unknown
 from thermid.identify.identifiability import Identifiability
 from thermid.identify.profile import Held, asked, spread_of
-from thermid.identify.residuals import Problem
-from thermid.identify.unknowns import Unknown
 
 __all__ = ["Valley", "valley"]
 

@@ -14,6 +14,7 @@ from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Table
 from thermid.network.network import Network
 from thermid.network.rows import ConductorRow
+from thermid.network.streams import signal_of
 from thermid.simulation.engine import Engine
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import network_for
@@ -104,7 +105,7 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
         raise ScenarioError('an export of a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".', scenario.title)
     network = network_for(model, scenario)
     wiring = Wiring(network, scenario)
-    numbers = with_formulas(network)
+    numbers = wiring.flowing(with_formulas(network), {})
     for row in numbers.conductors:
         if row.law.tables or row.form in TABLES:
             kind = "a table of points" if row.form in TABLES else "a law of gas at a pressure, which rests on tables"
@@ -135,7 +136,7 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
         rows,
         tuple(sources),
         {b: wiring.signals[f"boundary {b}"] for b in network.boundaries},
-        network.media.signals(),
+        network.media.signals() | {name: given for name, given in wiring.signals.items() if name.startswith(signal_of(""))},
         massive,
     )
 

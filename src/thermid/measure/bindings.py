@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -10,12 +11,12 @@ from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure.amounts import amount
 from thermid.measure.columns import name_and_unit
 from thermid.measure.part import KEYS, SensorCertificate, SensorPart
-from thermid.units import TEMPERATURE, describe, require, unit
+from thermid.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
 
-__all__ = ["Binding", "bindings", "channel_schema", "find_column", "sd", "unit_and_quantity"]
+__all__ = ["Binding", "bindings", "channel_schema", "find_column", "full_scale", "sd", "unit_and_quantity"]
 
 _ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
-_KEYS: Final = (*_ROLE_KEYS, "gain", "noise", "accuracy", "resolution", "unit", "prompt", *KEYS)
+_KEYS: Final = (*_ROLE_KEYS, "gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", *KEYS)
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Binding:
     role: str = "auto"
     target: str | None = None
     gain: str | None = None
+    full_scale: str | float | None = None
     noise: str | float | None = None
     accuracy: str | float | None = None
     resolution: str | float | None = None
@@ -84,11 +86,13 @@ def _one(key: str, given: object, where: str) -> Binding:
     role = roles[0] if roles else "auto"
     if "gain" in given and role not in ("load", "command"):
         raise RecordError("a gain turns a command into a power, so it needs load = '...' or command = '...' beside it.", where)
+    if "full_scale" in given and (role != "load" or "gain" in given):
+        raise RecordError("full_scale is the power of a load at 100 %, so it needs load = '...' beside it, and no gain.", where)
     if not isinstance(given.get("prompt", False), bool):
         raise RecordError(f"prompt = {given['prompt']!r} is neither true nor false.", where)
     if given.get("prompt") and role not in ("load", "command"):
         raise RecordError("prompt says that a power or command was logged whenever it changed; it needs a load or command.", where)
-    rest = {word: given[word] for word in ("gain", "noise", "accuracy", "resolution", "unit", "prompt") if word in given}
+    rest = {word: given[word] for word in ("gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt") if word in given}
     certificate = SensorCertificate.read(given["certificate"], f"{where}, certificate") if "certificate" in given else None
     return Binding(key, key, role, given[role] if roles else None, **rest, part=SensorPart.read(given, where), certificate=certificate)
 
@@ -114,24 +118,30 @@ def find_column(header: tuple[str, ...], wanted: str, where: str) -> int:
 def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> tuple[str, str]:
     """Return the unit of a column and what it measures.
 
-    The unit is the one given, else the one in the header's bracket, else degC for temperatures, W for loads, % for commands and for loads
-    with a gain.
+    The unit is the one given, else the one in the header, else degC for temperatures, W for loads, % for commands and for loads with a gain
+    or a full scale. A column in per cent is a load only with one of these.
 
     Raises
     ------
     UnitError     When the unit does not fit the role.
     RecordError   When the unit given and the one in the header differ.
     """
-    drives = binding.role == "command" or binding.gain is not None
+    drives = binding.role == "command" or binding.gain is not None or binding.full_scale is not None
     text = binding.unit or header_unit or ("%" if drives else "W" if binding.role == "load" else "degC")
+    if binding.unit is None and header_unit is None:
+        _refuse_by_name(binding, drives, where)
     try:
         of = unit(text)
+        if binding.role == "load" and not drives and of.dimension == DIMENSIONLESS:
+            raise RecordError(_PER_CENT.format(f"it is in {text}"))
         if binding.unit and header_unit and _known(header_unit) and unit(header_unit) != replace(of, text=unit(header_unit).text):
             raise RecordError(f"its header says [{header_unit}] and its unit is given as '{binding.unit}'. Correct one of them.")
         if binding.role in ("node", "boundary", "prescribed"):
             require(of.dimension, TEMPERATURE, text, of.absolute)
         elif binding.role == "load" and not drives:
             require(of.dimension, "W", text)
+        elif binding.full_scale is not None and of.dimension != DIMENSIONLESS:
+            raise RecordError(f"full_scale is for a column in per cent, and it is in {text}. Leave full_scale out.")
     except ThermidError as error:
         raise error.located(where) from None
     if drives:
@@ -140,6 +150,40 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
         if of.dimension == unit(known).dimension:
             return text, quantity
     return text, describe(of.dimension).removeprefix("an ").removeprefix("a ")
+
+
+_PER_CENT: Final = "{}, and a load needs watts. Give full_scale = '... [W]', its power at 100 %, or gain, the path of a parameter."
+_DUTY: Final = re.compile(r"pct|percent|per_cent|duty|pwm|%", re.IGNORECASE)
+_LETTER: Final = re.compile(r".*[a-z0-9]_([FK])\Z")
+
+
+def _refuse_by_name(binding: Binding, drives: bool, where: str) -> None:
+    """Refuse a column without a unit whose name says another one than that which would be taken."""
+    if binding.role == "load" and not drives and _DUTY.search(binding.column):
+        raise RecordError(_PER_CENT.format("by its name it is in per cent"), where)
+    letter = _LETTER.match(binding.column)
+    if letter and binding.role in ("node", "boundary", "prescribed", "auto"):
+        scale = "degF" if letter[1] == "F" else "K"
+        raise RecordError(
+            f"its name ends in '_{letter[1]}', and without a unit it would be read in degC. Give units={{'{binding.name}': '{scale}'}} or "
+            "'degC'; in a campaign, unit of the channel.",
+            where,
+        )
+
+
+def full_scale(binding: Binding, where: str) -> float | None:
+    """Return the power of a load at 100 %, where it is asked for by it. [W]
+
+    Raises
+    ------
+    RecordError   When it is not a power above zero.
+    """
+    if binding.full_scale is None:
+        return None
+    watts = amount(binding.full_scale, "W", f"{where}, full_scale")
+    if not watts > 0.0:
+        raise RecordError(f"its full_scale is {watts:g} W; a power above zero is needed.", where)
+    return watts
 
 
 def _known(text: str) -> bool:

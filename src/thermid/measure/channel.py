@@ -94,6 +94,7 @@ class Channel:
     correction : float              What a certificate has taken off the readings. [SI]
     part : SensorPart or None       What else its sensor does: scale, lag, noise in time, mass, leads.
     prompt : bool                   Whether a power or command has a sample at every change, so that the log has its moment.
+    assumed : bool                  Whether nothing said its unit, so that the usual one was taken.
 
     Raises
     ------
@@ -116,6 +117,7 @@ class Channel:
     correction: float = 0.0
     part: SensorPart | None = None
     prompt: bool = False
+    assumed: bool = False
 
     def __post_init__(self) -> None:
         """Check the parts against each other and lock the arrays."""

@@ -1,32 +1,118 @@
-"""Cells to numbers and times. A cell that is neither a number nor a known sign of a missing one stops the reader, with its line."""
+"""Cells to names, units and numbers. A cell that is neither a number nor a known sign of a missing one stops the reader, with its line."""
 
 from __future__ import annotations
 
 import re
-from datetime import datetime, timedelta
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
-from thermid.errors import RecordError, ThermidError
+from thermid.errors import RecordError
 from thermid.measure.channel import FloatArray
 from thermid.measure.textfile import MISSING, Cells
-from thermid.units import require, unit
 
-__all__ = ["decimal_sign", "name_and_unit", "numbers", "read_times"]
+__all__ = ["decimal_sign", "name_and_unit", "numbers", "spelt"]
 
-_BRACKET = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]\s*\Z")
+_BRACKETS: Final = (("[", "]"), ("(", ")"), ("{", "}"), ("<", ">"))
 _FRACTION = re.compile(r"\s*[+-]?(\d+[.,]\d*|[.,]\d+)([eE][+-]?\d+)?\s*\Z")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z|[+-]?inf(inity)?\Z", re.IGNORECASE | re.ASCII)
-_CLOCK = re.compile(r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+)?)\Z", re.ASCII)
-_HALF_DAY: Final = 43200.0
 _UNUSED: Final = "\x1f"  # no text log has it: `textfile` refuses control characters
+_DEGREE: Final = re.compile(
+    r"(?:[°º˚]\s*|deg(?:rees?)?[ ._*]*)(c|f|k)(?:elsius|ahrenheit|elvin)?\Z|(c|f|k)(?:elsius|ahrenheit|elvin)\Z", re.IGNORECASE
+)
+_SPELT: Final = {
+    "C": "degC",
+    "F": "degF",
+    "centigrade": "degC",
+    "vdc": "V",
+    "vac": "V",
+    "volt": "V",
+    "volts": "V",
+    "adc": "A",
+    "amp": "A",
+    "amps": "A",
+    "watt": "W",
+    "watts": "W",
+    "newtons": "N",
+    "sec": "s",
+    "secs": "s",
+    "second": "s",
+    "seconds": "s",
+    "msec": "ms",
+    "millis": "ms",
+    "milliseconds": "ms",
+    "minutes": "min",
+    "hr": "h",
+    "hrs": "h",
+    "hours": "h",
+    "days": "d",
+    "pct": "%",
+    "percent": "%",
+    "%rh": "%",
+    "rh%": "%",
+    "rel%": "%",
+    "µW": "uW",
+    "μW": "uW",
+}
+"""Units as loggers write them above their columns. A lone C or F there is a temperature: no logger writes coulomb or farad so."""
+_PLAIN: Final = frozenset("degC degF K W mW uW kW V mV uV A mA uA Ohm s ms us ns min h d % Pa hPa kPa mbar bar m/s W/m^2 ohm l/min".split())
+"""Units that are taken for one after a comma, a slash or an underscore, where other words stand too."""
+_HOBO: Final = re.compile(r"(?P<name>.+?), (?P<unit>\S+) \((?=[^()]*\b(?:LGR|SEN) S/N)(?:[^()]*LBL: (?P<label>[^(),]+))?[^()]*\)\Z")
+_CHANNEL: Final = re.compile(r"(?P<number>\d+) \((?P<unit>[^()]+)\)\s*-\s*(?P<name>\S.*)\Z")
+_NAMED: Final = re.compile(r"(?P<number>\d+) <(?P<name>[^<>]*\S)> \((?P<unit>[^()]+)\)\Z")
+_AFTER: Final = re.compile(r"(?P<name>.*\S)\s*[,/]\s*(?P<unit>[^\s,/][^,]*)\Z")
 
 
+def spelt(text: str) -> str:
+    """Return a unit as it is written here, of one as loggers write it; any other text as it is.
+
+    >>> spelt("Deg C"), spelt("VDC"), spelt("mW")
+    ('degC', 'V', 'mW')
+    """
+    plain = text.strip()
+    degree = _DEGREE.match(plain)
+    if degree:
+        letter = (degree[1] or degree[2]).upper()
+        return "K" if letter == "K" else f"deg{letter}"
+    return _SPELT.get(plain) or _SPELT.get(plain.lower()) or plain
+
+
+@lru_cache(maxsize=4096)
 def name_and_unit(header: str) -> tuple[str, str | None]:
-    """Return the name and the unit of a header such as ``T1 [degC]``; None without a bracket."""
-    match = _BRACKET.match(header)
-    return (match["name"], match["unit"].strip()) if match else (header, None)
+    """Return the name and the unit of a header; None where it names no unit.
+
+    A unit stands in a bracket of any kind at the end, whatever it says: one that nobody knows is refused later and never dropped. Plain
+    units also count after a comma, a slash or an underscore, and in a bracket before other words, as loggers write them.
+
+    >>> name_and_unit("T1 [degC]"), name_and_unit("T1 (°F)"), name_and_unit("P, mW"), name_and_unit("T/°C")
+    (('T1', 'degC'), ('T1', 'degF'), ('P', 'mW'), ('T', 'degC'))
+    >>> name_and_unit("101 <case> (C)"), name_and_unit("Dev0/Ai0"), name_and_unit("heater_mW"), name_and_unit("T1_C")
+    (('case', 'degC'), ('Dev0/Ai0', None), ('heater_mW', 'mW'), ('T1_C', None))
+    """
+    text = header.strip()
+    if match := _HOBO.match(text):
+        return (f"{match['name']} {match['label'].strip()}" if match["label"] else match["name"]), spelt(match["unit"])
+    if match := _NAMED.match(text) or _CHANNEL.match(text):
+        return match["name"], spelt(match["unit"])
+    for left, right in _BRACKETS:
+        if text.endswith(right) and left in text[1:]:
+            name, _, inner = text[: -len(right)].rpartition(left)
+            if right not in inner and name.strip():
+                return name.strip(" ,/"), spelt(inner)
+    for left, right in _BRACKETS[:2]:
+        name, _, rest = text.partition(left)
+        inner, closed, tail = rest.partition(right)
+        if closed and name.strip() and tail.strip() and spelt(inner) in _PLAIN:
+            return f"{name.strip()} {tail.strip()}", spelt(inner)
+    if (match := _AFTER.match(text)) and (spelt(match["unit"]) in _PLAIN or match["unit"][0] in "°º˚%"):
+        return match["name"], spelt(match["unit"])
+    tail = text.rpartition("_")[2] if "_" in text else ""
+    return text, spelt(tail) if len(tail) > 1 and spelt(tail) in _SUFFIXES else None
+
+
+_SUFFIXES: Final = frozenset(("degC", "degF", "mW", "uW", "kW", "%", "ms", "us", "ns"))
+"""Units that are taken for one after an underscore; others there, such as C, F, min and h, may be a word's first letter."""
 
 
 def decimal_sign(cells: Cells, given: str | None) -> str:
@@ -82,118 +168,3 @@ def numbers(cells: tuple[str, ...], decimal: str) -> FloatArray | int:
         elif word.lower() not in MISSING and word.lower().lstrip("+-") != "nan":
             return row
     return out
-
-
-def read_times(cells: Cells, at: int, decimal: str, clock: str | None, unit_text: str | None) -> tuple[FloatArray, str | None]:
-    """Return the times of the time column, and its first stamp where it has stamps (times then run from it) [s].
-
-    Seconds, ISO 8601 stamps and clock times HH:MM:SS are told apart by their form; any other stamp needs `clock`, a format of
-    `datetime.strptime`.
-
-    Raises
-    ------
-    RecordError   When a time is missing or cannot be read, or times run back.
-    """
-    name, column = name_and_unit(cells.header[at])[0], cells.columns[at]
-    parsed = numbers(column, decimal) if clock is None else 0
-    if isinstance(parsed, int) or np.isnan(parsed).any():
-        for row, cell in enumerate(column):
-            if cell.strip().lower() in MISSING:
-                raise RecordError("this line has no time. Take it out, or mend the log.", cells.where(row, name))
-    start: str | None = column[0].strip()
-    if clock is None and isinstance(parsed, np.ndarray):
-        times, start = parsed * _time_factor(cells, name, unit_text), None
-        if unit_text is None:
-            _refuse_serial_days(parsed, cells, name)
-        odd = np.flatnonzero(~np.isfinite(times))
-        if odd.size:
-            raise RecordError(f"'{column[odd[0]]}' is no time.", cells.where(int(odd[0]), name))
-    elif clock is None and isinstance(parsed, int) and parsed > 0:
-        raise RecordError(f"'{column[parsed]}' is text; the lines above it have times in numbers.", cells.where(parsed, name))
-    elif clock is None and _CLOCK.match(column[0].strip()):
-        times = _clock_times(cells, column, name)
-    else:
-        times = _stamps(cells, column, name, clock)
-    back = np.flatnonzero(np.diff(times) < 0)
-    if back.size:
-        row = int(back[0]) + 1
-        raise RecordError(
-            f"time runs back here, from {column[row - 1].strip()} to {column[row].strip()}. "
-            "Sort the log, or read its parts as records of their own.",
-            cells.where(row, name),
-        )
-    return times, start
-
-
-def _time_factor(cells: Cells, name: str, unit_text: str | None) -> float:
-    """Return the seconds in one step of the time column's unit."""
-    if unit_text is None:
-        tail = name.rpartition("_")[2] if "_" in name else ""
-        if tail in ("ms", "us", "min", "h"):
-            raise RecordError(
-                f"its name ends in '_{tail}', and without a unit it would be read in seconds. Give units={{'{name}': '{tail}'}} or 's', or "
-                f"write it into the header: '{name} [{tail}]'.",
-                cells.where(None, name),
-            )
-        return 1.0
-    try:
-        of = unit(unit_text)
-        require(of.dimension, "s", unit_text, of.absolute)
-    except ThermidError as error:
-        raise error.located(cells.where(None, name)) from None
-    return float(of.factor)
-
-
-def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
-    """Refuse times that look like a spreadsheet's days since 1900: near 45000, and less than an hour apart as days."""
-    first, last = float(times[0]), float(times[-1])
-    if 25000.0 < first < 80000.0 and 0.0 < last - first < 0.04 * (times.size - 1):
-        day = datetime(1899, 12, 30) + timedelta(days=first)
-        raise RecordError(
-            f"{first:g} looks like a spreadsheet's day ({day:%Y-%m-%d %H:%M}), and would be read in seconds. "
-            f"Give units={{'{name}': 'd'}} or 's', or write it into the header: '{name} [d]'.",
-            cells.where(0, name),
-        )
-
-
-def _clock_times(cells: Cells, column: tuple[str, ...], name: str) -> FloatArray:
-    """Return seconds from the first clock time; a step back of more than half a day passes midnight."""
-    out = np.empty(len(column))
-    for row, cell in enumerate(column):
-        match = _CLOCK.match(cell.strip())
-        if match is None:
-            raise RecordError(f"'{cell}' is no clock time HH:MM:SS, as the first line has.", cells.where(row, name))
-        out[row] = 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
-    return _past_midnight(out)
-
-
-def _past_midnight(of_day: FloatArray) -> FloatArray:
-    """Return times that go on past midnight, from zero; hours above 23 show a stopwatch, which has no midnight."""
-    nights = np.cumsum(np.diff(of_day, prepend=of_day[0]) < -_HALF_DAY)
-    days = nights.astype(np.float64) * (2 * _HALF_DAY if of_day.max() < 2 * _HALF_DAY else 0.0)
-    times: FloatArray = np.round(of_day + days - of_day[0], 9)
-    return times
-
-
-def _stamps(cells: Cells, column: tuple[str, ...], name: str, clock: str | None) -> FloatArray:
-    """Return seconds from the first stamp."""
-    stamps: list[datetime] = []
-    for row, cell in enumerate(column):
-        try:
-            stamps.append(datetime.fromisoformat(cell.strip()) if clock is None else datetime.strptime(cell.strip(), clock))
-        except ValueError as error:
-            if clock is not None:
-                raise RecordError(f"'{cell}' does not have the form clock='{clock}' ({error}).", cells.where(row, name)) from None
-            hint = "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'."
-            raise RecordError(
-                f"'{cell}' is no time that is known: seconds, an ISO 8601 stamp, or HH:MM:SS. {hint}", cells.where(row, name)
-            ) from None
-        if (stamps[row].tzinfo is None) != (stamps[0].tzinfo is None):
-            raise RecordError(
-                f"'{cell}' and the first stamp differ in that one has a time zone. Write all with it, or none.", cells.where(row, name)
-            )
-    if clock is not None and not any(sign in clock for sign in ("%d", "%j", "%c", "%x")):
-        return _past_midnight(
-            np.array([each.hour * 3600.0 + each.minute * 60.0 + each.second + each.microsecond * 1e-6 for each in stamps])
-        )
-    return np.array([(each - stamps[0]).total_seconds() for each in stamps])

@@ -131,4 +131,6 @@ def _channel_line(channel: Channel) -> str:
     counts = ", ".join(f"{reason} {count}" for reason, count in channel.flags.items())
     masked = channel.valid.size - shown.size
     parts.append(f"{masked} of {channel.valid.size} masked" + (f" ({counts})" if counts else ""))
+    if channel.assumed:
+        parts.append(f"no unit in the log, read in {channel.unit}")
     return "; ".join(parts)

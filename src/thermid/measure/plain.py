@@ -10,13 +10,13 @@ import numpy as np
 
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure.channel import FloatArray
-from thermid.measure.columns import decimal_sign, name_and_unit, numbers, read_times
-from thermid.measure.textfile import Cells, read_bytes, read_cells
+from thermid.measure.columns import decimal_sign, name_and_unit, numbers
+from thermid.measure.formats import log_cells
+from thermid.measure.stamps import clock_column, read_times
+from thermid.measure.textfile import Cells
 from thermid.units import require, unit
 
 __all__ = ["PlainTable", "read_plain"]
-
-TIMES = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,21 +53,21 @@ class PlainTable:
 
     @cached_property
     def _clock(self) -> tuple[FloatArray, str | None]:
-        if self.time is not None:
-            at = self._at(self.time)
-        else:
-            found = [k for k, name in enumerate(self.names) if name.lower() in TIMES]
-            if len(found) != 1:
-                raise RecordError(f"which column is the time? Say time = '...'; there are {', '.join(self.names)}.", self.file)
-            at = found[0]
-        times, stamp = read_times(self.cells, at, self._decimal, None, self.heads[at][1])
+        try:
+            clock = clock_column(self.cells, self.time)
+        except NameNotFoundError:
+            if self.time is not None:
+                raise
+            raise RecordError(f"which column is the time? Say time = '...'; there are {', '.join(self.names)}.", self.file) from None
+        read = read_times(self.cells, clock, self._decimal, None, clock.unit)
+        times, stamp = read.values, read.start
         if times.size < 2:
             raise RecordError("a table over time needs two times.", self.file)
         back = np.flatnonzero(np.diff(times) <= 0)
         if back.size:
             k = int(back[0])
             raise RecordError(
-                f"time does not go on: {times[k]:g} s is followed by {times[k + 1]:g} s.", self.cells.where(k + 1, self.names[at])
+                f"time does not go on: {times[k]:g} s is followed by {times[k + 1]:g} s.", self.cells.where(k + 1, clock.name)
             )
         return times, stamp
 
@@ -130,5 +130,5 @@ class PlainTable:
 
 
 def read_plain(path: str | Path, time: str | None = None) -> PlainTable:
-    """Return a plain table of a file: commas, semicolons or tabs, plain or gzip; lines that start with '#' are comments."""
-    return PlainTable(read_cells(read_bytes(Path(path)), Path(path).name, None), time)
+    """Return a plain table of a file, in any format of `formats`; lines that start with '#' are comments."""
+    return PlainTable(log_cells(Path(path)), time)

@@ -9,19 +9,20 @@ from typing import Final
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError
-from thermid.measure.benchlog import bench_cells, is_bench_log
-from thermid.measure.bindings import Binding, bindings, find_column, sd, unit_and_quantity
+from thermid.errors import RecordError
+from thermid.measure.bindings import Binding, bindings, find_column, full_scale, sd, unit_and_quantity
 from thermid.measure.channel import BoolArray, Channel, FloatArray, Origin, digest
-from thermid.measure.columns import decimal_sign, name_and_unit, numbers, read_times
+from thermid.measure.columns import decimal_sign, name_and_unit, numbers
 from thermid.measure.export import from_unit
+from thermid.measure.formats import log_cells
 from thermid.measure.part import worn
 from thermid.measure.record import Record
-from thermid.measure.textfile import Cells, read_bytes, read_cells
+from thermid.measure.stamps import Clock, Times, clock_column, read_times
+from thermid.measure.textfile import Cells
 
 __all__ = ["read_record", "temperature_columns"]
 
-_TIME_NAMES: Final = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")
+_SCALES: Final = ("degC", "K", "degF", "°C")
 
 
 def read_record(
@@ -37,23 +38,26 @@ def read_record(
     decimal: str | None = None,
     clock: str | None = None,
 ) -> Record:
-    """Return the channels of a text log.
+    """Return the channels of a log, in any format of docs/logs.md; the format is told by what stands in the file.
 
     Parameters
     ----------
     path : str or Path       A log with a header line: commas, semicolons or tabs, plain or gzip; lines that start with '#' are comments.
-                             Or a log of the bench as ``thermid log`` writes it, also while it grows.
+                             Or one of a logger, a workbook, a binary file, or of the bench as ``thermid log`` writes it.
     channels : mapping       Target to column, ``{"case": "ACC_X"}``, or column to table,
                              ``{"T1": {"node": "h1.sensor", "noise": "0.3 [K]"}}``. A table has one of node,
                              boundary, load, command (a path in the model), and gain, noise, accuracy, resolution, unit; of a
-                             temperature sensor also what `SensorPart` and `SensorCertificate` hold.
-    time : str or None       The time column; by default the only one called time, time_s, t, t_s, timestamp, datetime or seconds.
+                             temperature sensor also what `SensorPart` and `SensorCertificate` hold. `full_scale`, a power, is what
+                             a load in per cent has at 100 %.
+    time : str or None       The time column; by default the only one called time, time_s, t, t_s, timestamp, datetime or seconds, else the
+                             only one with another usual name or with stamps. Date and time in two columns are one time.
     noise, accuracy : mapping   Standard deviation of one sample, and of the constant error, by channel name.
-    units : mapping          Unit by channel name, or of the time column. Without it, and without a bracket in the header such as
-                             ``T1 [degC]``: seconds, degC for temperatures, W for loads, % for commands and for loads with a gain.
+    units : mapping          Unit by channel name, or of the time column. Without it, and without one in the header (``T1 [degC]``,
+                             ``T1 (°F)``, ``P, mW``): seconds or time since 1970, degC for temperatures, W for loads, % for commands and
+                             for loads with a gain or full scale.
     name : str or None       Name of the record; by default the file's.
     separator, decimal : str or None   Separator of the columns and decimal sign, where the file leaves them open.
-    clock : str or None      Form of the stamps for `datetime.strptime`, where they are neither seconds nor ISO 8601 nor HH:MM:SS.
+    clock : str or None      Form of the stamps for `datetime.strptime`, where it is not known or leaves the day and the month open.
 
     Raises
     ------
@@ -67,28 +71,26 @@ def read_record(
     Samples of one stamp are averaged; of a power or command the last one holds. Empty cells, NaN, NA, N/A and null are masked as
     'not a number'.
     """
-    data = read_bytes(_path(path))
-    cells = bench_cells(data, Path(path).name) if is_bench_log(data) else read_cells(data, Path(path).name, separator)
-    at = _time_column(cells, time)
-    time_name, time_unit = name_and_unit(cells.header[at])
-    given = dict(units or {})
-    for key in (cells.header[at], time_name):
-        time_unit = given.pop(key, time_unit) if key not in channels else time_unit
+    cells = log_cells(_path(path), separator)
+    clock_at = clock_column(cells, time)
+    time_unit, given = clock_at.unit, dict(units or {})
+    asked_unit = next((given.pop(key) for key in (clock_at.header, clock_at.name) if key in given and key not in channels), None)
     asked = bindings(channels, {"noise": noise or {}, "accuracy": accuracy or {}, "unit": given}, cells.file)
     sign = decimal_sign(cells, decimal)
-    times, start = read_times(cells, at, sign, clock, time_unit)
+    read_at = read_times(cells, clock_at, sign, clock, asked_unit or time_unit, asked_unit is not None)
+    times = read_at.values
     if times[0] == times[-1]:
         found = "one sample" if times.size == 1 else f"{times.size} samples of one stamp"
         raise RecordError(f"the log has {found}; a record needs two times.", cells.file)
-    parsed = [numbers(column, sign) if place != at else times for place, column in enumerate(cells.columns)]
+    parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
     read = [(_channel(cells, each, parsed), each) for each in asked]
     sensors = [
         worn(made, each.part, each.certificate or cells.certificates.get(made.column), f"{cells.file}, channels.{each.name}")
         for made, each in read
     ]
     made = [each for each, _ in sensors]
-    origin = _origin(cells, at, parsed, start)
-    notes = [*cells.notes, *(note for _, said in sensors for note in said)] + (
+    origin = _origin(cells, clock_at, read_at, parsed)
+    notes = [*cells.notes, *read_at.notes, *(note for _, said in sensors for note in said)] + (
         [f"read with decimal '{sign}'"] if sign == "," and decimal is None else []
     )
     stem = Path(path).name.removesuffix(".gz")
@@ -115,36 +117,10 @@ def _path(path: str | Path) -> Path:
 
 def temperature_columns(path: str | Path) -> list[str]:
     """Return the columns of a log that are temperatures by their unit, or by a name that begins with T and is not the time's."""
-    data = read_bytes(Path(path))
-    cells = bench_cells(data, Path(path).name) if is_bench_log(data) else read_cells(data, Path(path).name, None)
-    named = [name_and_unit(header) for header in cells.header]
-    return [
-        name
-        for name, unit in named
-        if name.casefold() not in _TIME_NAMES and (unit in ("degC", "K", "degF", "°C") or (unit is None and name[:1] in ("T", "t")))
-    ]
-
-
-def _time_column(cells: Cells, wanted: str | None) -> int:
-    """Return the place of the time column.
-
-    Raises
-    ------
-    NameNotFoundError   When it is not there, or none is named and none is called so.
-    RecordError         When several could be it.
-    """
-    if wanted is not None:
-        return find_column(cells.header, wanted, f"{cells.file}, time")
-    # 't' is a time and 'T' a temperature, so the case of a single letter counts
-    names = [name_and_unit(header)[0] for header in cells.header]
-    hits = [at for at, name in enumerate(names) if (name.lower() if len(name) > 3 else name) in _TIME_NAMES]
-    if not hits:
-        raise NameNotFoundError(
-            f"no time column: none of {', '.join(cells.header)} is called {', '.join(_TIME_NAMES)}. Give time='...'.", cells.file
-        )
-    if len(hits) > 1:
-        raise RecordError(f"{' and '.join(cells.header[at] for at in hits)} could each be the time column. Give time='...'.", cells.file)
-    return hits[0]
+    cells = log_cells(Path(path))
+    times = clock_column(cells, None).places
+    named = [name_and_unit(header) for at, header in enumerate(cells.header) if at not in times]
+    return [name for name, unit in named if unit in _SCALES or (unit is None and name[:1] in ("T", "t"))]
 
 
 def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> Channel:
@@ -158,6 +134,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
     column, header_unit = name_and_unit(cells.header[at])
     where = cells.where(None, column)
     unit_text, quantity = unit_and_quantity(binding, header_unit, where)
+    watts = full_scale(binding, where)
     samples = parsed[at]
     if isinstance(samples, int):
         text = cells.columns[at][samples]
@@ -165,12 +142,15 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
             f"'{text}' is no number. Missing samples are written empty, NaN or NA; with decimal commas, give decimal=','.",
             cells.where(samples, column),
         )
-    if quantity == "temperature" and binding.unit is None and header_unit is None:
+    stated = binding.unit is not None or header_unit is not None
+    if quantity == "temperature" and not stated:
         _refuse_kelvin(samples, binding.name, where)
+    if quantity == "power" and not stated and watts is None:
+        _refuse_per_cent(samples, binding.name, where)
     made = Channel.of(
         binding.name,
-        from_unit(samples, unit_text),
-        quantity=quantity,
+        from_unit(samples, unit_text) * (1.0 if watts is None else watts),
+        quantity=quantity if watts is None else "power",
         role=binding.role,
         target=binding.target,
         gain=binding.gain,
@@ -178,7 +158,8 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         accuracy=sd(binding.accuracy, unit_text, quantity, f"{where}, accuracy"),
         resolution=sd(binding.resolution or cells.resolution.get(column), unit_text, quantity, f"{where}, resolution"),
         column=column,
-        unit=unit_text,
+        unit=unit_text if watts is None else "W",
+        assumed=not stated and not column.endswith(("_C", "_W")),
         prompt=binding.prompt or column in cells.prompt,
     )
     return _masked(made, cells.reasons.get(column, {}))
@@ -195,6 +176,17 @@ def _refuse_kelvin(samples: FloatArray, name: str, where: str) -> None:
         )
 
 
+def _refuse_per_cent(samples: FloatArray, name: str, where: str) -> None:
+    """Refuse a power without a unit that runs from 0 to exactly 100, as per cent do."""
+    known = samples[np.isfinite(samples)]
+    if known.size and known.min() >= 0.0 and known.max() == 100.0 and np.all(known == np.round(known)):
+        raise RecordError(
+            f"its readings, {known.min():g} .. 100, look like per cent of a heater, and without a unit they would be read in W. "
+            f"Give units={{'{name}': 'W'}} if they are watts; else full_scale = '... [W]' of the channel, or gain.",
+            where,
+        )
+
+
 def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
     """Return a channel with the rows masked that the log itself calls faults."""
     valid, masks = channel.valid.copy(), {}
@@ -205,16 +197,16 @@ def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
     return replace(channel, valid=valid, masks=masks) if masks else channel
 
 
-def _origin(cells: Cells, at: int, parsed: list[FloatArray | int], start: str | None) -> Origin:
+def _origin(cells: Cells, clock: Clock, times: Times, parsed: list[FloatArray | int]) -> Origin:
     """Return the origin, with the hash of the times and of every column that has numbers and no text."""
     names = [name_and_unit(header)[0] for header in cells.header]
     hashed = [
         (names[place], each)
         for place, each in enumerate(parsed)
-        if place != at and not isinstance(each, int) and not np.all(np.isnan(each))
+        if place not in clock.places and not isinstance(each, int) and not np.all(np.isnan(each))
     ]
-    sha = digest([(names[at], parsed[at]), *hashed])
-    return Origin(cells.file, sha, start, tuple(names), len(cells.lines), names[at], cells.synthetic)
+    sha = digest([(clock.name, times.values), *hashed])
+    return Origin(cells.file, sha, times.start or cells.start, tuple(names), len(cells.lines), clock.name, cells.synthetic)
 
 
 def _one_per_stamp(times: FloatArray, channels: list[Channel]) -> tuple[FloatArray, list[Channel], str]:

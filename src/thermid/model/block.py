@@ -174,13 +174,14 @@ class Block:
         ----------
         faces : str or several      Some of `FACES`, in one text or several; ``all`` for every face.
         to : str                    The boundary, whose temperature the scenario gives.
-        htc : text or table         A coefficient, or ``{"coefficient": ..., "exponent": ...}`` for h = coefficient |dT|^exponent.
+        htc : text or table         A coefficient, or ``{"coefficient": ..., "exponent": ...}`` for h = coefficient |dT|^exponent; beside an
+                                    emissivity 0 where nothing convects.
         emissivity : float          Towards black surroundings. [-]
         radiates_to : str           Boundary that they radiate to; `to` when empty.
 
         Raises
         ------
-        DeckError   When there is no such face, or nothing is exchanged.
+        DeckError   When there is no such face, nothing is exchanged, or an emissivity stands without a word on convection.
         """
         where = f"{self.title}, exchange with {to}"
         table = htc if isinstance(htc, Mapping) else {"coefficient": htc if htc is not None else 0.0, "exponent": 0.0}
@@ -192,6 +193,8 @@ class Block:
             raise DeckError(
                 "faces exchange by a coefficient above zero, an emissivity from 0 to 1, or both; exponents go from 0 to 1.", where
             )
+        if emits and htc is None:
+            raise DeckError("an emissivity and no htc would be no convection in silence. Give htc; htc = 0 where nothing convects.", where)
         new = Exchange(_faces(faces, where), _boundary(to, where), coefficient, exponent, emits, radiates_to or to)
         return replace(self, exchanges=(*self.exchanges, new))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from thermid.errors import DeckError, nearest
 from thermid.model.curves import Curve, curve
-from thermid.model.elements import CONTROLS, LOAD_SLOTS, Conductor, HeatLoad, Joint, Node, Surface
+from thermid.model.elements import CONTROLS, LOAD_SLOTS, Conductor, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model.enclosures import enclosure_from
 from thermid.model.facing import facing_from
 from thermid.model.kinds import KINDS
@@ -17,10 +17,13 @@ from thermid.model.parameter import Parameter, parameter
 from thermid.model.signal import literal
 from thermid.model.stores import TABULATED, tabulated
 from thermid.physics.finishes import finish
+from thermid.physics.gas import GASES, gas_named
 
-__all__ = ["elements_from", "finish_emissivity", "slope_unit"]
+__all__ = ["elements_from", "finish_emissivity", "made_from", "slope_unit"]
 
 Where = Callable[[str], str]
+LIQUID = "liquid"
+"""What a stream names that no pressure touches."""
 NODE_FIELDS = ("mass", "specific_heat", "capacitance")
 SURFACE_FIELDS = ("area", "htc", "effective_htc", "emissivity", "absorptance")
 JOINT_FIELDS = ("area", "contact_conductance", "conductivity", "thickness", "gap")
@@ -40,8 +43,16 @@ def _fields(table: Mapping[str, Any], names: tuple[str, ...], where: Where, key:
                 if inner not in PLAIN_GROUPS:
                     out[f"{name}.{inner}"] = parameter(_cleaned(value), where(f"{key}.{name}.{inner}"))
         else:
-            out[name] = parameter(_cleaned(given), where(f"{key}.{name}"))
+            out[name] = parameter(_none(given) if name == "htc" else _cleaned(given), where(f"{key}.{name}"))
     return out
+
+
+def _none(given: Any) -> Any:
+    """Return a coefficient of heat transfer; a plain 0, no convection on purpose, needs no unit."""
+    table = _cleaned(given)
+    if isinstance(table, Mapping):
+        return table | {"value": _none(table["value"])}
+    return "0 [W/(m^2 K)]" if table == 0 or table == "0" else table
 
 
 def _words(table: Mapping[str, Any], names: frozenset[str]) -> dict[str, str]:
@@ -107,19 +118,27 @@ def elements_from(deck: Mapping[str, Any], where: Where) -> dict[str, dict[str, 
     }
 
 
+def made_from(table: Mapping[str, Any], where: str) -> MadeIn:
+    """Return the state of a gas in which a reduced model was made, from its table in a deck."""
+    slots = {"pressure": "Pa", "gravity": "m/s^2", "wind": "m/s"}
+    numbers = {name: literal(table[name], slot, f"{where}.{name}") for name, slot in slots.items()}
+    return MadeIn(gas=gas_named(table["gas"], where).name, **numbers)
+
+
 def _node(name: str, table: Mapping[str, Any], where: Where) -> Node:
     key = f"nodes.{name}"
     table, heat = _property(table, "specific_heat", where(f"{key}.specific_heat"))
     table, enthalpy = _property(table, "enthalpy", where(f"{key}.enthalpy"))
     fields = _fields(table, NODE_FIELDS, where, key)
+    stands_for = table.get("stands_for", "")
     if heat is not None or enthalpy is not None:
         if set(fields) != {"mass"} or (heat is not None and enthalpy is not None):
             raise DeckError("a table of specific heat or of enthalpy stands beside a mass, and beside nothing else.", where(key))
         shape = ("specific_heat", heat) if heat is not None else ("enthalpy", enthalpy)
-        return Node(fields, table["reference_point"], table["test_only"], shape)  # type: ignore[arg-type]  # one of them is there
+        return Node(fields, table["reference_point"], table["test_only"], shape, stands_for)  # type: ignore[arg-type]  # one of them is there
     if set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
         raise DeckError("a node has mass and specific_heat, or capacitance, or nothing (a massless node).", where(f"nodes.{name}"))
-    return Node(fields, table["reference_point"], table["test_only"])
+    return Node(fields, table["reference_point"], table["test_only"], None, stands_for)
 
 
 def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
@@ -135,14 +154,38 @@ def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
     if not {"htc", "htc.coefficient", "htc.length", "effective_htc", "emissivity"} & set(fields):
         raise DeckError("a surface exchanges nothing: give htc, effective_htc, emissivity or finish.", where(key))
     words = _words(table, KINDS["convection"].words)
+    if table["sees"] and table["radiates_to"]:
+        raise DeckError("sees and radiates_to are one thing under two names. Give sees.", where(key))
     facing = facing_from(table["facing"], where(f"{key}.facing")) if table.get("facing") else None
-    return Surface(table["of"], table["to"], fields, table["radiates_to"], table["test_only"], table["finish"], words, facing)
+    sees = table["sees"] or table["radiates_to"]
+    return Surface(table["of"], table["to"], fields, sees, table["test_only"], table["finish"], words, facing)
 
 
 def finish_emissivity(name: str, where: str) -> Parameter:
     """Return the emissivity of a finish."""
     found = finish(name, where)
     return parameter({"value": found.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": found.basis}, where)
+
+
+def _check_stream(given: set[str], fluid: str, where: str) -> None:
+    """Refuse a stream whose fluid is unknown, a gas with a density of its own, and another fluid without its properties."""
+    if fluid in GASES:
+        if "density" in given:
+            raise DeckError(f"the density of {fluid} follows from its pressure and temperature: leave density out.", where)
+        return
+    if fluid not in ("", LIQUID):
+        raise DeckError(
+            f"no fluid is called '{fluid}'.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.", where
+        )
+    whole = given in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"})
+    if not whole:
+        what = f"of {fluid}" if fluid else "that names no fluid"
+        cure = "" if fluid else '. A gas brings both with it: fluid = "air"'
+        raise DeckError(
+            f"a stream {what} needs volume_flow and density and specific_heat, or mass_flow and specific_heat{cure}. "
+            f"Given: {', '.join(sorted(given))}.",
+            where,
+        )
 
 
 def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
@@ -164,6 +207,8 @@ def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
             f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}" if strange else f" Given: {', '.join(given) or 'nothing'}."
         )
         raise DeckError(f"a conductor of kind '{table['kind']}' needs {wanted}.{also}", where(key))
+    if table["kind"] == "flow":
+        _check_stream(set(given), words.get("fluid", ""), where(key))
     points = _points(table, "W/K", where(key))
     if (points is not None) != kind.needs_curve:
         raise DeckError(f"a conductor of kind '{table['kind']}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(key))

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from thermid.model.curves import Curve
 from thermid.model.facing import Facing
 from thermid.model.parameter import Parameter
+from thermid.physics.constants import STANDARD_GRAVITY
 
-__all__ = ["CONTROLS", "LOAD_SLOTS", "NODE_SLOTS", "Conductor", "Enclosure", "HeatLoad", "Joint", "Node", "Surface"]
+__all__ = ["CONTROLS", "LOAD_SLOTS", "NODE_SLOTS", "Conductor", "Enclosure", "HeatLoad", "Joint", "MadeIn", "Node", "Surface"]
 
 Fields = Mapping[str, Parameter]
 
@@ -46,12 +47,14 @@ class Node:
     reference_point : bool  Whether limits apply here.
     test_only : bool        Whether it exists on the bench only (a sensor, a lead).
     table : tuple           ('specific_heat' or 'enthalpy', Curve) over temperature beside a mass; None without.
+    stands_for : str        air, walls, or air and walls; what its surroundings show where empty, see `surroundings.gas_nodes`.
     """
 
     fields: Fields = field(default_factory=dict)
     reference_point: bool = False
     test_only: bool = False
     table: tuple[str, Curve] | None = None
+    stands_for: str = ""
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ class Surface:
     of : str            The node it belongs to.
     to : str            The gas node or surroundings.
     fields : dict       area [m^2]; htc (or htc.coefficient and htc.exponent) or effective_htc; emissivity and absorptance [-].
-    radiates_to : str   Where it radiates to; `to` when empty.
+    sees : str          What it radiates to; `to` when empty.
     finish : str        Finish that the emissivity comes from; empty where it is given itself.
     words : dict        Correlation and orientation, where the coefficient comes from one.
     facing : Facing     Where it looks, for sun and sky; None where nobody said.
@@ -96,7 +99,7 @@ class Surface:
     of: str
     to: str
     fields: Fields
-    radiates_to: str = ""
+    sees: str = ""
     test_only: bool = False
     finish: str = ""
     words: Mapping[str, str] = field(default_factory=dict)
@@ -174,3 +177,27 @@ class HeatLoad:
     sensor: str = ""
     curve: Curve | None = None
     test_only: bool = False
+
+
+@dataclass(frozen=True)
+class MadeIn:
+    """The state of a gas in which a reduced model was made.
+
+    Parameters
+    ----------
+    pressure, gravity, wind : float     [Pa], [m/s^2], [m/s]
+    gas : str                           Its kind.
+    """
+
+    pressure: float
+    gravity: float
+    gas: str
+    wind: float = 0.0
+
+    def __str__(self) -> str:
+        """`air at 101325 Pa`, with what is not as on the ground; `vacuum` without gas."""
+        if self.pressure == 0.0:
+            return "vacuum"
+        weight = "" if abs(self.gravity / STANDARD_GRAVITY - 1.0) < 0.01 else f", {self.gravity:.4g} m/s^2"
+        wind = f", {self.wind:.3g} m/s" if self.wind else ""
+        return f"{self.gas} at {self.pressure:.6g} Pa{weight}{wind}"

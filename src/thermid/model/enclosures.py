@@ -197,8 +197,8 @@ def pairs(path: str, enclosure: Enclosure, faces: Sequence[Face], rest: str, whe
         if face.surface.is_effective or "emissivity" not in face.surface.fields:
             why = "its effective_htc holds radiation already" if face.surface.is_effective else "it has no emissivity"
             raise DeckError(f"'{face.path}' cannot be a face of '{path}': {why}. Give it htc and emissivity.", where)
-        if face.surface.radiates_to:
-            raise DeckError(f"'{face.path}' radiates to '{face.surface.radiates_to}' and in '{path}'. Leave radiates_to out.", where)
+        if face.surface.sees:
+            raise DeckError(f"'{face.path}' radiates to '{face.surface.sees}' and in '{path}'. Leave sees out.", where)
     fields = {p: p for f in faces for p in (f"{f.path}.area", f"{f.path}.emissivity", *(t.path for t in f.takes))}
     exchange = _Exchange(path, enclosure, faces, bool(rest), where)
     nodes = [(f.name, f.node) for f in faces] + ([("rest", rest)] if rest else [])

@@ -8,7 +8,7 @@ from typing import Any
 
 from thermid.errors import DeckError, ThermidError
 from thermid.model.curves import Curve
-from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, Surface
+from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
 from thermid.model.enclosures import Face, pairs
 from thermid.model.facing import Facing
 from thermid.model.kinds import KINDS, Law
@@ -32,6 +32,7 @@ class FlatNode:
     reference_point: bool = False
     where: str = ""
     store: Store | None = None
+    stands_for: str = ""
 
     def capacitance(self, values: Mapping[str, Any]) -> Any:
         """Return m c or C at values of parameters, or None for a massless node. [J/K]"""
@@ -47,7 +48,8 @@ class FlatNode:
 class FlatConductor:
     """A conductor: field -> parameter path, the area that joints take from it, and a factor on its conductance.
 
-    `recipe` stands in for that of its kind where a pair's law needs more than its own fields.
+    `recipe` stands in for that of its kind where a pair's law needs more than its own fields. `sees` is what an effective coefficient
+    leaves its radiation to without gas, by a conductor of its own, where that is not the gas node.
     """
 
     path: str
@@ -59,6 +61,7 @@ class FlatConductor:
     factor: float = 1.0
     gas: str = ""
     emissivity: str = ""
+    sees: str = ""
     where: str = ""
     recipe: Callable[[Mapping[str, Any]], Law] | None = None
     words: Mapping[str, str] = field(default_factory=dict)
@@ -91,15 +94,19 @@ class FlatLoad:
 
 @dataclass(frozen=True)
 class FlatSurface:
-    """A surface as radiation from outside meets it: field -> parameter path; it radiates to a node, or to an enclosure's faces only."""
+    """A surface as radiation from outside meets it: field -> parameter path; what it sees, nothing where that is an enclosure's faces.
+
+    `exchange` is htc or effective_htc, whichever it has, or empty.
+    """
 
     node: str
     to: str
     fields: Mapping[str, str]
     takes: tuple[Take, ...] = ()
     facing: Facing | None = None
-    radiates_to: str = ""
+    sees: str = ""
     where: str = ""
+    exchange: str = ""
 
 
 @dataclass(frozen=True)
@@ -114,6 +121,7 @@ class Flat:
     surfaces : dict                     Surface path -> its area's parameter path and what joints take from it.
     finishes : dict                     Parameter path of an emissivity -> the finish that it comes from.
     faces : dict                        Surface path -> the surface as radiation from outside meets it.
+    made_in : tuple                     Title of a reduced part, gas node or ``*``, the state that it was made in, and where it says so.
     """
 
     names: Names
@@ -124,6 +132,7 @@ class Flat:
     surfaces: Mapping[str, tuple[str, tuple[Take, ...]]] = field(default_factory=dict)
     finishes: Mapping[str, str] = field(default_factory=dict)
     faces: Mapping[str, FlatSurface] = field(default_factory=dict)
+    made_in: tuple[tuple[str, str, MadeIn, str], ...] = ()
 
 
 def _walk(model: Model, prefix: str = "") -> Iterator[tuple[Model, str]]:
@@ -152,7 +161,7 @@ def flatten(model: Model) -> Flat:
         for name, node in owner.nodes.items():
             fields = {f: f"{prefix}{name}.{f}" for f in node.fields}
             heat = store(*node.table) if node.table else None
-            nodes.append(FlatNode(prefix + name, fields, node.reference_point, owner.where(f"nodes.{name}"), heat))
+            nodes.append(FlatNode(prefix + name, fields, node.reference_point, owner.where(f"nodes.{name}"), heat, node.stands_for))
         for name, joint in owner.joints.items():
             mid = prefix + (joint.mid or f"{name}.mid")
             nodes.append(FlatNode(mid, {}, False, owner.where(f"joints.{name}")))
@@ -165,7 +174,8 @@ def flatten(model: Model) -> Flat:
             faces[prefix + name] = _face(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
         for name, c in owner.conductors.items():
             key = f"conductors.{name}"
-            ends = (names.end(owner, prefix, c.between[0], key), names.end(owner, prefix, c.between[1], key))
+            at = names.seen if c.kind == "radiation" else names.end
+            ends = (at(owner, prefix, c.between[0], key), at(owner, prefix, c.between[1], key))
             fields = {f: f"{prefix}{name}.{f}" for f in c.fields}
             gas = names.end(owner, prefix, c.words["to"], f"{key}.to") if "to" in c.words else ""
             gas = gas or next((e for e in reversed(ends) if e in names.boundaries), ends[1])
@@ -174,7 +184,12 @@ def flatten(model: Model) -> Flat:
             conductors += [made, *_losses(made)]
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
-    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces)
+    made = tuple(
+        (owner.title, gas if gas == "*" else names.end(owner, prefix, gas, f"made_in.{gas}"), state, owner.where(f"made_in.{gas}"))
+        for owner, prefix in _walk(model)
+        for gas, state in owner.made_in.items()
+    )
+    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces, made)
     _check_slots(flat)
     return flat
 
@@ -212,7 +227,7 @@ def _enclosures(model: Model, names: Names, takes: Mapping[str, list[Take]]) -> 
                 enclosed[path] = prefix + name
                 node = names.end(part, part_prefix, surface.of, key)
                 faces.append(Face(face, path, surface, node, tuple(takes.get(path, ()))))
-            rest = names.end(owner, prefix, enclosure.rest, f"{key}.rest") if enclosure.rest else ""
+            rest = names.seen(owner, prefix, enclosure.rest, f"{key}.rest") if enclosure.rest else ""
             for pair in pairs(prefix + name, enclosure, faces, rest, owner.where(key)):
                 out.append(FlatConductor(pair.path, "radiation", pair.ends, pair.fields, where=owner.where(key), recipe=pair.recipe))
     return enclosed, out
@@ -230,12 +245,19 @@ def _surface(
     emissivity = fields.pop("emissivity", "")
     fields.pop("absorptance", "")
     if surface.is_effective:
-        out.append(FlatConductor(path, "effective", (a, b), fields, None, takes, gas=b, emissivity=emissivity, where=owner.where(key)))
-        return out
+        sees = names.seen(owner, prefix, surface.sees or surface.to, key)
+        held = FlatConductor(path, "effective", (a, b), fields, None, takes, gas=b, emissivity=emissivity, where=owner.where(key))
+        if not emissivity or sees == b:
+            return [held]
+        left = {"emissivity": emissivity, "area": fields["area"]}
+        return [
+            replace(held, sees=sees),
+            FlatConductor(f"{path}.radiation", "radiation", (a, sees), left, None, takes, gas=b, where=owner.where(key), recipe=_left),
+        ]
     if len(fields) > 1:
         out.append(FlatConductor(path, "convection", (a, b), fields, None, takes, gas=b, where=owner.where(key), words=surface.words))
     if emissivity and not enclosed:
-        to = names.end(owner, prefix, surface.radiates_to, key) if surface.radiates_to else b
+        to = names.seen(owner, prefix, surface.sees or surface.to, key)
         radiating = {"emissivity": emissivity, "area": fields["area"]}
         out.append(FlatConductor(f"{path}.radiation", "radiation", (a, to), radiating, None, takes, where=owner.where(key)))
     return out
@@ -246,8 +268,14 @@ def _face(owner: Model, prefix: str, name: str, surface: Surface, takes: tuple[T
     key = f"surfaces.{name}"
     fields = {f: f"{prefix}{name}.{f}" for f in ("area", "emissivity", "absorptance") if f in surface.fields}
     to = names.end(owner, prefix, surface.to, key)
-    radiates_to = "" if enclosed else names.end(owner, prefix, surface.radiates_to, key) if surface.radiates_to else to
-    return FlatSurface(names.end(owner, prefix, surface.of, key), to, fields, takes, surface.facing, radiates_to, owner.where(key))
+    sees = "" if enclosed else names.seen(owner, prefix, surface.sees or surface.to, key)
+    exchange = next((f.partition(".")[0] for f in surface.fields if f.partition(".")[0] in ("htc", "effective_htc")), "")
+    return FlatSurface(names.end(owner, prefix, surface.of, key), to, fields, takes, surface.facing, sees, owner.where(key), exchange)
+
+
+def _left(fields: Mapping[str, Any]) -> Law:
+    """Return the radiation that an effective coefficient holds, which shows without gas."""
+    return replace(KINDS["radiation"].recipe(fields), medium="left")  # type: ignore[type-var]  # one law
 
 
 def _joint(owner: Model, prefix: str, name: str, joint: Joint, mid: str, names: Names) -> list[FlatConductor]:

@@ -40,7 +40,8 @@ class Law:
     coefficients : tuple of Number  What the form needs, the conductance-like one first.
     medium : str                    'solid', 'radiation' or 'gas' (falls with pressure) or 'mixed' (an effective value, gas and radiation);
                                     'rest' (gas in a gap) and 'correlation' are written out where the gas is known; 'fin' has conductances
-                                    in air, bare, and with radiation alone where that is known.
+                                    in air, bare, and with radiation alone where that is known; 'left' is the radiation that an effective
+                                    coefficient holds and that is on its own only where its gas is gone.
     points : tuple                  Of a table that follows values: temperature [K] and conductance [W/K] of each point, joined by straight
                                     lines, constant beyond both ends. A table that an author gives stands in the deck.
     over : str                      What such a table is over: 'temperature', the mean of both ends, or 'difference'.
@@ -171,8 +172,9 @@ def _radiation(f: Fields) -> Law:
 
 
 def _flow(f: Fields) -> Law:
-    mass = f["mass_flow"] if "mass_flow" in f else f["volume_flow"] * f["density"]
-    return Law("flow", (mass * f["specific_heat"],))
+    """Return the heat capacity rate of a stream; of a gas what its density and specific heat are still to be multiplied with."""
+    flow = f["mass_flow"] if "mass_flow" in f else f["volume_flow"]
+    return Law("flow", (flow * f.get("density", 1.0) * f.get("specific_heat", 1.0),))
 
 
 def _lead(f: Fields) -> Law:
@@ -253,8 +255,10 @@ KINDS: Final[Mapping[str, Kind]] = {
     ),
     "flow": Kind(
         _flow,
-        (_ALL({"mass_flow", "specific_heat"}), _ALL({"volume_flow", "density", "specific_heat"})),
+        (_ALL({"mass_flow"}), _ALL({"volume_flow"})),
         {"mass_flow": "kg/s", "specific_heat": "J/(kg K)", "volume_flow": "m^3/s", "density": "kg/m^3"},
+        optional=_ALL({"density", "specific_heat"}),
+        words=_ALL({"fluid"}),
     ),
     "lead": Kind(
         _lead,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
-from thermid.model.elements import Conductor, Enclosure, HeatLoad, Joint, Node, Surface
+from thermid.model.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model.parameter import Parameter, parameter
 from thermid.model.standing import UNJUDGED
 
@@ -33,11 +33,17 @@ class Submodel:
     model : Model       The part.
     bind : dict         Need of the part -> path of a node of the user.
     definition : str    Hash of its deck as it was read, see `definition_of`; instances of one definition share their values.
+    sees : dict         Need -> path of the node that the part's surfaces see there, where that is not the one it is bound to.
     """
 
     model: Model
     bind: Mapping[str, str] = field(default_factory=dict)
     definition: str = ""
+    sees: Mapping[str, str] = field(default_factory=dict)
+
+    def bound(self) -> dict[str, str | dict[str, str]]:
+        """Return the bindings as a deck writes them."""
+        return {need: {"to": to, "sees": self.sees[need]} if need in self.sees else to for need, to in self.bind.items()}
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,7 @@ class Model:
     layers : tuple of Layer     Values laid over it, the last one winning; a user's [set] wins over them.
     cuts : tuple of str         Instances and values that share with no other, although one deck writes them.
     aliases : dict              Other name -> canonical path.
+    made_in : dict              Gas node, or ``*`` -> `MadeIn`: of a reduced model, whose conductances hold the gas of that state alone.
     box : str                   white, light grey, dark grey or black.
     use : str                   The intended use, in words.
     file : str                  The deck's file name, for messages.
@@ -93,6 +100,7 @@ class Model:
     layers: tuple[Layer, ...] = ()
     cuts: tuple[str, ...] = ()
     aliases: Mapping[str, str] = field(default_factory=dict)
+    made_in: Mapping[str, MadeIn] = field(default_factory=dict)
     box: str = "light grey"
     use: str = ""
     file: str = field(default="", compare=False)

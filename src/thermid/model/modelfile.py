@@ -13,7 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.expression import NAME
 from thermid.files import parse_toml, read_text
-from thermid.model.build import elements_from
+from thermid.model.build import elements_from, made_from
 from thermid.model.curves import Curve
 from thermid.model.identity import definition_of
 from thermid.model.lines import line_numbers
@@ -178,7 +178,9 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
             raise DeckError("a file can be used from a deck only; give a Model here.", where(f"submodels.{name}.use"))
         else:
             part, definition = use(table["use"], where(f"submodels.{name}.use"))
-        submodels[name] = Submodel(part, table["bind"], definition)
+        bind = {need: given if isinstance(given, str) else given["to"] for need, given in table["bind"].items()}
+        apart = {need: given["sees"] for need, given in table["bind"].items() if not isinstance(given, str)}
+        submodels[name] = Submodel(part, bind, definition, apart)
     elements: dict[str, Any] = elements_from(deck, where)
     model = Model(
         title=deck["title"],
@@ -190,6 +192,7 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
         submodels=submodels,
         settings={n: parameter(v, where(f"set.{n}")) for n, v in deck["set"].items()},
         aliases=deck["aliases"],
+        made_in={gas: made_from(t, where(f"made_in.{gas}")) for gas, t in deck["made_in"].items()},
         file=file,
         lines=dict(places),
         **elements,
@@ -269,7 +272,7 @@ def to_dict(model: Model, bare: bool = False) -> dict[str, Any]:
     ----------
     bare : bool     Leave out what was laid over the decks or cut.
     """
-    from thermid.model.written import elements_to
+    from thermid.model.written import elements_to, made_to
 
     out: dict[str, Any] = {"title": model.title, "box": model.box}
     for key, value in (("use", model.use), ("needs", list(model.needs)), ("offers", list(model.offers))):
@@ -277,12 +280,13 @@ def to_dict(model: Model, bare: bool = False) -> dict[str, Any]:
             out[key] = value
     out["parameters"] = {n: value_to(p) for n, p in model.parameters.items()}
     out |= elements_to(model)
-    out["submodels"] = {n: {"use": to_dict(s.model, bare), "bind": dict(s.bind)} for n, s in model.submodels.items()}
+    out["submodels"] = {n: {"use": to_dict(s.model, bare), "bind": s.bound()} for n, s in model.submodels.items()}
     out["set"] = {n: value_to(p) for n, p in model.settings.items()}
     if not bare:
         out["layers"] = [_layer_to(layer) for layer in model.layers]
         out["cuts"] = list(model.cuts)
     out["aliases"] = dict(model.aliases)
+    out["made_in"] = {gas: made_to(state) for gas, state in model.made_in.items()}
     return {k: v for k, v in out.items() if v not in ({}, [])}
 
 

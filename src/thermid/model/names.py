@@ -20,10 +20,10 @@ def used_offers(model: Model, part: str) -> set[str]:
     for load in model.loads.values():
         ends += [load.into, load.sensor]
     for surface in model.surfaces.values():
-        ends += [surface.of, surface.to, surface.radiates_to]
+        ends += [surface.of, surface.to, surface.sees]
     ends += [j.gap_to for j in model.joints.values()] + [c.words["to"] for c in model.conductors.values() if "to" in c.words]
     for inner in model.submodels.values():
-        ends += inner.bind.values()
+        ends += [*inner.bind.values(), *inner.sees.values()]
     ends += model.offers
     prefix = f"{part}."
     return {model.canonical(e).removeprefix(prefix) for e in ends if model.canonical(e).startswith(prefix)}
@@ -57,6 +57,7 @@ class Names:
         self.boundaries: tuple[str, ...] = tuple(model.needs)
         self.nodes: dict[str, tuple[Model, str]] = {}
         self._alias: dict[str, str] = {need: need for need in model.needs}
+        self._seen: dict[str, str] = {}
         self._collect(model, "")
         self._bind(model, "")
 
@@ -103,7 +104,9 @@ class Names:
                     model.where(f"submodels.{name}"),
                 )
             target = part.bind[need]
-            self._alias[f"{prefix}{name}.{need}"] = self.end(model, prefix, target, f"submodels.{name}.bind.{need}")
+            key = f"submodels.{name}.bind.{need}"
+            self._alias[f"{prefix}{name}.{need}"] = self.end(model, prefix, target, key)
+            self._seen[f"{prefix}{name}.{need}"] = self.seen(model, prefix, part.sees.get(need, target), key)
 
     def end(self, model: Model, prefix: str, raw: str, key: str) -> str:
         """Return the canonical node that a name inside a model stands for; offered ports only, where it lies in a submodel."""
@@ -128,6 +131,11 @@ class Names:
             hint = self._near(prefix, path) or f' Write it under nodes, or, where it is supplied from outside, into needs = ["{raw}"].'
             raise NameNotFoundError(f"no node '{raw}'.{hint}", model.where(key))
         return full
+
+    def seen(self, model: Model, prefix: str, raw: str, key: str) -> str:
+        """Return the canonical node that a surface sees under a name: of a need that is bound apart, the one it sees."""
+        node = self.end(model, prefix, raw, key)
+        return self._seen.get(prefix + model.canonical(raw), node)
 
     def _near(self, prefix: str, path: str) -> str:
         known = [n.removeprefix(prefix) for n in (*self.nodes, *self._alias) if n.startswith(prefix)]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-__all__ = ["Box", "Source"]
+__all__ = ["Box", "Source", "StandsFor"]
 
 Source = Literal["published", "datasheet", "derived", "assumed", "measured"]
 Box = Literal["white", "light grey", "dark grey", "black"]
+StandsFor = Literal["air", "walls", "air and walls"]

@@ -182,7 +182,8 @@ def _at(model: Model, path: str, new: Model, full: str, keep: frozenset[str], kn
         part = replace(old, model=_at(old.model, rest, new, full, deeper, known))
     else:
         bind = _ports(model, head, new, full)
-        part = replace(old, model=new, bind=bind, definition=old.definition if new == old.model else definition_of(new))
+        sees = {need: node for need, node in old.sees.items() if need in bind}
+        part = replace(old, model=new, bind=bind, definition=old.definition if new == old.model else definition_of(new), sees=sees)
     _check_read(model, path, known, full)
 
     def stays(raw: str, given: Parameter) -> bool:

@@ -12,11 +12,12 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from thermid.dual import value_of
-from thermid.errors import ThermidError
+from thermid.errors import ThermidError, quoted
 from thermid.model.curves import evaluate
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.identity import APART, cuts_of, local_identities
 from thermid.model.model import Model
+from thermid.model.surroundings import bare, into_gas, radiates_into, still
 from thermid.model.takes import exposed_area
 
 __all__ = ["RULES", "Finding", "findings"]
@@ -154,7 +155,7 @@ def _massless(view: _View) -> Iterator[Finding]:
     """A massless node, or a group of them, whose temperature is undefined."""
     for group in view.islands():
         if all(not node.fields for node in group):
-            names = _list([n.path for n in group])
+            names = quoted([n.path for n in group])
             single = "the massless node" if len(group) == 1 else "the massless nodes"
             yield Finding(
                 "error",
@@ -173,7 +174,7 @@ def _paths(view: _View) -> Iterator[Finding]:
         paths = [n.path for n in group]
         loads = [x for x in view.flat.loads if x.node in paths]
         rate = 3600.0 * sum(view.power(x) for x in loads) / capacitance
-        head = f"{_list(paths)} {_has(group)} no path to a boundary"
+        head = f"{quoted(paths)} {_has(group)} no path to a boundary"
         if rate == 0.0:
             yield Finding("warning", group[0].where, f"{head}: the heat that is there stays there.")
             continue
@@ -208,14 +209,16 @@ def _ties(view: _View) -> Iterator[Finding]:
     where = view.model.where("")
     for paths, one in known.items():
         if one.why == APART:
-            yield Finding("note", where, f"{_list(list(paths))}: set for this instance; its twins have another value.")
+            yield Finding("note", where, f"{quoted(list(paths))}: set for this instance; its twins have another value.")
         elif len(paths) > 1:
             field = _ending(paths)
             places = tuple(p.removesuffix(field).rstrip(".") for p in paths)
             shared.setdefault((one.why, places), []).append(field.lstrip("."))
     for (why, places), fields in shared.items():
         values = "one value" if len(fields) == 1 else f"each of {len(fields)} values"
-        yield Finding("note", where, f"{_list(list(places))} share {values}, {why}: {_list(fields)}. A fit changes all instances together.")
+        yield Finding(
+            "note", where, f"{quoted(list(places))} share {values}, {why}: {quoted(fields)}. A fit changes all instances together."
+        )
     for place in cuts_of(view.model):
         yield Finding("note", where, f"'{place}' is cut from its twins: a fit finds values of its own.")
 
@@ -277,7 +280,7 @@ def _test_only(view: _View) -> Iterator[Finding]:
     marked = [prefix + name for owner, prefix in _walk(view.model) for _, name, element in owner.elements() if element.test_only]
     if marked:
         count = "one element is" if len(marked) == 1 else f"{len(marked)} elements are"
-        yield Finding("note", view.model.where(""), f"{count} for the test only: {_list(marked)}. Flight models leave them out.")
+        yield Finding("note", view.model.where(""), f"{count} for the test only: {quoted(marked)}. Flight models leave them out.")
         try:
             flatten(view.model.without_test_only())
         except ThermidError as error:
@@ -286,8 +289,24 @@ def _test_only(view: _View) -> Iterator[Finding]:
             )
 
 
-def _effective(view: _View) -> Iterator[Finding]:
-    """A coefficient that contains radiation, whose share nobody gave."""
+def _radiating(view: _View) -> Iterator[Finding]:
+    """Radiation into a gas."""
+    for gas, radiating in into_gas(view.flat, view.values).items():
+        where = next(n.where for n in view.flat.nodes if n.path == gas)
+        yield Finding("error", where, radiates_into(gas, radiating))
+
+
+def _unsaid(view: _View) -> Iterator[Finding]:
+    """What a surface says nothing of: convection in gas, radiation without; what a run with the other is refused for."""
+    place = {path: face.where for path, face in view.flat.faces.items()} | {c.path: c.where for c in view.flat.conductors}
+    quiet = list(still(view.flat))
+    if quiet:
+        yield Finding(
+            "warning",
+            place[quiet[0]],
+            f"{quoted(quiet)} {'has' if len(quiet) == 1 else 'have'} an emissivity and no htc: every run with gas will be refused. "
+            "Give htc, or htc = 0 where nothing convects on purpose.",
+        )
     for c in view.flat.conductors:
         if c.kind == "effective" and not c.emissivity:
             yield Finding(
@@ -295,6 +314,13 @@ def _effective(view: _View) -> Iterator[Finding]:
                 c.where,
                 f"the coefficient of '{c.path}' contains radiation, and no emissivity is given: a vacuum run will be refused.",
             )
+    alone = list(bare(view.flat))
+    if alone:
+        yield Finding(
+            "note",
+            place.get(alone[0], place.get(f"{alone[0]}.first", view.model.title)),
+            f"{quoted(alone)} {'has' if len(alone) == 1 else 'have'} htc and no emissivity: a vacuum run will be refused.",
+        )
 
 
 def _sources(view: _View) -> Iterator[Finding]:
@@ -302,12 +328,13 @@ def _sources(view: _View) -> Iterator[Finding]:
     literals = {path: entry.parameter for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
     bare = [path for path, given in literals.items() if not given.source]
     if bare and len(bare) < len(literals):
-        yield Finding("note", view.model.where(""), f"{len(bare)} of {len(literals)} values have no source: {_list(bare)}.")
+        yield Finding("note", view.model.where(""), f"{len(bare)} of {len(literals)} values have no source: {quoted(bare)}.")
 
 
 Rule = Callable[[_View], Iterator[Finding]]
 RULES: Final[tuple[Rule, ...]] = (
     _laws,
+    _radiating,
     _capacitances,
     _massless,
     _attached,
@@ -319,7 +346,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _shadowed,
     _ties,
     _test_only,
-    _effective,
+    _unsaid,
     _sources,
 )
 
@@ -338,14 +365,6 @@ def _walk(model: Model, prefix: str = "") -> Iterator[tuple[Model, str]]:
     yield model, prefix
     for name, part in model.submodels.items():
         yield from _walk(part.model, f"{prefix}{name}.")
-
-
-def _list(names: list[str], longest: int = 8) -> str:
-    """Return names in words, the rest of a long list counted."""
-    quoted = [f"'{n}'" for n in names[:longest]]
-    if len(names) > longest:
-        return f"{', '.join(quoted)} and {len(names) - longest} more"
-    return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} and {quoted[-1]}"
 
 
 def _has(group: list[FlatNode]) -> str:

@@ -64,7 +64,7 @@ def _collect(model: Model, path: Path, files: dict[Path, Model]) -> None:
 def _text(model: Model, like: Path | None) -> str:
     """Return the TOML of one deck; layers laid over it become its [set] or its values."""
     data = to_dict(model)
-    data["submodels"] = {n: {"use": _file_name(s.model.title), "bind": dict(s.bind)} for n, s in model.submodels.items()}
+    data["submodels"] = {n: {"use": _file_name(s.model.title), "bind": s.bound()} for n, s in model.submodels.items()}
     data.pop("layers", None)
     for layer in model.layers:
         for name, given in layer.values.items():
@@ -123,6 +123,8 @@ def _update(target: Container | Table | InlineTable | tomlkit.TOMLDocument, data
     """Change what differs, add what is new, drop what is gone; comments stay."""
     if "points" in target and "over" not in target:
         data = {k: v for k, v in data.items() if (k, v) != ("over", "temperature")}
+    if "radiates_to" in target:  # the older name of `sees` stays where a deck has it
+        data = {"radiates_to" if k == "sees" else k: v for k, v in data.items()}
     for key in [k for k in target if k not in data]:
         target.remove(key)
     for key, value in data.items():

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from thermid.model.elements import LOAD_SLOTS
 from thermid.model.kinds import KINDS
-from thermid.model.options import Box, Source
+from thermid.model.options import Box, Source, StandsFor
 from thermid.physics.view_factors import SHAPES
 
 __all__ = ["Deck", "json_schema"]
@@ -78,6 +78,7 @@ class NodeTable(_Strict):
     specific_heat: Value | Property | None = None
     enthalpy: Property | None = None
     capacitance: Value | None = None
+    stands_for: StandsFor | None = None
     reference_point: bool = False
     test_only: bool = False
 
@@ -101,7 +102,8 @@ class SurfaceTable(_Strict):
     finish: str = ""
     absorptance: Value | None = None
     facing: FacingTable | None = None
-    radiates_to: str = ""
+    sees: str = ""
+    radiates_to: Annotated[str, Field(description="Older name of `sees`.")] = ""
     test_only: bool = False
 
 
@@ -194,11 +196,27 @@ class LoadTable(_Strict):
     test_only: bool = False
 
 
+class AirAndSees(_Strict):
+    """A need bound to two nodes: what its surfaces convect to, and what they see."""
+
+    to: str
+    sees: str
+
+
+class MadeIn(_Strict):
+    """The state of a gas in which a reduced deck was made; it runs in no other."""
+
+    pressure: str
+    gravity: str = "9.80665 [m/s^2]"
+    gas: str = "air"
+    wind: str = "0 [m/s]"
+
+
 class SubmodelTable(_Strict):
     """A deck used inside this one."""
 
     use: str
-    bind: dict[str, str] = {}
+    bind: dict[str, str | AirAndSees] = {}
 
 
 def _conductor_table() -> type[BaseModel]:
@@ -214,6 +232,7 @@ def _conductor_table() -> type[BaseModel]:
         table=(Points | None, None),
         takes=(list[str], []),
         gas=(str, ""),
+        fluid=(str, ""),
         to=(str, ""),
         test_only=(bool, False),
         **fields,
@@ -242,6 +261,7 @@ class Deck(_Strict):
     set: dict[str, Value] = {}
     cuts: list[str] = []
     aliases: dict[str, str] = {}
+    made_in: dict[str, MadeIn] = {}
 
 
 def json_schema() -> dict[str, Any]:

@@ -86,7 +86,7 @@ def _ends(element: Element) -> Iterable[str]:
     if isinstance(element, Conductor):
         return element.between
     if isinstance(element, Surface):
-        return [e for e in (element.of, element.radiates_to) if e]
+        return [e for e in (element.of, element.sees) if e]
     if isinstance(element, HeatLoad):
         return [element.into]
     return ()

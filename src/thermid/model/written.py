@@ -7,7 +7,7 @@ from typing import Any
 
 from thermid.model.build import finish_emissivity, slope_unit
 from thermid.model.curves import Curve
-from thermid.model.elements import CONTROLS, Conductor, Node
+from thermid.model.elements import CONTROLS, Conductor, MadeIn, Node
 from thermid.model.enclosures import enclosure_to
 from thermid.model.facing import facing_to
 from thermid.model.kinds import KINDS
@@ -16,7 +16,7 @@ from thermid.model.parameter import Parameter
 from thermid.model.stores import TABULATED
 from thermid.units import unit
 
-__all__ = ["elements_to", "written"]
+__all__ = ["elements_to", "made_to", "written"]
 
 
 def written(given: Parameter) -> Any:
@@ -90,11 +90,21 @@ def _points_to(shape: Curve, slot: str) -> dict[str, Any]:
     return {"points": [list(point) for point in zip(*texts, strict=True)], **known}
 
 
+def made_to(state: MadeIn) -> dict[str, str]:
+    """Return the table of the state of a gas in which a reduced model was made."""
+    numbers = {"pressure": f"{state.pressure!r} [Pa]", "gravity": f"{state.gravity!r} [m/s^2]", "wind": f"{state.wind!r} [m/s]"}
+    return numbers | {"gas": state.gas}
+
+
 def elements_to(model: Model) -> dict[str, dict[str, Any]]:
     """Return the element tables of a deck."""
     flag: Callable[[Any], dict[str, bool]] = lambda e: {"test_only": True} if e.test_only else {}  # noqa: E731
     nodes = {
-        n: _grouped(e.fields) | _heat_to(e) | ({"reference_point": True} if e.reference_point else {}) | flag(e)
+        n: _grouped(e.fields)
+        | _heat_to(e)
+        | ({"stands_for": e.stands_for} if e.stands_for else {})
+        | ({"reference_point": True} if e.reference_point else {})
+        | flag(e)
         for n, e in model.nodes.items()
     }
     surfaces = {
@@ -105,7 +115,7 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
         )
         | ({"finish": e.finish} if e.finish else {})
         | ({"facing": facing_to(e.facing)} if e.facing else {})
-        | ({"radiates_to": e.radiates_to} if e.radiates_to else {})
+        | ({"sees": e.sees} if e.sees else {})
         | flag(e)
         for n, e in model.surfaces.items()
     }

@@ -182,11 +182,11 @@ def _loads(path: str, face: FlatSurface, given: Irradiation | OpenSky) -> list[F
     if solar and "absorptance" not in face.fields:
         raise DeckError(f"'{path}' stands in the sun and has no absorptance. Give it one, or 0 where no sun can reach it.", face.where)
     out = [_load(path, face, "sun", "absorptance", partial(_sun, given, face.facing))] if solar else []
-    if wave and not (isinstance(given, OpenSky) and face.radiates_to != face.to):
+    if wave and not (isinstance(given, OpenSky) and face.sees != face.to):
         if "emissivity" not in face.fields:
             message = f"'{path}' meets long-wave radiation and has no emissivity. Give it one or a finish, or leave the sky out."
             raise DeckError(message, face.where)
-        if not face.radiates_to:
+        if not face.sees:
             raise DeckError(f"'{path}' is a face of an enclosure, which has its long-wave radiation; a sky belongs outside.", face.where)
         out.append(_load(path, face, "longwave", "emissivity", partial(_longwave, given, face, path)))
     if stream is not None:
@@ -209,7 +209,7 @@ def _stream(given: Signal, boundaries: Given) -> Signal:
 
 def _longwave(given: Irradiation | OpenSky, face: FlatSurface, path: str, boundaries: Given) -> Signal:
     try:
-        return given.longwave(face.facing, boundaries.get(face.radiates_to)) or Constant(0.0)
+        return given.longwave(face.facing, boundaries.get(face.sees)) or Constant(0.0)
     except ThermidError as error:
         raise error.located(f"irradiation.{path}") from None
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from thermid.dual import Number
 from thermid.errors import ScenarioError
 from thermid.memo import Memo
+from thermid.model.elements import MadeIn
 from thermid.model.flat import FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Signal, Table
@@ -26,7 +27,7 @@ from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import gas_named
 from thermid.physics.radiation import radiation_coefficient
 
-__all__ = ["VACUUM_LIMIT", "Media"]
+__all__ = ["AIR_RANGE", "VACUUM_LIMIT", "Media"]
 
 Array = NDArray[np.float64]
 
@@ -82,6 +83,15 @@ class Media:
             raise ScenarioError(f"'{gas}' is vented to '{environment.vented}', which has no pressure of its own.", "environment")
         outside = self._environment(environment.vented).pressure
         return vented(own, outside, environment.time_constant, f"environment.{gas}")
+
+    def pressure(self, gas: str) -> Signal:
+        """Return the pressure of a gas node in time; gases that share one share the signal. [Pa]"""
+        key = self._key(gas)
+        return self.memo.made(("pressure", key), lambda: self._pressure(key, self._environment(key)))
+
+    def gas(self, gas: str) -> str:
+        """Return which gas a gas node is."""
+        return self._environment(gas).gas
 
     def _key(self, gas: str) -> str:
         return gas if gas in self.environments else "*"
@@ -142,6 +152,33 @@ class Media:
         """Return whether there is no gas at a gas node at any time."""
         return self._state(gas) == "vacuum"
 
+    def made_in(self, gas: str) -> MadeIn:
+        """Return the state of a gas that stays, for a model that is reduced in it."""
+        environment = self._environment(gas)
+        wind = float(extremes(environment.wind).max())
+        return MadeIn(self.lowest(gas), environment.gravity, environment.gas, wind)
+
+    def as_made(self, gas: str, made: MadeIn) -> bool:
+        """Return whether a gas, ``*`` for every one, is at all times in the state in which a model was reduced."""
+        if gas == "*":
+            return all(self.as_made(each, made) for each in self.environments if each != "*") and self._as_made("*", made)
+        return self._as_made(self._key(gas), made)
+
+    def _as_made(self, key: str, made: MadeIn) -> bool:
+        environment = self._environment(key)
+        pressures = extremes(self._pressure(key, environment))
+        if made.pressure <= VACUUM_LIMIT:
+            return bool((pressures <= VACUUM_LIMIT).all())
+        low, high = AIR_RANGE if AIR_RANGE[0] <= made.pressure <= AIR_RANGE[1] else (0.99 * made.pressure, 1.01 * made.pressure)
+        alike = abs(environment.gravity - made.gravity) <= 0.01 * STANDARD_GRAVITY and environment.gas == made.gas
+        winds = extremes(environment.wind)
+        return alike and bool(((pressures >= low) & (pressures <= high)).all() and (np.abs(winds - made.wind) <= 0.01 * made.wind).all())
+
+    def lowest(self, gas: str) -> float:
+        """Return the lowest pressure that a gas node has. [Pa]"""
+        key = self._key(gas)
+        return float(extremes(self._pressure(key, self._environment(key))).min())
+
     def changed(self, gas: str) -> bool:
         """Return whether a gas is at any time another than air on the ground."""
         return self._state(gas) != "air" or self._environment(gas).gas != "air"
@@ -155,13 +192,8 @@ class Media:
         return np.asarray(environment.gravity * at.expansion_at(temperature) / (at.kinematic_viscosity * at.thermal_diffusivity()))
 
     def remarks(self, conductors: Iterable[FlatConductor]) -> tuple[str, ...]:
-        """Return a sentence for each wind that does not reach a fixed coefficient, and for each stream of a gas that is not there."""
-        skins = {c.gas for c in conductors if c.kind in ("convection", "effective")}
-        out = [
-            f"'{c.path}' carries heat to '{c.ends[1]}', where there is no gas: a stream stays in vacuum. Schedule its flow"
-            for c in conductors
-            if c.kind == "flow" and c.ends[1] in skins and self.empty(c.ends[1])
-        ]
+        """Return a sentence for each wind that does not reach a fixed coefficient."""
+        conductors, out = list(conductors), []  # type: list[FlatConductor], list[str]
         for gas in dict.fromkeys(c.gas for c in conductors):
             if self._environment(gas).windy:
                 fixed = [
@@ -187,6 +219,8 @@ class Media:
         if law.medium in ("solid", "radiation"):
             return (row(law.form, law.coefficients),)
         state = self._state(c.gas)
+        if law.medium == "left":
+            return self._left(c, law, state)
         if law.medium == "fin":
             return self._fin(c, law, state)
         if law.medium in ("rest", "correlation"):
@@ -202,7 +236,7 @@ class Media:
         if self.as_printed and state == "jumping":
             return (row(law.form, law.coefficients, f"gas {self._key(c.gas)}"),)
         if state == "vacuum":
-            return (row("radiation", self._kept(c, fields, emissivity)),)
+            return gone if c.sees else (row("radiation", self._kept(c, fields, emissivity)),)
         return self._changed(c, law, fields, emissivity, state)
 
     def _changed(
@@ -215,7 +249,7 @@ class Media:
                 f"the coefficient of '{c.path}' was found in air and does not hold in {own.gas}; give a correlation, or a gap.", c.where
             )
         radiation: tuple[ConductorRow, ...] = ()
-        kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not self.as_printed else ()
+        kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not (self.as_printed or c.sees) else ()
         if state == "jumping":
             key = self._key(c.gas)
             present = ConductorRow(c.path, law.form, c.ends, law.coefficients, c.curve, f"gas {key}")
@@ -225,6 +259,14 @@ class Media:
             share = 1.0 if at.key else 1.0 - at.natural
             radiation = (ConductorRow(c.path, "radiation", c.ends, (share * kept[0],), None, at.named("rest")),)
         return *thinned(c, law, fields["area"], at), *radiation
+
+    def _left(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
+        """Return the row of the radiation that an effective coefficient leaves to what its surface sees, for the gas that is gone."""
+        share, signal = {"air": (0.0, ""), "vacuum": (1.0, ""), "jumping": (1.0, f"no gas {self._key(c.gas)}")}.get(state, (0.0, "thin"))
+        if signal == "thin":
+            at = self._gas(c.gas, c.where)
+            share, signal = (1.0 if at.key else 1.0 - at.natural), at.named("rest")
+        return (ConductorRow(c.path, law.form, c.ends, ((0.0 if self.as_printed else share) * law.coefficients[0],), None, signal),)
 
     def _fin(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
         """Return the rows of a lead's conductance: that in air, and that without, each for its share of the gas."""

@@ -16,10 +16,13 @@ from thermid.model.curves import Curve
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.model import Model
 from thermid.model.stores import Store
+from thermid.model.surroundings import into_gas, radiates_into
 from thermid.model.takes import exposed_area
+from thermid.network.gas_checks import TRACE, refuse_unsaid, traced
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import Media
 from thermid.network.rows import ConductorRow, LoadRow
+from thermid.network.streams import Streams, check_masses
 
 __all__ = ["Network", "Numbers", "compile_network"]
 
@@ -63,6 +66,7 @@ class Network:
     boundaries : tuple of str   Nodes whose temperature is given: the model's needs, then prescribed nodes.
     media : Media               What each gas does at the scenario's pressure.
     stores : dict               Node -> how it stores heat, where that changes with temperature.
+    traced : frozenset          Conductors through gas that keep a trace of it, see `traced`.
     memo : Memo                 Rows at the model's own values, and what depends on which parameters.
     """
 
@@ -73,11 +77,17 @@ class Network:
     media: Media
     prescribed: tuple[str, ...] = ()
     stores: Mapping[str, Store] = field(default_factory=dict)
+    traced: frozenset[str] = frozenset()
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def find(self, name: str, where: str = "") -> str:
         """Return the canonical path of a node or boundary; aliases are accepted."""
         return self.flat.names.find(name, where)
+
+    @property
+    def streams(self) -> Streams:
+        """The streams of gas, at the model's own values."""
+        return self.memo.made("streams", lambda: Streams.of(self.flat, self.flat.parameters.evaluate({}), self.media))
 
     def numbers(self, overrides: Mapping[str, Number] | None = None) -> Numbers:
         """Return the rows at the model's own values, or with some replaced.
@@ -88,7 +98,8 @@ class Network:
 
         Raises
         ------
-        DeckError   When a capacitance or conductance is negative, or joints take more area than a surface has.
+        DeckError   When a capacitance or conductance is negative, joints take more area than a surface has, or streams do not close
+                    their masses.
         """
         given = dict(overrides or {})
         return self._numbers(self._evaluate(given, self._static()) if given else self._static())
@@ -107,6 +118,8 @@ class Network:
         """Return `kept` with what changed evaluated anew."""
         values = self.flat.parameters.evaluate(overrides, changed.paths, kept.get("values"))
         capacitances, conductors, loads = (dict(kept.get(k, {})) for k in ("capacitances", "conductors", "loads"))
+        if any(c.kind == "flow" for c in changed.conductors):
+            check_masses(self.flat, values)
         for node in changed.nodes:
             capacitances[node.path] = _capacitance(node, values)
         for c in changed.conductors:
@@ -144,6 +157,8 @@ class Network:
             raise DeckError(f"'{c.path}' would have a negative conductance; heat would flow uphill.", c.where)
         if c.factor != 1.0:
             laws = tuple(replace(law, coefficients=(c.factor * law.coefficients[0], *law.coefficients[1:])) for law in laws)
+        if c.path in self.streams:
+            return (self.streams.row(c, laws[0]),)
         try:
             laws = tuple(piece for law in laws for piece in law.pieces())
         except ThermidError as error:
@@ -156,7 +171,8 @@ class Network:
                     f"the emissivity of '{c.path}' is {value_of(given):.4g}; give 0 to 1.",
                     c.where,
                 )
-        return tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
+        rows = tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
+        return (*rows, ConductorRow(c.path, "linear", c.ends, (TRACE,))) if c.path in self.traced else rows
 
 
 def _capacitance(node: FlatNode, values: Mapping[str, Any]) -> Number | None:
@@ -246,12 +262,13 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     Parameters
     ----------
     model : Model               The tree.
-    media : Media               The state of each gas; one atmosphere everywhere by default.
+    media : Media               The state of each gas; where none is given one atmosphere, without asking what surfaces say of it.
     prescribed : iterable       Nodes that are driven by a given temperature instead of their own balance.
 
     Raises
     ------
-    ThermidError   With file and key path of the first thing that does not fit.
+    ThermidError   With file and key path of the first thing that does not fit: surfaces that radiate into a gas, or that say nothing of
+                   what is left to them in the gas of a run.
     """
     flat = flatten(model)
     if media is not None and media.irradiation:
@@ -265,8 +282,14 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     if not nodes:
         raise DeckError("there is no node left whose temperature is unknown.", model.title)
     stores = {n.path: n.store for n in flat.nodes if n.store is not None and n.path in nodes}
-    network = Network(model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven, stores)
-    network.numbers()
+    network = Network(
+        model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven, stores, traced(media or Media(), flat)
+    )
+    if media is not None:
+        refuse_unsaid(media, flat)
+    values = network.numbers().values
+    for gas, radiating in into_gas(flat, values).items():
+        raise DeckError(radiates_into(gas, radiating), next(n.where for n in flat.nodes if n.path == gas))
     return network
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +12,7 @@ from thermid.errors import ScenarioError
 from thermid.model.signal import Constant, Signal, Sine, Table
 from thermid.physics.constants import ATMOSPHERE
 
-__all__ = ["levels_of", "sampled", "shares", "stream", "vented"]
+__all__ = ["combined", "levels_of", "sampled", "shares", "stream", "vented"]
 
 Array = NDArray[np.float64]
 
@@ -41,16 +44,28 @@ LEVELS = 12
 
 def stream(wind: Signal, pressure: Signal) -> Table:
     """Return a wind in time, as fast as one at one atmosphere with its Reynolds number. [m/s]"""
-    times = [_instants(given) for given in (wind, pressure)]
-    if all(isinstance(given, Constant) or (isinstance(given, Table) and given.hold) for given in (wind, pressure)):
-        at = np.union1d(*times)
-        return Table(at, wind.at(at) * pressure.at(at) / ATMOSPHERE, hold=True)
-    knots = np.union1d(*times)
+    found = combined(lambda w, p: np.maximum(w * p / ATMOSPHERE, 0.0), wind, pressure)
+    return Table(np.zeros(1), np.array([found.value]), hold=True) if isinstance(found, Constant) else found
+
+
+def combined(law: Callable[..., Any], *given: Signal) -> Constant | Table:
+    """Return what follows from several signals, sampled so finely that it is nearly straight between samples; jumps stay jumps.
+
+    Parameters
+    ----------
+    law : callable      Values of the signals, each (times,) -> values (times,).
+    given : Signal      What it follows from.
+    """
+    if all(isinstance(each, Constant) for each in given):
+        return Constant(float(np.asarray(law(*(each.at(np.zeros(1)) for each in given))).ravel()[0]))
+    knots = np.unique(np.concatenate([_instants(each) for each in given]))
+    if all(isinstance(each, Constant) or (isinstance(each, Table) and each.hold) for each in given):
+        return Table(knots, np.asarray(law(*(each.at(knots) for each in given))), hold=True)
     parts = PARTS if knots.size < 2000 else 4
     at = np.unique(np.concatenate([np.linspace(a, b, parts + 1) for a, b in _pairs(knots)])) if knots.size > 1 else knots
-    jumps = np.concatenate([g.times[1:] for g in (wind, pressure) if isinstance(g, Table) and g.hold] or [np.zeros(0)])
+    jumps = np.concatenate([g.times[1:] for g in given if isinstance(g, Table) and g.hold] or [np.zeros(0)])
     at = np.union1d(at, jumps - 1e-6)  # a held value that jumps beside one that does not
-    return Table(at, np.maximum(wind.at(at) * pressure.at(at) / ATMOSPHERE, 0.0))
+    return Table(at, np.asarray(law(*(each.at(at) for each in given))))
 
 
 def levels_of(given: Table) -> Array:

@@ -59,8 +59,12 @@ class MolecularGas:
 
     def ratio(self, temperature: Number) -> Number:
         """Ratio of specific heats [-]."""
-        cp = _fitted(self.specific_heat, temperature)
+        cp = self.cp(temperature)
         return cp / (cp - self.constant)
+
+    def cp(self, temperature: Number) -> Number:
+        """Specific heat at constant pressure [J/(kg K)]."""
+        return _fitted(self.specific_heat, temperature)
 
     def k(self, temperature: Number) -> Number:
         """Conductivity [W/(m K)]."""

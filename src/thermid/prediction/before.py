@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from thermid.dual import value_of
 from thermid.errors import IdentificationError
-from thermid.identify.calibration import Calibration
-from thermid.identify.gather import prior_of
-from thermid.identify.unknowns import Unknown, parameter_unknown
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.gather import prior_of
+from thermid.fit.problem.unknowns import Unknown, parameter_unknown
 from thermid.knowledge.sources import Normal, Source
 from thermid.model.model import Model
 from thermid.network.network import compile_network

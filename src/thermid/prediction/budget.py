@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
-from thermid.identify.calibration import Calibration
-from thermid.identify.coefficients import Conditions
-from thermid.identify.discrepancy import misfit_kept
-from thermid.identify.spread import Spread
-from thermid.identify.values import FittedValues
+from thermid.fit.calibration import Calibration
+from thermid.fit.coefficients import Conditions
+from thermid.fit.discrepancy import misfit_kept
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
 from thermid.knowledge.standing import UNJUDGED, Standing
+from thermid.knowledge.values import FittedValues
 from thermid.model.model import Model
 from thermid.network.network import compile_network
 from thermid.prediction.known import Known, Rows, known_of, normal_sources, rows_of
 from thermid.prediction.omitted import left_out_of
+from thermid.prediction.spread import Spread
 from thermid.prediction.stated import check_moves, expanded
 from thermid.prediction.structural import (
     CONSTANT,

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from thermid.identify.residuals import Problem
-from thermid.identify.unknowns import Prior
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import Prior
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter
 from thermid.model.signal import Signal, Table

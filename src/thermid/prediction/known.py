@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
-from thermid.identify.calibration import Calibration
-from thermid.identify.discrepancy import KEY, Discrepancy, kept_in
-from thermid.identify.values import FittedValue, FittedValues, as_store
+from thermid.fit.calibration import Calibration
+from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.knowledge.graft import graft, structural_under
 from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
 from thermid.knowledge.standing import Standing, of_model, worst
 from thermid.knowledge.store import Store
+from thermid.knowledge.values import FittedValue, FittedValues, as_store
 from thermid.model.model import Model
 
 __all__ = ["Known", "Rows", "instruments_of", "known_of", "rows_of"]

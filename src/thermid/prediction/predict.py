@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
-from thermid.identify.calibration import Calibration
-from thermid.identify.coefficients import Conditions, constant_coefficients
-from thermid.identify.spread import Spread
+from thermid.fit.calibration import Calibration
+from thermid.fit.coefficients import Conditions, constant_coefficients
 from thermid.knowledge.sources import LeftOut
 from thermid.model.model import Model
 from thermid.prediction.budget import Budget, budget_of
@@ -21,6 +20,7 @@ from thermid.prediction.known import Known
 from thermid.prediction.omitted import assumed_left_out, in_order
 from thermid.prediction.prediction import Band, Prediction
 from thermid.prediction.setting import Linear, Setting
+from thermid.prediction.spread import Spread
 from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
@@ -139,7 +139,7 @@ def _members(setting: Setting, linear: Linear, sources: Array, straight: bool) -
     if straight:
         every = np.arange(sources.shape[1])
         return {n: (linear.run[n].kelvin[:, None] + c[:-1] @ sources, every) for n, c in linear.columns.items()}
-    found, _ = setting.temperatures(sources, list(linear.columns))
+    found = setting.temperatures(sources, list(linear.columns)).kelvin
     kept = {n: np.flatnonzero(~np.isnan(m).any(axis=0)) for n, m in found.items()}
     return {n: (m[:, kept[n]], kept[n]) for n, m in found.items() if kept[n].size}
 
@@ -186,7 +186,8 @@ def missed(setting: Setting, linear: Linear) -> Missed:
     shape = budget.drawn(budget.numbers(0, 0, SHAPE))
     half = budget.numbers(1, 0, PROBES // 2)
     probe = budget.drawn(np.hstack([half, 1.0 - half]))
-    actual, many = setting.temperatures(probe, list(size))
+    drawn = setting.temperatures(probe, list(size))
+    actual, many = drawn.kelvin, drawn.runs
     if many is not None and many.failed:
         return Missed("some members did not reach the end", True)
     worst = Missed()

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.identify.coefficients import (
+from thermid.fit.coefficients import (
     Conditions,
     Pattern,
     conditions_of,
@@ -27,12 +27,13 @@ from thermid.identify.coefficients import (
 from thermid.prediction.budget import Budget, Target, combined
 from thermid.simulation.engine import Engine, Options
 from thermid.simulation.ensemble import Ensemble
+from thermid.simulation.extremes import MemberTurnings
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
 from thermid.simulation.wiring import Wiring
 
-__all__ = ["Linear", "Setting"]
+__all__ = ["Drawn", "Linear", "Setting"]
 
 Array = NDArray[np.float64]
 
@@ -51,6 +52,22 @@ class Linear:
     run: Solution
     settled: Mapping[str, float]
     columns: Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Temperatures of members.
+
+    Parameters
+    ----------
+    kelvin : dict           Node -> temperatures (times, members). [K]
+    turnings : dict         Node -> turning points between samples; a node is missing where members were not followed.
+    runs : Ensemble         Behind them; None where nothing but a constant differs.
+    """
+
+    kelvin: Mapping[str, Array]
+    turnings: Mapping[str, MemberTurnings]
+    runs: Ensemble | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,18 +171,29 @@ class Setting:
         acting = {t.name for t, names in self.carriers.items() if t.form == "mode" and names}
         return out | own | {s.name: row for s, row in zip(self.budget.sources, sources, strict=True) if s.name in acting}
 
-    def temperatures(self, sources: Array, nodes: Sequence[str], threads: int = 1) -> tuple[dict[str, Array], Ensemble | None]:
-        """Return node -> temperatures (times, members) [K] at values (sources, members) of the sources, and the runs behind them."""
+    def temperatures(self, sources: Array, nodes: Sequence[str], threads: int = 1) -> Drawn:
+        """Return the temperatures of nodes at values (sources, members) of the sources, and the runs behind them."""
         values, members = self.values(sources), sources.shape[1]
         many: Ensemble | None = None
+        found: dict[str, Array] = {}
+        turnings: dict[str, MemberTurnings] = {}
         if values:
             many = self.ready.ensemble(values, nodes=list(nodes), threads=threads)
             lost = len(many.failed) == members
-            found = {n: np.full((self.ready.times.size, members), np.nan) if lost else many.temperatures(n) for n in nodes}
+            for n in nodes:
+                found[n] = np.full((self.ready.times.size, members), np.nan) if lost else many.temperatures(n)
+                own = None if lost else many.turnings(n)
+                if own is not None:
+                    turnings[n] = own
         else:
             run = self.ready.run()
-            found = {n: np.repeat(run[n].kelvin[:, None], members, axis=1) for n in nodes}
-        return {n: traces + combined(self._after(n)[None, :], sources) for n, traces in found.items()}, many
+            for n in nodes:
+                trace = run[n]
+                found[n] = np.repeat(trace.kelvin[:, None], members, axis=1)
+                if trace.turnings is not None:
+                    turnings[n] = MemberTurnings.alike(trace.turnings, np.zeros(members))
+        after = {n: combined(self._after(n)[None, :], sources) for n in nodes}
+        return Drawn({n: traces + after[n] for n, traces in found.items()}, {n: t.shifted(after[n][0]) for n, t in turnings.items()}, many)
 
 
 def _patterns(budget: Budget, ready: Simulator) -> tuple[tuple[Pattern, ...], dict[str, Conditions]]:

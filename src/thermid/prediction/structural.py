@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import value_of
-from thermid.identify.discrepancy import ALIKE, Discrepancy
-from thermid.identify.joint_gas import MOST, losing_gas
-from thermid.identify.split import split_needed, split_values
-from thermid.identify.values import FittedValues
+from thermid.fit.discrepancy import ALIKE, Discrepancy
+from thermid.fit.joint_gas import MOST, losing_gas
 from thermid.knowledge.sources import Law, Normal, Source, Uniform
+from thermid.knowledge.values import FittedValues
 from thermid.model.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.prediction.known import Known, Rows, normal_sources
+from thermid.prediction.split import split_needed, split_values
 from thermid.simulation.scenario import Scenario
 
 __all__ = ["CONSTANT", "GAS_IN_JOINTS", "MISFIT", "SPLIT", "Mode", "law_of_mode", "misfit_of", "modes_of", "open_contacts", "split_rows"]

@@ -8,6 +8,7 @@ from dataclasses import replace
 from thermid.errors import ScenarioError, nearest
 from thermid.model.model import Model
 from thermid.model.signal import Constant
+from thermid.network.network import compile_network
 from thermid.qualify.legs import Bench, Conditions, memory_of
 from thermid.qualify.profiles import ThermalProfile
 from thermid.simulation.engine import Options
@@ -26,7 +27,7 @@ def bench_of(
     options: Options,
 ) -> tuple[Bench, Conditions]:
     """Return the model in its chamber, and the conditions at the start."""
-    network = network_for(model, replace(base, environment={}))
+    network = compile_network(model, prescribed=tuple(base.prescribed))  # the steps say in which gas it runs
     asked = (chamber,) if isinstance(chamber, str) else tuple(chamber)
     if not asked and len(network.boundaries) != 1:
         raise ScenarioError(f"say which boundaries are the chamber: chamber = ... out of {', '.join(network.boundaries)}.", profile.title)

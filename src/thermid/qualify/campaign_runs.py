@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -21,11 +21,13 @@ from thermid.model.model import Model
 from thermid.prediction.budget import Budget
 from thermid.prediction.setting import Setting
 from thermid.simulation.engine import Options
+from thermid.simulation.extremes import MemberTurnings
 from thermid.simulation.scenario import Scenario
 
 __all__ = ["Chunk", "Job", "MissingPackageError", "Store", "digest", "run_members_of", "work"]
 
 Array = NDArray[np.float64]
+PARTS = ("members", "times", "kelvin")
 PATIENCE = "20s"
 """How long a cluster may take to answer."""
 
@@ -88,15 +90,23 @@ class Chunk:
     ----------
     first : int                             Index of the first.
     temperatures : array (members, nodes, times)    NaN where a member failed. [K]
+    turnings : dict                         Node -> turning points between the times, members counted from `first`; a node is missing where
+                                            they were not followed.
     failed : dict                           Member -> why it did not reach the end.
     version, simd : str                     Of thermid where it was run; the instruction set.
     """
 
     first: int
     temperatures: Array
+    turnings: Mapping[str, MemberTurnings]
     failed: Mapping[int, str]
     version: str
     simd: str
+
+    def highest(self, nodes: Sequence[str], node: str) -> Array:
+        """Return the highest temperature (members,) of one of the nodes, between samples too where it was followed. [K]"""
+        own = self.turnings.get(node) or MemberTurnings.joined([])
+        return own.furthest(self.temperatures[:, nodes.index(node)], 1.0)
 
 
 def digest(thing: Any) -> str:
@@ -120,27 +130,33 @@ def work(job: Job, first: int, members: int, threads: int = 1) -> Chunk:
     """Return the runs of a chunk of members."""
     from importlib.metadata import version
 
-    temperatures, failed, simd = run_members_of(job, job.budget.numbers(job.seed, first, members), threads)
-    return Chunk(first, temperatures, {first + m: why for m, why in failed.items()}, version("thermid"), simd)
+    found = run_members_of(job, job.budget.numbers(job.seed, first, members), threads)
+    return replace(found, first=first, failed={first + m: why for m, why in found.failed.items()}, version=version("thermid"))
 
 
-def run_members_of(job: Job, numbers: Array, threads: int = 1) -> tuple[Array, dict[int, str], str]:
-    """Return temperatures (members, nodes, times) [K] at numbers (sources, members), members that failed, and the instruction set."""
+def run_members_of(job: Job, numbers: Array, threads: int = 1) -> Chunk:
+    """Return the runs of members at numbers (sources, members), counted from zero."""
     sources = job.budget.drawn(numbers)
     chosen = sources[job.variant].astype(np.int64) if job.variant is not None else np.zeros(numbers.shape[1], dtype=np.int64)
     out = np.full((numbers.shape[1], len(job.nodes), job.times.size), np.nan)
     failed: dict[int, str] = {}
+    turnings: dict[str, list[MemberTurnings]] = {n: [] for n in job.nodes}
     simd = ""
     for v in np.unique(chosen).tolist():
         members = np.flatnonzero(chosen == v)
         setting = Setting.of(job.budget, scenario=job.scenarios[v], times=job.times, options=job.options)
-        found, together = setting.temperatures(sources[:, members], job.nodes, threads)
-        if together is not None:
-            failed |= {int(members[m]): why for m, why in together.failed.items()}
-            simd = str(together.statistics["simd"])
+        drawn = setting.temperatures(sources[:, members], job.nodes, threads)
+        if drawn.runs is not None:
+            failed |= {int(members[m]): why for m, why in drawn.runs.failed.items()}
+            simd = str(drawn.runs.statistics["simd"])
         for k, node in enumerate(job.nodes):
-            out[members, k] = found[node].T
-    return out, failed, simd
+            out[members, k] = drawn.kelvin[node].T
+            if node in drawn.turnings:
+                own = drawn.turnings[node]
+                turnings[node].append(replace(own, members=members[own.members]))
+    variants = len(np.unique(chosen))
+    followed = {n: MemberTurnings.joined([(0, p) for p in parts]).sorted() for n, parts in turnings.items() if len(parts) == variants}
+    return Chunk(0, out, followed, failed, "", simd)
 
 
 @dataclass(frozen=True)
@@ -171,7 +187,9 @@ class Store:
         try:
             with self._path(first, members).open("rb") as file, np.load(file) as data:
                 why = dict(zip(data["failed"].tolist(), data["why"].tolist(), strict=True))
-                return Chunk(first, data["temperatures"], why, str(data["version"]), str(data["simd"]))
+                names = [n for n in data["followed"].tolist() if n]
+                points = {n: MemberTurnings(*(data[f"turnings{k}_{part}"] for part in PARTS)) for k, n in enumerate(names)}
+                return Chunk(first, data["temperatures"], points, why, str(data["version"]), str(data["simd"]))
         except (OSError, ValueError, KeyError, EOFError, BadZipFile):
             return None
 
@@ -181,7 +199,9 @@ class Store:
         failed, why = np.array(list(chunk.failed), dtype=int), np.array(list(chunk.failed.values()), dtype=str)
         version, simd = np.array(chunk.version), np.array(chunk.simd)
         with replacing(path, OWN) as half:
-            np.savez(half, temperatures=chunk.temperatures, failed=failed, why=why, version=version, simd=simd)
+            points = {f"turnings{k}_{part}": getattr(t, part) for k, t in enumerate(chunk.turnings.values()) for part in PARTS}
+            own = {"temperatures": chunk.temperatures, "followed": np.array(list(chunk.turnings), dtype=str), **points}
+            np.savez(half, **own, failed=failed, why=why, version=version, simd=simd)
 
 
 def chunks(job: Job, wanted: Sequence[tuple[int, int]], workers: int, cluster: str, threads: int) -> Iterator[Chunk]:

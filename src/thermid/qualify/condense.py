@@ -7,7 +7,7 @@ AIAA Journal 3, 1965, 380); capacitances are gathered row by row, so that what i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ class Part:
     fixed : frozenset               Nodes that one-way flow enters or leaves, which keep their mass.
     shown : frozenset               Nodes that stay as nodes: offered, heated, reference points, and what is asked for.
     points : tuple of int           Positions of the nodes by which reductions are judged.
+    shares : dict                   Node with a table of specific heat -> mean, lowest and highest of it in the run, over its reference. [-]
     """
 
     nodes: tuple[str, ...]
@@ -52,6 +53,7 @@ class Part:
     fixed: frozenset[str]
     shown: frozenset[str]
     points: tuple[int, ...]
+    shares: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
 
     def laplacian(self, rows: Sequence[int]) -> Array:
         """Return the conductances (nodes and outside, the same) of some rows, both ways alike. [W/K]"""
@@ -93,7 +95,7 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
 
     Raises
     ------
-    DeckError   When a conductor of the part changes with its gas in the run.
+    DeckError   When a conductor of the part changes with its gas in the run, or a node of it stores latent heat.
     """
     numbers = network.numbers()
     nodes = tuple(n for n in network.nodes if n.startswith(inside))
@@ -105,11 +107,35 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
         )
     outside = tuple(dict.fromkeys(e for r in rows for e in r.ends if e not in nodes))
     means = {n: float(np.trapezoid(run[n].kelvin, run.times) / (run.times[-1] - run.times[0])) for n in (*nodes, *outside)}
-    capacitances = np.array([value_of(numbers.capacitances[n] or 0.0) for n in nodes])
+    shares = {n: _share(network, run, n) for n in nodes if n in network.stores}
+    capacitances = np.array([value_of(numbers.capacitances[n] or 0.0) * shares.get(n, (1.0,))[0] for n in nodes])
     fixed = frozenset(e for r in rows if r.form == "flow" for e in r.ends if e in nodes)
     secants = np.array([_secant(r, means, run) for r in rows])
     judged = tuple(nodes.index(p) for p in points)
-    return Part(nodes, outside, capacitances, rows, secants, fixed, shown | fixed, judged)
+    return Part(nodes, outside, capacitances, rows, secants, fixed, shown | fixed, judged, shares)
+
+
+def _share(network: Network, run: Solution, node: str) -> tuple[float, float, float]:
+    """Return mean, lowest and highest specific heat of a node with a table in a run, over that of its capacitance. [-]
+
+    Raises
+    ------
+    DeckError   When the table is one of enthalpy: a mass of constant specific heat melts nothing.
+    """
+    owner, name = network.flat.names.nodes[node]
+    table, given = owner.nodes[name].table, network.stores[node]
+    if table is not None and table[0] == "enthalpy":
+        raise DeckError(
+            f"'{node}' stores heat by a table of enthalpy, latent heat with it, which a reduced deck cannot hold. "
+            "Reduce a part without it: at = ...",
+            owner.where(f"nodes.{name}"),
+        )
+    seen = run[node].kelvin
+    low, high = float(seen.min()), float(seen.max())
+    share = given.share(np.linspace(low, high, SAMPLES))
+    level = given.level(np.array([low, high]))
+    mean = float((level[1] - level[0]) / (high - low)) if high - low > 1e-6 else float(share[0])
+    return mean, float(share.min()), float(share.max())
 
 
 def _secant(row: ConductorRow, means: Mapping[str, float], run: Solution) -> float:

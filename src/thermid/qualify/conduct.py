@@ -259,5 +259,5 @@ def _finished(course: _Course, every: str | float, told: Callable[[int, int, flo
         still = None if told is None else lambda count, moved: told(steps, steps, scenario.seconds)
         wet, remark = humid(bench.model, scenario, damp, bench.chamber, solution, interval, still)
         solution = wet.solution
-        course.remarks |= {remark: None} if remark else {}
+        course.remarks |= dict.fromkeys((remark, *wet.warnings) if remark else wet.warnings)
     return ProfileRun(profile, tuple(course.phases), scenario, solution, wet, tuple(course.remarks), course.base, bench.chamber)

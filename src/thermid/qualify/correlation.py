@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
-from thermid.identify.calibration import Calibration
-from thermid.identify.grouping import listed
+from thermid.fit.calibration import Calibration
+from thermid.fit.uncertainty.grouping import listed
 from thermid.knowledge.standing import UNJUDGED, Standing, of_model
 from thermid.measure import Record
 from thermid.measure.windows import usual_step

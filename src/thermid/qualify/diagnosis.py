@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibration import Calibration
 from thermid.qualify.fault_bench import FaultBench, cases_of
 from thermid.qualify.suspects import GROUPS, Candidate, suspects
 

@@ -146,11 +146,13 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512)
     }
     numbers = np.asarray(design.sample(problem, base, calc_second_order=False, seed=job.seed)).T
     parts = [run_members_of(job, numbers[:, k : k + job.chunk]) for k in range(0, numbers.shape[1], job.chunk)]
-    failed = next((why for _, found, _ in parts for why in found.values()), "")
+    failed = next((why for p in parts for why in p.failed.values()), "")
     if failed:
         raise ScenarioError(f"a member of the design did not reach the end: {failed}", job.model.title)
-    traces = np.concatenate([t[:, job.nodes.index(path)] for t, _, _ in parts])
-    result = traces.max(axis=1) if time is None else np.array([np.interp(time, job.times, row) for row in traces])
+    if time is None:
+        result = np.concatenate([p.highest(job.nodes, path) for p in parts])
+    else:
+        result = np.array([np.interp(time, job.times, row) for p in parts for row in p.temperatures[:, job.nodes.index(path)]])
     found = analysis.analyze(problem, result, calc_second_order=False, seed=job.seed)
     first, total, errors = ({n: float(x) for n, x in zip(names, found[k], strict=True)} for k in ("S1", "ST", "ST_conf"))
     return Sobol(path, float("nan") if time is None else time, first, total, errors, numbers.shape[1])

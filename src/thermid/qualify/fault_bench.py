@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibration import Calibration
 from thermid.qualify.suspects import Candidate
 from thermid.simulation.simulator import Simulator, prepare
 

@@ -27,6 +27,8 @@ __all__ = ["IN_TESTS", "Foresight", "foresee", "widened"]
 
 Array = NDArray[np.float64]
 Given = Mapping[str, Any]
+FURTHEST = 3
+"""How many of the highest and of the lowest turning points of every node are stored beside the times that are asked for."""
 IN_TESTS = "misfit in tests"
 """Cause: what the model could not follow in the logs of a plan."""
 
@@ -73,13 +75,14 @@ def foresee(
     scenario : Scenario     The test.
     nodes : sequence        Nodes to predict; all by default.
     spread : dict           What else is not known exactly, as in `predict`.
-    times : array           Times to store; 301 by default. [s]
+    times : array           Times to store; 301 by default. Those of the furthest turning points between them are added. [s]
     without : sequence      Sources that are not counted, as in `predict`.
     options : Options       The integrator's.
     """
     budget = budget_of(known, scenario, spread, without=without)
     solution = simulate(budget.model, scenario, times=times, options=options)
     wanted = list(nodes) or list(solution.nodes)
+    solution = solution.refined(wanted, FURTHEST)
     told = predicted(budget, wanted, times=solution.times, options=options)
     return Foresight(scenario, solution, told, _before(budget, known, wanted, solution.times, options))
 

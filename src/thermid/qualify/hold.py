@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -256,11 +256,12 @@ def _sides(name: str, given: Any) -> list[tuple[str, float]]:
 
 
 def _point(runs: UncertainRuns, draws: Mapping[str, Array], name: str, side: str, kelvin: float, confidence: float) -> HoldPoint:
-    traces = SIDES[side] * (runs.of(name) - kelvin)
-    crossings = first_crossings(runs.times, traces)
+    traces, turnings = SIDES[side] * (runs.of(name) - kelvin), runs.turnings_of(name)
+    above = replace(turnings, kelvin=SIDES[side] * (turnings.kelvin - kelvin)) if turnings is not None else None
+    crossings = first_crossings(runs.times, traces, above)
     until, between = hold_time(crossings, confidence)
     # how far above: at the hold time, or the farthest of the run where that lies beyond it
-    measure = traces.max(axis=1) if math.isinf(until) else traces[:, int(np.searchsorted(runs.times, until))]
+    measure = SIDES[side] * runs.furthest(name, SIDES[side]) if math.isinf(until) else traces[:, int(np.searchsorted(runs.times, until))]
     found = drivers_of(draws, measure)
     path = runs.job.model.canonical(name)
     return _filled(path, name, kelvin - ICE_POINT, side, crossings, runs.times, until, between, found)

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.simulation.extremes import MemberTurnings
+
 __all__ = ["clock", "first_crossings", "hold_time", "proportion"]
 
 Array = NDArray[np.float64]
@@ -14,14 +16,36 @@ MONTE_CARLO = 0.95
 """Two-sided probability of the intervals that say what the number of members leaves open. [-]"""
 
 
-def first_crossings(times: Array, above: Array) -> Array:
-    """Return when each row (members, times) is above zero first, on straight lines between samples; infinite where never. [s]"""
+def first_crossings(times: Array, above: Array, turnings: MemberTurnings | None = None) -> Array:
+    """Return when each member is above zero first, on straight lines between what is known; infinite where never. [s]
+
+    Parameters
+    ----------
+    times : array (times,)              [s]
+    above : array (members, times)      Samples.
+    turnings : MemberTurnings           Turning points between them, in the same measure; a peak between two samples counts.
+    """
     over = above > 0.0
     k = over.argmax(axis=1)
     out = np.where(over.any(axis=1), times[k], np.inf)
     rows = np.flatnonzero(np.isfinite(out) & (k > 0))
     before, after = above[rows, k[rows] - 1], above[rows, k[rows]]
     out[rows] = times[k[rows] - 1] + (times[k[rows]] - times[k[rows] - 1]) * (-before) / (after - before)
+    if turnings is None:
+        return np.asarray(out)
+    peaks = np.flatnonzero(turnings.kelvin > 0.0)
+    members, first = np.unique(turnings.members[peaks], return_index=True)
+    first = peaks[first]  # the first turning point above zero of each member that has one
+    last = np.where(over[members].any(axis=1), times[k[members]], np.inf)
+    early = turnings.times[first] < last
+    for member, point in zip(members[early].tolist(), first[early].tolist(), strict=True):
+        time, high = float(turnings.times[point]), float(turnings.kelvin[point])
+        sample = int(np.searchsorted(times, time)) - 1  # all samples before are below
+        known = [(float(times[sample]), float(above[member, sample]))] if sample >= 0 else []
+        if point and turnings.members[point - 1] == member:
+            known.append((float(turnings.times[point - 1]), float(turnings.kelvin[point - 1])))
+        start, low = max(known, default=(time, high))
+        out[member] = time if low >= high else start + (time - start) * (-low) / (high - low)
     return np.asarray(out)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.identify.filed import filed
-from thermid.identify.values import FittedValues
+from thermid.knowledge.values import FittedValues
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
 from thermid.qualify.hold import Hold, check_members, hold, limits_of

@@ -8,7 +8,7 @@ from thermid.errors import ScenarioError, SolverError
 from thermid.model.model import Model
 from thermid.model.signal import Signal
 from thermid.network.network import compile_network
-from thermid.simulation.moisture import Moisture, SurfaceMoisture, moisture
+from thermid.simulation.moisture import Moisture, moisture
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.vapour import follow
@@ -57,7 +57,4 @@ def humid(
     try:
         return moisture(model, scenario, air, every=every, told=told), ""
     except (ScenarioError, SolverError):
-        found = follow(solution, parts, air, {})
-    each = zip(parts, found.margin, found.film, found.latent, strict=True)
-    surfaces = {c.path: SurfaceMoisture(c.path, c.gas, solution.times, *traces) for c, *traces in each}
-    return Moisture(solution, found.dew_points, surfaces), LEFT_OUT
+        return Moisture.of(solution, parts, follow(solution, parts, air, {})), LEFT_OUT

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.qualify.limits import STATES, Ends, Limits, text_of
-from thermid.simulation.solution import Solution
+from thermid.simulation.extremes import Dense, resolved
+from thermid.simulation.solution import Solution, Trace
 
 __all__ = ["Crossing", "LimitCheck", "Span", "check_limits", "check_readings", "spans", "times_in_state"]
 
@@ -27,7 +28,7 @@ class Crossing:
     ----------
     side : str          'low' or 'high'.
     limit : float       [K]
-    time : float        When it was first passed, by straight lines between stored times. [s]
+    time : float        When it was first passed; of readings, by straight lines between them. [s]
     worst : float       The temperature that lies furthest beyond. [K]
     worst_time : float  [s]
     outside : float     How long the point was beyond it. [s]
@@ -49,12 +50,13 @@ class LimitCheck:
     ----------
     point, node, state : str
     limits : (low, high)        [K]
-    lowest, highest : float     Of the stored times in that state. [K]
+    lowest, highest : float     In that state, between samples too unless `sampled`. [K]
     lowest_time, highest_time : float   [s]
     crossings : tuple of Crossing
     mark : str                  Of the limits.
     by : str                    'predicted' or 'measured'.
     stand_in : bool             Whether operating limits stand for those of a unit switched off, which nobody gave: it bears at least these.
+    sampled : bool              Whether only samples are known, as of readings: what lies between them is unknown.
     """
 
     point: str
@@ -69,6 +71,7 @@ class LimitCheck:
     mark: str
     by: str = "predicted"
     stand_in: bool = False
+    sampled: bool = False
 
     @property
     def room(self) -> float:
@@ -94,7 +97,7 @@ class LimitCheck:
     def __str__(self) -> str:
         """Return the check as a line."""
         ends = " .. ".join(map(text_of, self.limits))
-        how = "" if self.by == "predicted" else f", {self.by}"
+        how = ("" if self.by == "predicted" else f", {self.by}") + (", between samples unknown" if self.sampled else "")
         head = f"{self.point} {self.state}{how}: {text_of(self.lowest)} .. {text_of(self.highest)} within {ends}"
         if not self.crossings:
             return f"{head}, {self.room:.1f} K left"
@@ -125,13 +128,14 @@ class Span:
 
 
 def spans(run: Solution, limits: Limits, default: str = "operating") -> tuple[Span, ...]:
-    """Return where the limits of a reference point hold; of a state without limits of its own nothing is returned.
+    """Return where the limits of a reference point hold, to the instant of switching; of a state without limits nothing is returned.
 
     Parameters
     ----------
     run, limits, default    As in `times_in_state`.
     """
     out = []
+    run = run.refined([limits.node]) if limits.loads else run
     for state in STATES:
         ends = limits.ends(state)
         if ends is None:
@@ -171,13 +175,13 @@ def times_in_state(run: Solution, limits: Limits, state: str, default: str = "op
 
 @takes_objects
 def check_limits(run: Solution, limits: Sequence[Limits], *, state: str = "operating") -> tuple[LimitCheck, ...]:
-    """Return every reference point of a run in every state that it was in, held against its limits.
+    """Return every reference point of a run in every state that it was in, held against its limits, at all times between samples too.
 
     Where no limits are given for a unit that is switched off, the operating ones stand for them; what lies beyond those is not decided.
 
     Parameters
     ----------
-    run : Solution              The run; store it closely enough for its fastest part.
+    run : Solution              The run. Between its samples counts what the integrator saw; where it was not tracked, a check says so.
     limits : sequence of Limits
     state : str                 operating or non-operating: of points whose limits name no loads.
 
@@ -188,10 +192,17 @@ def check_limits(run: Solution, limits: Sequence[Limits], *, state: str = "opera
     """
     if state not in ("operating", "non-operating"):
         raise ScenarioError(f"a run is operating or non-operating, not '{state}'.", run.scenario)
+    fine = run.refined([one.node for one in limits])
     out = []
     for one in limits:
-        inside = {name: times_in_state(run, one, name, state) for name in STATES}
-        out += _checks(one, run.times, run[one.node].kelvin, inside, "predicted")
+        trace = fine[one.node]
+        if one.loads:
+            times, kelvin = fine.times, trace.kelvin
+            inside = {name: times_in_state(fine, one, name, state) for name in STATES}
+        else:
+            times, kelvin = trace.course
+            inside = {name: np.full(times.size, name == state) for name in STATES}
+        out += _checks(one, times, kelvin, inside, "predicted", trace)
     return tuple(out)
 
 
@@ -217,31 +228,48 @@ def check_readings(
     return tuple(out)
 
 
-def _checks(one: Limits, times: Array, kelvin: Array, states: Mapping[str, Bools], by: str) -> list[LimitCheck]:
-    """Return one point in every state that it was in."""
+def _checks(one: Limits, times: Array, kelvin: Array, states: Mapping[str, Bools], by: str, trace: Trace | None = None) -> list[LimitCheck]:
+    """Return one point in every state that it was in; `trace` is the course behind the samples, where there is one."""
     out = []
     for name, inside in states.items():
         ends, stand_in = one.ends(name), False
         if ends is None and name == "non-operating":
             ends, stand_in = one.operating, True
         if ends is not None and inside.any():
-            out.append(_check(one, name, ends, times, kelvin, inside, by, stand_in))
+            out.append(_check(one, name, ends, times, kelvin, inside, by, stand_in, trace))
     return out
 
 
-def _check(one: Limits, state: str, ends: Ends, times: Array, kelvin: Array, inside: Bools, by: str, stand_in: bool) -> LimitCheck:
+def _check(
+    one: Limits,
+    state: str,
+    ends: Ends,
+    times: Array,
+    kelvin: Array,
+    inside: Bools,
+    by: str,
+    stand_in: bool,
+    trace: Trace | None,
+) -> LimitCheck:
     at = np.flatnonzero(inside)
     low, high = int(at[kelvin[at].argmin()]), int(at[kelvin[at].argmax()])
-    found = [_crossing(side, limit, times, kelvin, inside) for side, limit in zip(("low", "high"), ends, strict=True)]
+    dense = trace.dense if trace is not None else None
+    found = [_crossing(side, limit, times, kelvin, inside, dense) for side, limit in zip(("low", "high"), ends, strict=True)]
+    sampled, crossings = trace is None or trace.turnings is None, tuple(c for c in found if c is not None)
     extremes = (float(kelvin[low]), float(times[low]), float(kelvin[high]), float(times[high]))
-    return LimitCheck(one.point, one.node, state, ends, *extremes, tuple(c for c in found if c is not None), one.mark, by, stand_in)
+    return LimitCheck(one.point, one.node, state, ends, *extremes, crossings, one.mark, by, stand_in, sampled)
 
 
-def _crossing(side: str, limit: float, times: Array, kelvin: Array, inside: Bools) -> Crossing | None:
+def _crossing(side: str, limit: float, times: Array, kelvin: Array, inside: Bools, dense: Dense | None) -> Crossing | None:
     """Return when a limit is first passed, and how far and how long; None where it is not."""
     if not np.isfinite(limit):
         return None
-    beyond = (kelvin - limit) * (1.0 if side == "high" else -1.0)
+    sign = 1.0 if side == "high" else -1.0
+    beyond = (kelvin - limit) * sign
+    if dense is not None:
+        known, states = times, inside
+        times, beyond = resolved(times, beyond, lambda t: sign * (dense.kelvin(t) - limit))
+        inside = states[np.searchsorted(known, times, side="right") - 1]  # it changes at known times only
     past = inside & (beyond > 0)
     if not past.any():
         return None
@@ -256,4 +284,4 @@ def _crossing(side: str, limit: float, times: Array, kelvin: Array, inside: Bool
         a, b = beyond[k], beyond[k + 1]
         share = 1.0 if min(a, b) >= 0 else 0.0 if max(a, b) <= 0 else max(a, b) / abs(a - b)
         outside += share * float(times[k + 1] - times[k])
-    return Crossing(side, limit, begin, float(kelvin[worst]), float(times[worst]), outside)
+    return Crossing(side, limit, begin, limit + sign * float(beyond[worst]), float(times[worst]), outside)

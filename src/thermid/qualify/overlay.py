@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import RecordError
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibration import Calibration
 from thermid.measure import Record
 from thermid.measure.windows import gap_from
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.identify.grouping import listed
+from thermid.fit.uncertainty.grouping import listed
 from thermid.measure.stability import rule_of
 from thermid.model.signal import literal
 from thermid.qualify.criteria import CriteriaSet

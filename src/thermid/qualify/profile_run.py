@@ -145,7 +145,7 @@ class ProfileRun:
             }
             for p in self.phases
         ]
-        nodes = {n: {"lowest_C": float(self[n].celsius.min()), "highest_C": self[n].highest} for n in self.solution.nodes}
+        nodes = {n: {"lowest_C": self[n].lowest, "highest_C": self[n].highest} for n in self.solution.nodes}
         balance = self.solution.heat_balance()
         return {
             "profile": self.profile.title,
@@ -176,7 +176,7 @@ class ProfileRun:
         width = max(len(n) for n in self.solution.nodes)
         for n in self.solution.nodes:
             if n not in self.chamber:
-                lines.append(f"  {n:<{width}}  {self[n].celsius.min():8.2f} to {self[n].highest:8.2f} degC")
+                lines.append(f"  {n:<{width}}  {self[n].lowest:8.2f} to {self[n].highest:8.2f} degC")
         lines += [f"  remark: {r}" for r in self.remarks]
         return "\n".join([*lines, f"  trust: {self.trust}"])
 

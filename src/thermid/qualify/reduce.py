@@ -12,10 +12,11 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
 from thermid.model.elements import LOAD_SLOTS
-from thermid.model.flat import FlatLoad
+from thermid.model.flat import FlatConductor, FlatLoad
 from thermid.model.model import Model
 from thermid.model.modelfile import model_from_dict
 from thermid.model.signal import literal
+from thermid.model.written import made_to
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import STEFAN_BOLTZMANN
@@ -104,7 +105,8 @@ def reduce(
 
     Masses that do alike become one, quick ones follow the others; which, is chosen step by step so that reference points move least.
     Reference points, heated and offered nodes stay readable under their paths. Radiation and natural convection between nodes that stay
-    keep their laws, other laws become constant at the mean temperatures of the first scenario.
+    keep their laws, other laws become constant at the mean temperatures of the first scenario, in its gas: the reduced deck says in which
+    state it was made (`made_in`), and runs in no other.
 
     Parameters
     ----------
@@ -117,7 +119,8 @@ def reduce(
 
     Raises
     ------
-    DeckError       When a load of the part is no plain power, or a conductor of it changes with time.
+    DeckError       When a load of the part is no plain power, a conductor of it changes with time, or a node of it stores latent heat.
+    ScenarioError   When a scenario has another gas than the first.
     ScenarioError   When neither or both of `nodes` and `within` are given, or nothing is within.
     """
     given = [scenarios] if isinstance(scenarios, Scenario) else list(scenarios)
@@ -169,10 +172,17 @@ def _tried(
     others = [simulate(inside, s, times=r.times) for s, r in zip(scenarios, runs, strict=True)]
     deviations = tuple(_deviation(s, r, o, p) for s, r, o in zip(scenarios, runs, others, strict=True) for p in points)
     masses = (int((part.capacitances > 0).sum()), len(small.masses))
-    remarks: tuple[str, ...] = ()
+    held = reduced.made_in.items()
+    remarks = [f"made with '{gas}' in one state, {state}, which its conductances hold; refused in any other" for gas, state in held]
     if small.linearised:
-        remarks = (f"constant in place of their laws: {', '.join(n.removeprefix(ahead) for n in small.linearised)}",)
-    return Reduction(reduced, inside, masses, (len(part.nodes), len(small.masses) + len(small.massless)), deviations, remarks)
+        remarks.append(f"constant in place of their laws: {', '.join(n.removeprefix(ahead) for n in small.linearised)}")
+    for n, (mean, low, high) in part.shares.items():
+        c = network.stores[n].reference
+        remarks.append(
+            f"'{n.removeprefix(ahead)}' has a constant {mean * c:.4g} J/(kg K) in place of its table, which goes from {low * c:.4g} to "
+            f"{high * c:.4g} in '{scenarios[0].title}'"
+        )
+    return Reduction(reduced, inside, masses, (len(part.nodes), len(small.masses) + len(small.massless)), deviations, tuple(remarks))
 
 
 def _deviation(scenario: Scenario, full: Solution, small: Solution, node: str) -> Deviation:
@@ -209,6 +219,8 @@ def _deck(own: Model, ahead: str, network: Network, small: Condensed) -> Model:
     aliases = {load.path.removeprefix(ahead): load.path.removeprefix(ahead).replace(".", "_") for load in given}
     aliases |= {n.removeprefix(ahead): name[n] for n in small.inside if n in name}
     aliases |= {a: aliases[p] for a, t in own.aliases.items() if (p := own.canonical(t)) in aliases}
+    gases = dict.fromkeys(c.gas for c in network.flat.conductors if c.path.startswith(ahead) and _in_gas(c))
+    made = {name.get(gas, "*"): made_to(network.media.made_in(gas)) for gas in gases}
     return model_from_dict(
         {
             "title": f"{own.title} reduced to {len(small.masses)}",
@@ -220,8 +232,16 @@ def _deck(own: Model, ahead: str, network: Network, small: Condensed) -> Model:
             "conductors": {f"link_{k}": link for k, link in enumerate(links, 1)},
             "loads": loads,
             "aliases": {a: t for a, t in aliases.items() if a != t and a not in taken},
+            "made_in": made,
         }
     )
+
+
+def _in_gas(c: FlatConductor) -> bool:
+    """Return whether a conductor is another one in another state of its gas."""
+    if c.kind == "lead":
+        return "to" in c.words
+    return c.kind in ("convection", "effective", "gas", "flow") or "gap" in c.fields or bool(c.gas and c.kind == "radiation")
 
 
 def _law(row: ConductorRow, name: Mapping[str, str], written: Any) -> dict[str, Any]:

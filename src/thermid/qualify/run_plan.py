@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError
-from thermid.identify.calibration import Calibration
-from thermid.identify.spread import Spread
-from thermid.identify.values import FittedValues
+from thermid.fit.calibration import Calibration
 from thermid.knowledge.sources import Choice, Source
+from thermid.knowledge.values import FittedValues
 from thermid.model.model import Model
 from thermid.network.network import compile_network
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import known_of
+from thermid.prediction.spread import Spread
 from thermid.prediction.stated import check_variants
 from thermid.qualify.campaign_runs import Job
 from thermid.qualify.starts import begun_at, starts

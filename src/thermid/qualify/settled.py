@@ -64,7 +64,8 @@ def dwells(trial: Trial, nodes: Sequence[str], end: float) -> list[tuple[float, 
     out = []
     for p in (p for p in stays if p.end <= end):
         window = (p.end - max(0.25 * p.duration, 0.5 * LONG), p.end)
-        drift = max(abs(float(run[n].at(window[1]) - run[n].at(window[0]))) for n in nodes) / (window[1] - window[0])
+        moved = (run[n].at(window) for n in nodes)
+        drift = max(abs(float(end - begin)) for begin, end in moved) / (window[1] - window[0])
         if rule.stored or drift <= rule.rate:
             out.append(window)
     return out

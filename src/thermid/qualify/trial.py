@@ -19,7 +19,7 @@ from thermid.qualify.marks import VERDICTS, weigh
 from thermid.qualify.profile_run import ProfileRun
 
 if TYPE_CHECKING:
-    from thermid.identify.calibration import Calibration
+    from thermid.fit.calibration import Calibration
     from thermid.qualify.plan_schema import TestTable
     from thermid.qualify.stabilisation import Stability
 

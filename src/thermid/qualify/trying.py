@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
-from thermid.identify.compare import compare
+from thermid.judge.compare import compare
 from thermid.measure import Record, read_record
 from thermid.model.flat import flatten
 from thermid.model.modelfile import resolve_inside
@@ -36,7 +36,7 @@ from thermid.qualify.trial import Trial
 from thermid.simulation.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
-    from thermid.identify.calibration import Calibration
+    from thermid.fit.calibration import Calibration
     from thermid.qualify.plan_schema import TestTable
 
 __all__ = ["sensors_of", "tried"]

@@ -44,7 +44,7 @@ def read_two(measured: Path, simulated: Path, *, accuracy: str = "", time: str |
 def _columns(path: Path) -> list[str]:
     """Return the names of a log's columns, without units."""
     from thermid.measure.columns import name_and_unit
-    from thermid.measure.textfile import read_bytes, read_cells
+    from thermid.measure.formats import log_cells
 
-    named = [name_and_unit(c) for c in read_cells(read_bytes(path), path.name, None).header]
+    named = [name_and_unit(c) for c in log_cells(path).header]
     return [n for at, (n, u) in enumerate(named) if at == 0 or u in _TEMPERATURES or (u is None and not _METER.match(n))]

@@ -23,6 +23,7 @@ from thermid.qualify.campaign_runs import Chunk, Job, Store, chunks
 from thermid.qualify.macro import assumed
 from thermid.qualify.run_plan import CHUNK, Values, plan_runs
 from thermid.simulation.engine import Options
+from thermid.simulation.extremes import MemberTurnings
 from thermid.simulation.scenario import Scenario
 
 __all__ = ["UncertainRuns", "uncertain_runs"]
@@ -39,6 +40,7 @@ class UncertainRuns:
     ----------
     job : Job                       What was run.
     temperatures : array (members, nodes, times)    NaN where a member failed. [K]
+    turnings : dict                 Node -> turning points between the times; a node is missing where they were not followed.
     failed : dict                   Member -> why it did not reach the end.
     reused : int                    Members that were taken from the folder.
     warnings : tuple of str         What a reader must know.
@@ -46,6 +48,7 @@ class UncertainRuns:
 
     job: Job
     temperatures: Array
+    turnings: Mapping[str, MemberTurnings]
     failed: Mapping[int, str]
     reused: int = 0
     warnings: tuple[str, ...] = ()
@@ -128,9 +131,18 @@ class UncertainRuns:
         """Return the temperature below which a share of the members lies, (times,) or (shares, times). [K]"""
         return np.asarray(np.quantile(self.of(node), share, axis=0))
 
+    def turnings_of(self, node: str) -> MemberTurnings | None:
+        """Return the turning points of a node between samples in the members that reached the end; None where they were not followed."""
+        own = self.turnings.get(self.job.model.canonical(node))
+        return own.taken(self.reached, len(self)) if own is not None else None
+
+    def furthest(self, node: str, sign: float = 1.0) -> Array:
+        """Return the highest (sign 1) or lowest (-1) temperature of each member that reached the end, between samples too. [K]"""
+        return (self.turnings_of(node) or MemberTurnings.joined([])).furthest(self.of(node), sign)
+
     def highest(self, node: str) -> Array:
-        """Return the highest temperature of each member that reached the end. [degC]"""
-        return np.asarray(self.of(node).max(axis=1) - ICE_POINT)
+        """Return the highest temperature of each member that reached the end, between samples too. [degC]"""
+        return self.furthest(node) - ICE_POINT
 
     def __str__(self) -> str:
         """The highest temperatures as a short table, 5 % and 95 % of the members below."""
@@ -224,4 +236,10 @@ def uncertain_runs(
     if failed:
         why = next(iter(failed.values()))
         remarks = (*remarks, f"{len(failed)} of {n} members did not reach the end and are left out. One of them: {why}")
-    return UncertainRuns(job, np.concatenate([c.temperatures for c in ordered]), failed, reused, remarks)
+    followed = [node for node in job.nodes if all(node in c.turnings for c in ordered)]
+    turnings = {node: MemberTurnings.joined([(c.first, c.turnings[node]) for c in ordered]) for node in followed}
+    if len(followed) < len(job.nodes):
+        blind = ", ".join(node for node in job.nodes if node not in turnings)
+        why = f"only the stored samples of {blind} are known, so a peak between two of them is not counted. Give a shorter 'every'"
+        remarks = (*remarks, why)
+    return UncertainRuns(job, np.concatenate([c.temperatures for c in ordered]), turnings, failed, reused, remarks)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from thermid.identify.values import FittedValue
+from thermid.knowledge.values import FittedValue
 from thermid.qualify.marks import MARKS
 from thermid.units import unit
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.identify.residuals import Block
+from thermid.fit.problem.residuals import Block
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.chart import Area, Line, Panel, chart, nice_ticks, number_text, thinned
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thermid.identify.calibration import Calibration
-from thermid.identify.contradicted import BLAME
-from thermid.identify.moves import MOVED
+from thermid.fit.calibration import Calibration
+from thermid.fit.contradicted import BLAME
+from thermid.fit.uncertainty.moves import MOVED
 from thermid.identify.stages import Campaign
-from thermid.identify.values import FittedValue
+from thermid.knowledge.values import FittedValue
 from thermid.model.resolve import ParameterSet
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.cells import Cell, Column, Line, Table, absolute, number, pretty, significant

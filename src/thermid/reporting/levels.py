@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from thermid.identify.calibration import Calibration
-from thermid.identify.moves import MOVED, NOT_REJECTED, UNDECIDED, Group, Move
+from thermid.fit.calibration import Calibration
+from thermid.fit.uncertainty.moves import MOVED, NOT_REJECTED, UNDECIDED, Group, Move
 from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, significant
 from thermid.units import unit
 

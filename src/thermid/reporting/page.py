@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibration import Calibration
 from thermid.identify.stages import Campaign
-from thermid.physics.constants import ICE_POINT
 from thermid.reporting import figures, levels, origins, tables
 from thermid.reporting.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.diagram import diagram
@@ -23,7 +22,7 @@ from thermid.reporting.glance import glance, tightest
 from thermid.reporting.trust_section import trust
 
 if TYPE_CHECKING:
-    from thermid.identify.residuals import Block
+    from thermid.fit.problem.residuals import Block
     from thermid.model.model import Model
     from thermid.simulation.solution import Solution
 
@@ -214,9 +213,9 @@ def _rmse(calibrations: Sequence[Calibration]) -> dict[str, list[float]]:
 def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) -> Prediction:
     columns = [Column("node"), *(Column(f"{c}, °C", True) for c in ("start", "end", "highest", "lowest"))]
     rows: list[Line] = []
-    for k, node in enumerate(solution.nodes):
-        celsius = solution.temperatures[:, k] - ICE_POINT
-        rows.append([Cell(node, "", "main"), *(f"{t:.2f}" for t in (celsius[0], celsius[-1], celsius.max(), celsius.min()))])
+    for node in solution.nodes:
+        trace = solution[node]
+        rows.append([Cell(node, "", "main"), *(f"{t:.2f}" for t in (trace.celsius[0], trace.final, trace.highest, trace.lowest))])
     drawn = figures.prediction(solution, key, f"{title}: predicted temperatures")
     final = dict(zip(solution.nodes, solution.temperatures[-1].tolist(), strict=True))
     powers = {load: float(np.broadcast_to(w, solution.times.shape)[-1]) for load, w in solution.load_powers.items()}

@@ -38,14 +38,15 @@ def draw_run(figure: Figure, run: ProfileRun) -> None:
         seen.setdefault(label, span)
     _strip(strip, run, length)
     nodes = [n for n in run.solution.nodes if n not in run.chamber]
-    swings = sorted(nodes, key=lambda n: float(run[n].kelvin.min() - run[n].kelvin.max()))
+    swings = sorted(nodes, key=lambda n: run[n].lowest - run[n].highest)
     drawn = ([run.base] if run.base else []) + [n for n in swings if n != run.base]
     trace = run[run.chamber[0]]
     axis.plot(trace.times / length, trace.celsius, color=SOFT, linewidth=1.0, label=f"chamber ({run.chamber[0]})")
     for k, node in enumerate(drawn[:MOST]):
         trace = run[node]
         label = f"{node} (base plate)" if node == run.base else node
-        (line,) = axis.plot(trace.times / length, trace.celsius, color=SERIES[k % len(SERIES)], linewidth=1.6, label=label)
+        times, kelvin = trace.course
+        (line,) = axis.plot(times / length, kelvin - ICE_POINT, color=SERIES[k % len(SERIES)], linewidth=1.6, label=label)
         if DASHES[k % len(DASHES)]:
             line.set_dashes(DASHES[k % len(DASHES)])
     used = run.profile.used

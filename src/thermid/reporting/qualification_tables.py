@@ -89,10 +89,10 @@ def boundaries(q: Qualification) -> Table:
         run, driven = t.foresight.solution, {v: k for k, v in t.test.log.boundaries.items()} if t.test.log is not None else {}
         known = t.as_logged
         for k, name in enumerate(t.foresight.scenario.boundaries):
-            trace, column = run[name].celsius, driven.get(name, "")
+            trace, column = run[name], driven.get(name, "")
             logged = " .. ".join(f"{v:.1f}" for v in known[column]) if column in known else ("not logged" if t.test.log else DASH)
             head = Cell(t.test.name, "", "main") if k == 0 else Cell("", "", "same")
-            planned = f"{trace.min():.1f} .. {trace.max():.1f}"
+            planned = f"{trace.lowest:.1f} .. {trace.highest:.1f}"
             seen = Cell(logged, "", "warn" if logged == "not logged" else "")
             rows.append([head, name, planned, seen, column or DASH, stated_text(t.test.spread.get(name, DASH))])
     return Table.of(columns, rows, "Lowest to highest over the test.")

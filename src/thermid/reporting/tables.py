@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from thermid.identify.calibration import Calibration
-from thermid.identify.sensors import instrument_shares, sensor_shares
+from thermid.fit.calibration import Calibration
+from thermid.fit.sensors import instrument_shares, sensor_shares
 from thermid.identify.stages import Campaign
-from thermid.identify.validate import Check, Verdict
-from thermid.identify.values import FittedValue
+from thermid.judge.validate import Check, Verdict
+from thermid.knowledge.values import FittedValue
 from thermid.model.areas import ledger
 from thermid.model.model import Model
 from thermid.model.resolve import ParameterSet, parameter_table

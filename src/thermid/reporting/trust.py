@@ -13,11 +13,11 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
+from thermid.explain.criticism import Criticism
+from thermid.explain.whiteness import cumulated_periodogram
 from thermid.files import PICTURE, write_bytes
-from thermid.identify.criticism import Criticism
 from thermid.identify.profile import Profile
 from thermid.identify.valley import Valley
-from thermid.identify.whiteness import cumulated_periodogram
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.hold import Hold
 from thermid.qualify.profile_run import ProfileRun

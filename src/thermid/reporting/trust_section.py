@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from thermid.errors import ThermidError
-from thermid.identify.balance import energy_balance
-from thermid.identify.calibration import Calibration
-from thermid.identify.criticism import criticise
+from thermid.explain.balance import energy_balance
+from thermid.explain.criticism import criticise
+from thermid.fit.calibration import Calibration
 from thermid.identify.identifiability import identifiability
 from thermid.identify.joint import Joint
 from thermid.identify.stages import Campaign

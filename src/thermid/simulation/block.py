@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from thermid.model.block import FACES, Block, Exchange
 from thermid.model.block_cells import exchange_cells, links
 from thermid.model.signal import Constant, Signal, literal
 from thermid.physics.radiation import radiation_coefficient
-from thermid.simulation.block_solution import BlockSolution
+from thermid.simulation.block_solution import Again, BlockSolution
 from thermid.simulation.engine import Options
 from thermid.simulation.inputs import product
 from thermid.simulation.large import METHODS, LargeAnswer, Watched, integrate
@@ -58,9 +59,12 @@ def simulate_block(
     if field_times.size and ((np.diff(field_times) <= 0).any() or field_times[0] < 0 or field_times[-1] > scenario.seconds):
         raise ScenarioError("times of fields must increase and lie within the duration.", where)
     initial = _start(block, scenario, network, where)
-    answer = integrate(network, initial, scenario.seconds, wanted, watched, field_times, opts, where, block.name)
+    answer = integrate(network, initial, scenario.seconds, wanted, watched, field_times, opts, where, block.name, opts.extremes)
     grid = {"fields": answer.fields.reshape(-1, *block.cells), "final_field": answer.final.reshape(block.cells), "field_times": field_times}
-    return _solution(block, scenario, network, names, wanted, answer.watched, answer.statistics, grid, answer)
+    method = str(answer.statistics["method"]).removesuffix(" + CG")
+    options = replace(opts, method=method, extremes=False)
+    again = Again(network, initial, float(scenario.seconds), tuple(watched), options, where, block.name)
+    return _solution(block, scenario, network, names, wanted, answer.watched, answer.statistics, grid, answer, again)
 
 
 def steady_block(block: Block, scenario: Scenario, time: float = 0.0) -> BlockSolution:
@@ -87,9 +91,18 @@ def _solution(
     statistics: Mapping[str, Any],
     grid: Mapping[str, Array],
     answer: LargeAnswer | None,
+    again: Again | None = None,
 ) -> BlockSolution:
     none: Any = None  # a block has no wiring of names
-    more: dict[str, Any] = {"_watched": watched, "_network": network, "_scenario": scenario, "_answer": answer, "block": block, **grid}
+    more: dict[str, Any] = {
+        "_watched": watched,
+        "_network": network,
+        "_scenario": scenario,
+        "_answer": answer,
+        "_again": again,
+        "block": block,
+        **grid,
+    }
     nodes = (*names, *network.boundaries)
     remarks = () if network.boundaries else ("the block has no path to a boundary: it warms or cools without limit as it is heated",)
     return BlockSolution(block.title, scenario.title, times, nodes, (), "ok", statistics, remarks, none, **more)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,10 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, SolverError, nearest
+from thermid.memo import Memo
 from thermid.model.block import Block
 from thermid.model.signal import Constant
+from thermid.simulation.engine import Options
+from thermid.simulation.extremes import Turnings
 from thermid.simulation.inputs import product
-from thermid.simulation.large import LargeAnswer
+from thermid.simulation.kernel_form import break_times
+from thermid.simulation.large import LargeAnswer, Watched, integrate
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.solution import HeatBalance, Solution, Trace
 from thermid.simulation.sparse import SparseNetwork
@@ -43,12 +47,25 @@ class BlockSolution(Solution):
     _network: SparseNetwork = field(repr=False, kw_only=True)
     _scenario: Scenario = field(repr=False, kw_only=True)
     _answer: LargeAnswer | None = field(repr=False, kw_only=True)
+    _again: Again | None = field(default=None, repr=False, kw_only=True)
 
     def __getitem__(self, name: str) -> Trace:
         """Return the trace of what was watched, or of a boundary."""
         if name not in self.nodes:
             raise NameNotFoundError(f"'{name}' was not watched.{nearest(name, self.nodes)} Name it in 'watch' of the run.", self.title)
-        return Trace(name, self.times, self.temperatures[:, self.nodes.index(name)])
+        k = self.nodes.index(name)
+        return Trace(name, self.times, self.temperatures[:, k], self._turnings(k), BlockDense(self, k) if self._again else None)
+
+    def _turnings(self, column: int) -> Turnings | None:
+        """Return the turning points of what was watched, or of a boundary; None where the run did not follow it."""
+        watched = self._watched.shape[1]
+        if self._answer is None or column >= watched:
+            return None if self._answer is None else self._network.boundary_turnings(column - watched, float(self._scenario.seconds))
+        return self._answer.turnings[column] if self._answer.turnings is not None else None
+
+    def refined(self, nodes: Iterable[str] = (), most: int | None = None) -> Solution:
+        """Return the run as it is: what was watched is known at the stored times and at its own turning points."""
+        return self
 
     @cached_property
     def temperatures(self) -> Array:
@@ -116,3 +133,63 @@ class BlockSolution(Solution):
     def sensitivity(self, node: str, name: str) -> Array:
         """Refused: methods of large networks carry no derivatives."""
         raise NameNotFoundError(f"the solution holds no sensitivity of '{node}' to '{name}': large networks carry none.", self.title)
+
+
+@dataclass(frozen=True, eq=False)
+class Again:
+    """How a block's run is made again at other times.
+
+    Parameters
+    ----------
+    network : SparseNetwork
+    initial : array (cells,)        [K]
+    end : float                     [s]
+    watched : tuple of Watched      In the order of the solution's columns.
+    options : Options               Of the integrator; the method that was chosen.
+    where : str                     For messages.
+    name : callable                 Place of a cell -> its name.
+    """
+
+    network: SparseNetwork
+    initial: Array
+    end: float
+    watched: tuple[Watched, ...]
+    options: Options
+    where: str
+    name: Callable[[int], str]
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    def at(self, times: Array) -> Array:
+        """Return what is watched (times, watched) [K] at increasing times (times,) [s]."""
+        made: Array = self.memo.made(times.tobytes(), lambda: self._made(times), most=4)
+        return made
+
+    def _made(self, times: Array) -> Array:
+        none = np.zeros(0)
+        return integrate(self.network, self.initial, self.end, times, self.watched, none, self.options, self.where, self.name).watched
+
+
+@dataclass(frozen=True, eq=False)
+class BlockDense:
+    """The course of what was watched of a block, or of a boundary, at any time; see `Dense`.
+
+    Parameters
+    ----------
+    solution : BlockSolution
+    column : int                Among its nodes.
+    """
+
+    solution: BlockSolution
+    column: int
+
+    def kelvin(self, times: Array) -> Array:
+        """Return the temperatures (times,) [K] at increasing times (times,) [s]."""
+        watched, again = self.solution._watched.shape[1], self.solution._again
+        if self.column >= watched or again is None:
+            return self.solution._network.boundary(self.column - watched, times)
+        return again.at(times)[:, self.column]
+
+    @property
+    def switches(self) -> Array:
+        """When inputs jump. [s]"""
+        return break_times(self.solution._network.inputs, float(self.solution._scenario.seconds))

@@ -13,6 +13,7 @@ from thermid import _kernel
 from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError
 from thermid.network.rows import CONTROLS
+from thermid.simulation.extremes import Turnings, by_column
 from thermid.simulation.kernel_form import break_times, ending, ints, kernel_input, row_form
 from thermid.simulation.modal import Modal
 from thermid.simulation.squares import LOSSES, Squares, Weighing
@@ -36,6 +37,8 @@ class Options:
     max_steps : int             Steps after which the run is given up.
     method : str                ``modal`` (exact, for linear networks), ``integrator``, ``large``, or ``auto``: whichever costs less.
     large_tolerance : float     Local error that a step of the methods of large networks may make; they are of second order. [K]
+    extremes : bool             Whether runs follow every node between the stored samples, so that its highest and lowest temperatures and
+                                their instants are those of the course; else they are those of the samples.
     """
 
     tolerance: float = 2e-7
@@ -45,6 +48,7 @@ class Options:
     max_steps: int = 1_000_000
     method: str = "auto"
     large_tolerance: float = 3e-3
+    extremes: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +65,7 @@ class Answer:
     statistics : dict
     on : array (controls,)                          Which thermostats are on at the end.
     switched : tuple of (float, int, int)           Time [s], control and new state of every switching, in order.
+    turnings : dict or None                         Node, eliminated ones too -> turning points between the times; None where not followed.
     """
 
     temperatures: Array
@@ -74,6 +79,7 @@ class Answer:
     statistics: Mapping[str, Any]
     on: NDArray[np.int32]
     switched: tuple[tuple[float, int, int], ...] = ()
+    turnings: Mapping[str, Turnings] | None = None
 
     def states(self, times: Array) -> NDArray[np.int32]:
         """Return which thermostats are on (times, controls), from the instants at which they switched."""
@@ -125,8 +131,17 @@ class Engine:
         """Return how to make it in another process: the kernel's problem is laid out anew."""
         return Engine, (self.wiring,)
 
-    def integrate(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, gradients: bool = False) -> Answer:
-        """Return temperatures at times of some nodes, from zero to `end` [s].
+    def integrate(
+        self,
+        a: Assembled,
+        times: Array,
+        nodes: Sequence[str],
+        end: float,
+        options: Options,
+        gradients: bool = False,
+        extremes: bool = False,
+    ) -> Answer:
+        """Return temperatures at times of some nodes, from zero to `end` [s]; with `extremes` their turning points between these too.
 
         Raises
         ------
@@ -136,11 +151,11 @@ class Engine:
         from thermid.simulation.large_model import integrate_model, takes_over
 
         if takes_over(self, options, gradients):
-            return integrate_model(self, a, times, nodes, end, options)
+            return integrate_model(self, a, times, nodes, end, options, extremes)
         index = self._index()
         why = self.modal.refusal(options.method, times, end, gradients)
         if not why:
-            return self._by_modes(a, times, ints([index[n] for n in nodes]), end, options)
+            return self._by_modes(a, times, nodes, end, options, extremes)
         size = a.initial_gradient.shape[1]
         more: dict[str, Any] = {}
         if gradients and a.jacobian is not None:
@@ -158,6 +173,8 @@ class Engine:
             max_step=options.max_step,
             max_steps=options.max_steps,
             breaks=break_times([self.wiring.signals[name] for name in self.wiring.used], end),
+            turnings=extremes,
+            sums=self._sums(a)[1] if extremes else None,
             **more,
         )
         if found.status != _kernel.OK:
@@ -173,17 +190,41 @@ class Engine:
         slopes = found.sensitivities if found.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
         switched = tuple(zip(found.event_times.tolist(), found.event_controls.tolist(), found.event_states.tolist(), strict=True))
         energies = (found.load_energy, found.boundary_energy, flows)
-        return Answer(found.traces, slopes, a.initial, found.final_temperatures, *energies, end, statistics, found.on, switched)
+        turnings = self._turnings(a, nodes, found.turnings) if extremes else None
+        return Answer(found.traces, slopes, a.initial, found.final_temperatures, *energies, end, statistics, found.on, switched, turnings)
 
-    def _by_modes(self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float, options: Options) -> Answer:
-        found = self.modal.run(a, times, nodes, end)
+    def _by_modes(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool) -> Answer:
+        index = self._index()
+        found = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, self._sums(a)[1] if extremes else None)
         if found.status != _kernel.OK:
             raise SolverError(self.message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
-        slopes = np.zeros((times.size, nodes.size, 0))
+        slopes = np.zeros((times.size, len(nodes), 0))
         statistics = {"method": "modal", "reason": "", "steps": found.steps, "rejected": 0, "switchings": []}
         energies = (found.load_energy, found.boundary_energy, np.zeros(0))
         off = np.zeros(len(self.control_names), dtype=np.int32)
-        return Answer(found.traces, slopes, a.initial, found.final, *energies, end, statistics, off)
+        turnings = self._turnings(a, nodes, found.turnings) if extremes else None
+        return Answer(found.traces, slopes, a.initial, found.final, *energies, end, statistics, off, (), turnings)
+
+    def _sums(self, a: Assembled) -> tuple[tuple[str, ...], tuple[NDArray[np.int32], NDArray[np.int32], Array] | None]:
+        """Return the eliminated nodes, and each as a sum of temperatures of nodes and boundaries, in the kernel's form."""
+        known = self._index()
+        parts: dict[str, dict[int, float]] = {}
+        for node, star in a.reduced.recover:
+            own: dict[int, float] = {}
+            for neighbour, weight in star.items():
+                for place, share in (parts[neighbour] if neighbour in parts else {known[neighbour]: 1.0}).items():
+                    own[place] = own.get(place, 0.0) + value_of(weight) * share
+            parts[node] = own
+        if not parts:
+            return (), None
+        begin = ints(np.cumsum([0, *(len(p) for p in parts.values())]))
+        places = ints([k for p in parts.values() for k in p])
+        return tuple(parts), (begin, places, np.array([w for p in parts.values() for w in p.values()], dtype=float))
+
+    def _turnings(self, a: Assembled, nodes: Sequence[str], found: tuple[Any, Array, Array]) -> dict[str, Turnings]:
+        """Return node -> turning points, from the kernel's columns: nodes, then eliminated ones."""
+        names = (*nodes, *self._sums(a)[0])
+        return dict(zip(names, by_column(*found, len(names)), strict=True))
 
     def members(
         self, coefficients: Array, initial: Array, times: Array, nodes: Sequence[str], end: float, options: Options, simd: str
@@ -211,6 +252,7 @@ class Engine:
             max_step=options.max_step,
             max_steps=options.max_steps,
             breaks=break_times([self.wiring.signals[name] for name in self.wiring.used], end),
+            turnings=options.extremes,
             simd=simd,
         )
 

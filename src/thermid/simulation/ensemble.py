@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation.extremes import MemberTurnings
 from thermid.simulation.solution import Trace
 
 if TYPE_CHECKING:
@@ -32,13 +33,14 @@ class Summary:
     ----------
     quantiles : array (shares, times)   [K]
     mean, sd : array (times,)           [K]
-    highest : array (members,)          Of each member, NaN where it failed. [K]
+    highest, lowest : array (members,)  Of each member's samples, NaN where it failed. [K]
     """
 
     quantiles: Array
     mean: Array
     sd: Array
     highest: Array
+    lowest: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,7 @@ class Ensemble:
     _find: Callable[[str], str] = field(repr=False)
     _traces: Callable[[str], Array] = field(repr=False)
     _summaries: Mapping[str, Summary] = field(repr=False)
+    _turnings: Mapping[str, MemberTurnings] = field(repr=False)
     warnings: tuple[str, ...] = ()
 
     def temperatures(self, node: str) -> Array:
@@ -92,7 +95,17 @@ class Ensemble:
         """Return the trace of a node in one member."""
         if not 0 <= member < self.members:
             raise ScenarioError(f"there is no member {member}; they are numbered from 0 to {self.members - 1}.", self.title)
-        return Trace(self._kept(node), self.times, self.temperatures(node)[:, member])
+        turnings = self.turnings(node)
+        return Trace(
+            self._kept(node), self.times, self.temperatures(node)[:, member], turnings.of(member) if turnings is not None else None
+        )
+
+    def turnings(self, node: str) -> MemberTurnings | None:
+        """Return the turning points of a node between samples in every member; None where members were not followed.
+
+        That is so with ``Options(extremes=False)``, and for a massless node that was eliminated: its weights differ from member to member.
+        """
+        return self._turnings.get(self._kept(node))
 
     def quantile(self, node: str, share: Any) -> Array:
         """Return the temperature below which a share of the members lies, (times,) or (shares, times). [K]
@@ -124,14 +137,29 @@ class Ensemble:
         return self._summaries[path].sd if self.shares else spread_of(self._whole(path))
 
     def highest(self, node: str) -> Array:
-        """Return the highest stored temperature (members,) of each member, NaN where it failed. [degC]"""
+        """Return the highest temperature (members,) of each member, NaN where it failed. [degC]
+
+        Between samples too; of the samples alone where `turnings` is None.
+        """
+        return self._furthest(node, 1.0)
+
+    def lowest(self, node: str) -> Array:
+        """Return the lowest temperature (members,) of each member, NaN where it failed; as `highest`. [degC]"""
+        return self._furthest(node, -1.0)
+
+    def _furthest(self, node: str, sign: float) -> Array:
         path = self._kept(node)
-        return (self._summaries[path].highest if self.shares else self._traces(path).max(axis=0)) - ICE_POINT
+        if self.shares:
+            samples = (self._summaries[path].highest if sign > 0 else self._summaries[path].lowest)[:, None]
+        else:
+            samples = self._traces(path).T
+        turnings = self._turnings.get(path) or MemberTurnings.joined([])
+        return turnings.furthest(samples, sign) - ICE_POINT
 
     def exceedance(self, node: str, limit: float) -> Array:
         """Return the share (times,) of the members in which a node is above a limit [degC]. [-]
 
-        Members that are above it at any stored time: ``(ensemble.highest(node) > limit).mean()``.
+        Members that are above it at any time: ``(ensemble.highest(node) > limit).mean()``.
         """
         return np.asarray((self._whole_or_refuse(node) > limit + ICE_POINT).mean(axis=1))
 

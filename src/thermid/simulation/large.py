@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.errors import SolverError
 from thermid.simulation.engine import Options
+from thermid.simulation.extremes import Turnings, by_column
 from thermid.simulation.kernel_form import break_times, runs_away, unsolved
 from thermid.simulation.sparse import SparseNetwork
 
@@ -58,6 +59,7 @@ class LargeAnswer:
     initial, final : array (nodes,)         [K]
     load_energy, boundary_energy            Per load and boundary. [J]
     statistics : dict
+    turnings : tuple or None                Of each watched, turning points between the times; None where not followed.
     """
 
     watched: Array
@@ -67,6 +69,7 @@ class LargeAnswer:
     load_energy: Array
     boundary_energy: Array
     statistics: Mapping[str, Any]
+    turnings: tuple[Turnings, ...] | None = None
 
 
 def integrate(
@@ -79,8 +82,9 @@ def integrate(
     options: Options,
     where: str,
     name: Any,
+    extremes: bool = False,
 ) -> LargeAnswer:
-    """Return temperatures of a large network from zero to `end` [s].
+    """Return temperatures of a large network from zero to `end` [s]; with `extremes` turning points of what is watched too.
 
     Parameters
     ----------
@@ -110,6 +114,7 @@ def integrate(
         max_step=options.max_step,
         max_steps=options.max_steps,
         breaks=break_times(network.inputs, end),
+        turnings=extremes,
     )
     if found.status != _kernel.OK:
         raise SolverError(_message(found, options, end, name, any(not g.fixed for g in network.loads)), where)
@@ -125,7 +130,8 @@ def integrate(
         "switchings": [],
     }
     energies = (found.load_energy, found.boundary_energy)
-    return LargeAnswer(found.traces, found.fields, initial, found.final_temperatures, *energies, statistics)
+    turnings = by_column(*found.turnings, len(watched)) if extremes else None
+    return LargeAnswer(found.traces, found.fields, initial, found.final_temperatures, *energies, statistics, turnings)
 
 
 def _message(found: Any, options: Options, end: float, name: Any, follows: bool) -> str:

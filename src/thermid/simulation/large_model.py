@@ -120,7 +120,9 @@ def _conductors(table: Sequence[Any], c: Array, follows: Sequence[int], n: int) 
     return made, rows
 
 
-def integrate_model(engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options) -> Answer:
+def integrate_model(
+    engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool = False
+) -> Answer:
     """Return what `Engine.integrate` does, by the integrator of large networks."""
     from thermid.simulation.engine import Answer
 
@@ -128,11 +130,12 @@ def integrate_model(engine: Engine, a: Assembled, times: Array, nodes: Sequence[
     index = {name: k for k, name in enumerate(engine.nodes)}
     watched = [Watched("mean", np.array([index[n]], dtype=np.int32), np.ones(1)) for n in nodes]
     where = f"{engine.wiring.network.title}, {engine.wiring.scenario.title}"
-    found = integrate(network, a.initial, end, times, watched, np.zeros(0), options, where, engine.nodes.__getitem__)
+    found = integrate(network, a.initial, end, times, watched, np.zeros(0), options, where, engine.nodes.__getitem__, extremes)
     slopes = np.zeros((times.size, len(nodes), 0))
     energies = (found.load_energy, found.boundary_energy, np.zeros(0))
     on = np.zeros(len(engine.control_names), dtype=np.int32)
-    return Answer(found.watched, slopes, found.initial, found.final, *energies, end, found.statistics, on)
+    turnings = dict(zip(nodes, found.turnings, strict=True)) if found.turnings is not None else None
+    return Answer(found.watched, slopes, found.initial, found.final, *energies, end, found.statistics, on, (), turnings)
 
 
 def settle_model(engine: Engine, a: Assembled, time: float) -> Array | None:

@@ -14,6 +14,7 @@ from thermid.errors import ScenarioError, SolverError
 from thermid.model.signal import Constant
 from thermid.simulation.engine import Engine, Options
 from thermid.simulation.ensemble import Ensemble, Summary, check_shares, spread_of
+from thermid.simulation.extremes import MemberTurnings, signal_turnings
 from thermid.simulation.many import MembersNumbers, assemble_members
 
 __all__ = ["run_members"]
@@ -82,7 +83,8 @@ def run_members(
         failed = _failed(engine, kernel, numbers, options)
         traces: Callable[[str], Array] = partial(_masked, recovery, stored, times, tuple(failed))
         statistics = _statistics(kernel)
-        return Ensemble(*titles, times, wanted, members, values, failed, shares, statistics, network.find, traces, {}, warnings)
+        turnings = _turnings(engine, kernel, numbers, wanted, kept, failed, options)
+        return Ensemble(*titles, times, wanted, members, values, failed, shares, statistics, network.find, traces, {}, turnings, warnings)
     failed = {}
     while True:
         # statistics must not hold the early part of a run that fails later: such members are found in one pass and left out of the next
@@ -90,9 +92,9 @@ def run_members(
         summaries = _summarised(_chunks(kernel, times, len(kept), members, threads), recovery, wanted, shares, failed, members)
         found = _failed(engine, kernel, numbers, options) | failed
         if len(found) in (len(failed), members):
-            statistics = _statistics(kernel)
+            statistics, turnings = _statistics(kernel), _turnings(engine, kernel, numbers, wanted, kept, found, options)
             return Ensemble(
-                *titles, times, wanted, members, values, found, shares, statistics, network.find, _no_traces, summaries, warnings
+                *titles, times, wanted, members, values, found, shares, statistics, network.find, _no_traces, summaries, turnings, warnings
             )
         failed = found
 
@@ -156,6 +158,33 @@ def _failed(engine: Engine, kernel: Any, numbers: MembersNumbers, options: Optio
     return dict(sorted(out.items()))
 
 
+def _turnings(
+    engine: Engine,
+    kernel: Any,
+    numbers: MembersNumbers,
+    wanted: Sequence[str],
+    kept: Sequence[str],
+    failed: Mapping[int, str],
+    options: Options,
+) -> dict[str, MemberTurnings]:
+    """Return node or boundary -> turning points of the members that reached the end; eliminated nodes are left out."""
+    if not options.extremes:
+        return {}
+    member, column, times, kelvin = kernel.turnings
+    lost = np.isin(member, np.array(list(failed), dtype=np.int64))
+    order = np.lexsort((times, member, column))
+    order = order[~lost[order]]
+    ends = np.searchsorted(column[order], np.arange(len(kept) + 1))
+    member, times, kelvin = member[order].astype(np.int64), times[order], kelvin[order]
+    out = {n: MemberTurnings(member[i:j], times[i:j], kelvin[i:j]) for n, i, j in zip(kept, ends[:-1], ends[1:], strict=True)}
+    wiring = engine.wiring
+    for name in wanted:
+        if name in numbers.offsets:
+            turns = signal_turnings(wiring.signals[f"boundary {name}"], wiring.scenario.seconds, 0.0)
+            out[name] = MemberTurnings.alike(turns, numbers.offsets[name])
+    return {n: out[n] for n in wanted if n in out}
+
+
 @dataclass(frozen=True)
 class _Ended:
     status: int
@@ -193,9 +222,9 @@ def _summarised(
     failed: Mapping[int, str],
     members: int,
 ) -> dict[str, Summary]:
-    """Return node -> quantiles, mean and spread at every time, and the highest temperature of every member."""
+    """Return node -> quantiles, mean and spread at every time, and the highest and lowest sample of every member."""
     parts: dict[str, list[tuple[Array, Array, Array]]] = {n: [] for n in wanted}
-    highest = {n: np.full(members, -np.inf) for n in wanted}
+    highest, lowest = ({n: np.full(members, end) for n in wanted} for end in (-np.inf, np.inf))
     good = np.setdiff1d(np.arange(members), [*failed, *recovery.numbers.refused])
     for times, stored in chunks:
         for n in wanted:
@@ -203,10 +232,12 @@ def _summarised(
             if good.size:
                 parts[n].append((np.quantile(values, shares, axis=1), values.mean(axis=1), spread_of(values)))
                 highest[n][good] = np.maximum(highest[n][good], values.max(axis=0))
+                lowest[n][good] = np.minimum(lowest[n][good], values.min(axis=0))
     out = {}
     for n in wanted:
-        highest[n][np.isinf(highest[n])] = np.nan
+        for ends in (highest[n], lowest[n]):
+            ends[np.isinf(ends)] = np.nan
         if parts[n]:
             q, mean, sd = (np.concatenate(x, axis=-1) for x in zip(*parts[n], strict=True))
-            out[n] = Summary(q, mean, sd, highest[n])
+            out[n] = Summary(q, mean, sd, highest[n], lowest[n])
     return out

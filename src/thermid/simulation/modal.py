@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ MOST = 300  # nodes beyond which modes cost more than any noise asks of steps
 
 
 class Exact(NamedTuple):
-    """What the kernel says of a modal run: status, node and time [s] of a failure, stretches, temperatures [K] and heats [J]."""
+    """What the kernel says of a modal run: status, node and time [s] of a failure, stretches, temperatures [K], heats [J] and turnings."""
 
     status: int
     node: int
@@ -33,6 +33,7 @@ class Exact(NamedTuple):
     final: Array
     load_energy: Array
     boundary_energy: Array
+    turnings: tuple[Any, Array, Array]
 
 
 @dataclass(frozen=True)
@@ -172,11 +173,12 @@ class Modal:
         jolt = np.abs(moved) * np.diag(own) ** 2 * noise * np.sqrt(np.median(np.diff(signal.times)))
         return float(12.0 * jolt.max() ** 0.4)
 
-    def run(self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float) -> Exact:
-        """Return temperatures of some nodes at times, from zero to `end` [s]."""
-        return Exact(
-            *_kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), np.ascontiguousarray(times, dtype=float), nodes)
-        )
+    def run(
+        self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float, turnings: bool = False, sums: tuple[Any, ...] | None = None
+    ) -> Exact:
+        """Return temperatures of some nodes at times, from zero to `end` [s]; and turning points of these and of sums, where asked for."""
+        wanted = np.ascontiguousarray(times, dtype=float)
+        return Exact(*_kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), wanted, nodes, turnings, sums))
 
 
 def _obstacle(wiring: Wiring) -> str:

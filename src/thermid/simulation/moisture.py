@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -21,7 +22,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
-from thermid.simulation.vapour import Volume, follow
+from thermid.simulation.vapour import Followed, Volume, WaterBalance, follow
 
 __all__ = ["Moisture", "SurfaceMoisture", "moisture"]
 
@@ -30,8 +31,8 @@ Array = NDArray[np.float64]
 SETTLED: Final = 1e-3
 """Change of every temperature between passes below which the latent heat is in balance with them. [K]"""
 PASSES: Final = 60
-SMALLEST: Final = 0.1
-"""Share of a new latent heat that is taken at least. [-]"""
+KEPT: Final = 12
+"""Passes whose latent heats are combined to the next one. [-]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +81,28 @@ class Moisture:
     solution : Solution     The run, with the heat of settling and drying water in it.
     dew_points : dict       Gas node -> dew point (times,), frost point below 0 degC. [K]
     surfaces : dict         Surface -> `SurfaceMoisture`.
+    water : WaterBalance    Where the water went.
+    warnings : tuple        What is assumed or left out, the balance of water where it does not close.
     """
 
     solution: Solution
     dew_points: Mapping[str, Array]
     surfaces: Mapping[str, SurfaceMoisture]
+    water: WaterBalance
+    warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, solution: Solution, parts: Sequence[FlatConductor], followed: Followed) -> Moisture:
+        """Return what humidity does along a solution whose vapour was followed."""
+        each = zip(parts, followed.margin, followed.film, followed.latent, strict=True)
+        surfaces = {c.path: SurfaceMoisture(c.path, c.gas, solution.times, *traces) for c, *traces in each}
+        water = followed.water
+        open_ = (
+            ()
+            if water.closes
+            else (f"water does not close: {water.residual:+.3g} kg of {water.handled:.3g} kg are missing; give a shorter `every`",)
+        )
+        return cls(solution, followed.dew_points, surfaces, water, (*open_, *followed.remarks))
 
     def __getitem__(self, surface: str) -> SurfaceMoisture:
         """Return one surface.
@@ -111,7 +129,7 @@ class Moisture:
                 f"{self.dew_points[s.gas][k] - ICE_POINT:.2f} degC; condenses for {s.condensing / 60:.1f} min, "
                 f"wet for {s.wet / 60:.1f} min, up to {1e3 * s.film.max():.3g} g/m^2"
             )
-        return "\n".join(["moisture", *lines])
+        return "\n".join(["moisture", *(f"  warning: {w}" for w in self.warnings), *lines, f"  {self.water}"])
 
 
 @takes_objects
@@ -159,24 +177,43 @@ def moisture(
     wet, names = _with_latent(model, [c.path for c in parts])
     heats: dict[str, Signal] = {name: Constant(0.0) for name in names.values()}
     before: Array | None = None
-    given: list[Array] | None = None
-    step, moved = 1.0, np.inf
+    given: list[Array] = []
+    left: list[Array] = []
     for count in range(1, PASSES + 1):
         solution = simulate(wet, scenario.with_(loads=heats), every=every)
-        found = follow(solution, parts, open_air, own)
-        # where vapour gives a surface more heat than air does, whole steps overshoot, the longer the run the more
-        last, moved = moved, np.inf if before is None else float(np.abs(solution.temperatures - before).max())
-        step = max(0.5 * step, SMALLEST) if moved > 0.8 * last else step
+        followed = follow(solution, parts, open_air, own)
+        given = [*given, np.array([heats[names[c.path]].at(solution.times) for c in parts])][-KEPT:]
+        left = [*left, followed.latent - given[-1]][-KEPT:]
+        moved = np.inf if before is None else float(np.abs(solution.temperatures - before).max())
         if told is not None:
             told(count, moved)
-        if moved < SETTLED * step:
-            each = zip(parts, found.margin, found.film, found.latent, strict=True)
-            surfaces = {c.path: SurfaceMoisture(c.path, c.gas, solution.times, *traces) for c, *traces in each}
-            return Moisture(solution, found.dew_points, surfaces)
+        if max(moved, _remaining(moved, given, left)) < SETTLED:
+            return Moisture.of(solution, parts, followed)
         before = solution.temperatures
-        given = [(1.0 - step) * old + step * new for old, new in zip(given or found.latent, found.latent, strict=True)]
-        heats = {names[c.path]: Table(solution.times, latent) for c, latent in zip(parts, given, strict=True)}
+        heats = {names[c.path]: Table(solution.times, heat) for c, heat in zip(parts, _mixed(given, left), strict=True)}
     raise ScenarioError(f"latent heat and temperatures found no balance in {PASSES} passes; give a shorter `every`.", scenario.title)
+
+
+def _mixed(given: Sequence[Array], left: Sequence[Array]) -> Array:
+    """Return the next latent heat (surfaces, times) from those of the last passes and what was left of each, by Anderson's mixing. [W]
+
+    Where vapour gives a surface more heat than air does, whole steps overshoot. The combination of the last passes whose linear forecast
+    of what is left is smallest does not: Walker and Ni, SIAM J. Numer. Anal. 49 (2011) 1715, eq. 1.3.
+    """
+    now, rest = given[-1], left[-1]
+    if len(given) == 1:
+        return np.asarray(now + rest)
+    steps, falls = (np.array([(b - a).ravel() for a, b in pairwise(each)]).T for each in (given, left))
+    share = np.linalg.lstsq(falls, rest.ravel(), rcond=1e-10)[0]
+    return np.asarray(now + rest - ((steps + falls) @ share).reshape(now.shape))
+
+
+def _remaining(moved: float, given: Sequence[Array], left: Sequence[Array]) -> float:
+    """Return how far temperatures would still move with what is left of the latent heat, as they moved with its last change. [K]"""
+    if not left[-1].any():
+        return 0.0
+    change = float(np.abs(given[-1] - given[-2]).max()) if len(given) > 1 else 0.0
+    return moved * float(np.abs(left[-1]).max()) / change if change > 0.0 else np.inf
 
 
 def _exchanging(flat: Flat) -> list[FlatConductor]:

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import value_of
+from thermid.memo import Memo
 from thermid.network.network import Network
-from thermid.simulation.engine import Answer, Engine
+from thermid.simulation.engine import Answer, Engine, Options
+from thermid.simulation.extremes import Turnings, signal_turnings
+from thermid.simulation.kernel_form import break_times
 from thermid.simulation.ranges import outside
 from thermid.simulation.solution import HeatBalance
 from thermid.simulation.traces import Traces
 from thermid.simulation.wiring import Assembled, Wiring
 
-__all__ = ["Run"]
+__all__ = ["Run", "RunDense"]
 
 Array = NDArray[np.float64]
 
@@ -30,6 +34,8 @@ class Run:
     assembled: Assembled
     answer: Answer
     times: Array
+    options: Options
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @cached_property
     def traces(self) -> Traces:
@@ -37,6 +43,33 @@ class Run:
         return Traces(
             self.wiring, self.assembled, self.times, self.assembled.reduced.nodes, self.answer.temperatures, self.answer.sensitivities
         )
+
+    def turnings(self, path: str) -> Turnings | None:
+        """Return the turning points of a node or boundary between samples; None where the run did not follow it."""
+        if path in self.network.boundaries:
+            offset = value_of(self.assembled.offsets[path])
+            return signal_turnings(self.wiring.signals[f"boundary {path}"], self.answer.end, offset)
+        return (self.answer.turnings or {}).get(path)
+
+    def again(self, times: Array) -> Run:
+        """Return the same run stored at other, increasing times (times,) [s], by the same method."""
+        return self.memo.made(times.tobytes(), lambda: self._again(times), most=4)
+
+    def _again(self, times: Array) -> Run:
+        method = str(self.answer.statistics["method"]).removesuffix(" + CG")
+        options = replace(self.options, method=method, extremes=False)
+        answer = self.engine.integrate(self.assembled, times, self.assembled.reduced.nodes, self.answer.end, options)
+        return replace(self, answer=replace(answer, turnings=self.answer.turnings), times=times)
+
+    def dense(self, path: str) -> RunDense:
+        """Return the course of a node or boundary at any time."""
+        return RunDense(self, path)
+
+    @cached_property
+    def switches(self) -> Array:
+        """When inputs jump and thermostats switch. [s]"""
+        signals = [self.wiring.signals[name] for name in self.wiring.used]
+        return np.unique(np.concatenate((break_times(signals, self.answer.end), [t for t, _, _ in self.answer.switched])))
 
     @property
     def network(self) -> Network:
@@ -60,14 +93,18 @@ class Run:
         by_node = {n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}
         return self.wiring.conductor_flows(self.assembled.numbers, by_node, times)
 
+    def conductances(self, times: Array, temperatures: Array) -> dict[str, Array]:
+        """Return conductor -> conductance (times,), radiation made linear. [W/K]"""
+        by_node = {n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}
+        return self.wiring.conductor_conductances(self.assembled.numbers, by_node, times)
+
     def powers(self, times: Array, temperatures: Array) -> dict[str, Array]:
         """Return load -> power (times,). [W]"""
         return self.engine.powers(self.assembled, self._columns(temperatures), times, self.answer.states(times))
 
     def out_of_range(self) -> tuple[str, ...]:
-        """Return a sentence for each law of the user that was asked for values beyond its range at a stored time."""
+        """Return a sentence for each law of the user that was asked for values beyond its range, at a stored time or a turning point."""
         out = []
-        at = self.traces.temperature
         numbers = self.assembled.numbers
         plain = {r.name for r in numbers.conductors if r.form == "table"} | {r.name for r in numbers.loads}
         rows = [(r.name, r.curve, r.ends) for r in numbers.conductors] + [(r.name, r.curve, (r.node, r.node)) for r in numbers.loads]
@@ -75,18 +112,30 @@ class Run:
             (c.path, c.curve.film[1], (e, e)) for c in self.network.flat.conductors if c.curve is not None and c.curve.film for e in c.ends
         ]
         rows += [(node, store.given, (node, node)) for node, store in self.network.stores.items()]
-        for name, curve, (a, b) in rows:
-            if curve is None or curve.film or (curve.d is None and name in plain):
-                continue
+        known = [
+            (name, curve, ends)
+            for name, curve, ends in rows
+            if curve is not None and not curve.film and (curve.d is not None or name not in plain)
+        ]
+        fine = self._at_turnings({e for _, _, ends in known for e in ends})
+        at = fine.traces.temperature
+        for name, curve, (a, b) in known:
             seen = at(a) - at(b) if curve.over == "difference" else 0.5 * (at(a) + at(b))
             beyond = (seen < curve.x[0]) | (seen > curve.x[-1])
             if beyond.any():
-                first, low, high = self.times[beyond.argmax()], float(seen.min()), float(seen.max())
+                first, low, high = fine.times[beyond.argmax()], float(seen.min()), float(seen.max())
                 out.append(
                     f"'{name}' left the range of its law, {curve.x[0]:.6g} to {curve.x[-1]:.6g} K, at {first:.6g} s: it saw {low:.6g} to"
                     f" {high:.6g} K; beyond its range a law stays constant"
                 )
         return (*out, *outside(self))
+
+    def _at_turnings(self, nodes: Iterable[str]) -> Run:
+        """Return the run stored at the turning points of some nodes too."""
+        found = [t.times for t in map(self.turnings, nodes) if t is not None]
+        times = np.union1d(self.times, np.concatenate([np.zeros(0), *found]))
+        times = times[(times >= self.times[0]) & (times <= self.times[-1])]
+        return self if times.size == self.times.size else self.again(times)
 
     def _columns(self, temperatures: Array) -> Array:
         by_node = dict(zip(self.all_nodes(), temperatures.T, strict=True))
@@ -105,3 +154,28 @@ class Run:
         size = max(gross, float(capacities @ np.ptp(seen, axis=0)), 1e-300)
         residual = loads - boundaries - stored
         return HeatBalance(loads, boundaries, stored, residual, abs(residual) / size)
+
+
+@dataclass(frozen=True, eq=False)
+class RunDense:
+    """The course of a node or boundary of a run at any time; see `Dense`.
+
+    Parameters
+    ----------
+    run : Run
+    path : str      Of the node.
+    """
+
+    run: Run
+    path: str
+
+    def kelvin(self, times: Array) -> Array:
+        """Return the temperatures (times,) [K] at increasing times (times,) [s]."""
+        if self.path in self.run.network.boundaries:
+            return self.run.wiring.boundary(self.path, times, self.run.assembled.offsets)
+        return self.run.again(times).traces.temperature(self.path)
+
+    @property
+    def switches(self) -> Array:
+        """When inputs jump and thermostats switch. [s]"""
+        return self.run.switches

@@ -18,6 +18,7 @@ from thermid.knowledge.sources import Law, read_spread
 from thermid.model.model import Model
 from thermid.model.signal import Constant, literal
 from thermid.network.environment import Environment
+from thermid.network.gas_checks import gas_remarks
 from thermid.network.network import Network, compile_network
 from thermid.network.reach import unreached
 from thermid.simulation.engine import Engine, Options
@@ -194,8 +195,9 @@ class Simulator:
         assembled = self._engine.started(self._wiring.assemble(x, sensitivities), sensitivities)
         nodes = assembled.reduced.nodes
         wanted = sensitivities and bool(self.free)
-        answer = self._engine.integrate(assembled, self.times, nodes, self._wiring.scenario.seconds, self.options, wanted)
-        run = Run(self._wiring, self._engine, assembled, answer, self.times)
+        own, end = self.options, self._wiring.scenario.seconds
+        answer = self._engine.integrate(assembled, self.times, nodes, end, own, wanted, own.extremes)
+        run = Run(self._wiring, self._engine, assembled, answer, self.times, own)
         free = self.free if wanted else ()
         return Solution(
             self.title, self._wiring.scenario.title, self.times, run.all_nodes(), free, "ok", answer.statistics, self._remarks, run
@@ -296,6 +298,8 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         out.append("vacuum as printed: every coefficient is zero, radiation in it included; the temperatures are an upper bound")
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
     out += wiring.network.media.remarks([c for c in wiring.network.flat.conductors if not followed & set(c.fields.values())])
+    out += gas_remarks(wiring.network.media, wiring.network.flat, numbers.values)
+    out += wiring.network.streams.remarks(scenario.seconds)
     for gas, e in scenario.environment.items():
         if e.humidity != Environment().humidity:
             of = "of every gas" if gas == "*" else f"of '{gas}'"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation.extremes import Dense, Extreme, Turnings, first_above
 
 if TYPE_CHECKING:
     import xarray
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["HeatBalance", "Solution", "Trace"]
 
 Array = NDArray[np.float64]
+JUST_BEFORE = 1e-6
+"""How long before a switching a course is looked at: at the switching, powers are those after it. [s]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +38,16 @@ class Trace:
     path : str              Canonical path of the node.
     times : array (times,)  [s]
     kelvin : array (times,) [K]
+    turnings : Turnings     The highest and the lowest point between every two samples, as the integrator followed the course; None where
+                            nothing is known between samples: of a log, or of a run with ``Options(extremes=False)``.
+    dense : Dense           The course at any time; None where only samples are known.
     """
 
     path: str
     times: Array
     kelvin: Array
+    turnings: Turnings | None = None
+    dense: Dense | None = field(default=None, repr=False)
 
     @property
     def celsius(self) -> Array:
@@ -51,46 +59,80 @@ class Trace:
         """The last temperature. [degC]"""
         return float(self.celsius[-1])
 
+    @cached_property
+    def course(self) -> tuple[Array, Array]:
+        """Samples and turning points in order: times (points,) [s] and temperatures (points,) [K]."""
+        return self.turnings.beside(self.times, self.kelvin) if self.turnings is not None else (self.times, self.kelvin)
+
+    def _extreme(self, sign: float) -> Extreme:
+        times, kelvin = self.course
+        at = int((sign * kelvin).argmax())
+        return Extreme(float(kelvin[at]), float(times[at]), self.turnings is not None)
+
+    @cached_property
+    def maximum(self) -> Extreme:
+        """The highest temperature of the run, between samples too where it was tracked, and when."""
+        return self._extreme(1.0)
+
+    @cached_property
+    def minimum(self) -> Extreme:
+        """The lowest temperature of the run, between samples too where it was tracked, and when."""
+        return self._extreme(-1.0)
+
     @property
     def highest(self) -> float:
-        """The highest temperature. [degC]"""
-        return float(self.celsius.max())
+        """The highest temperature; see `maximum`. [degC]"""
+        return self.maximum.celsius
+
+    @property
+    def lowest(self) -> float:
+        """The lowest temperature; see `minimum`. [degC]"""
+        return self.minimum.celsius
 
     @property
     def rise(self) -> float:
         """The last temperature less the first. [K]"""
         return float(self.kelvin[-1] - self.kelvin[0])
 
-    def at(self, time: float | str | Array) -> Array:
-        """Temperature at times within the run [s] or at a text such as ``10 [min]``, straight lines between stored times. [degC]
+    def at(self, time: float | str | Sequence[float] | Array) -> Array:
+        """Temperature at times within the run [s] or at a text such as ``10 [min]``. [degC]
+
+        By the integrator's dense output, for which the run is made again: ask for many times at once. Stored times cost nothing. Where
+        only samples are known (`dense` is None), straight lines between them.
 
         Raises
         ------
         ScenarioError   When a time lies outside the run.
         """
-        asked = literal(time, "s", f"{self.path}, at") if isinstance(time, str) else time
+        asked = np.asarray(literal(time, "s", f"{self.path}, at") if isinstance(time, str) else time, dtype=float)
         first, last = float(self.times[0]), float(self.times[-1])
         near = 1e-9 * (last - first)
         outside = [t for t in np.ravel(asked) if not first - near <= t <= last + near]
         if outside:
             raise ScenarioError(f"the run goes from {first:g} s to {last:g} s and says nothing of {outside[0]:g} s.", f"{self.path}, at")
-        return np.asarray(np.interp(asked, self.times, self.celsius))
+        wanted = np.clip(asked, first, last)
+        if self.dense is None or np.isin(wanted, self.times).all():
+            return np.asarray(np.interp(wanted, self.times, self.celsius))
+        unique, places = np.unique(wanted, return_inverse=True)
+        return np.asarray(self.dense.kelvin(unique)[places].reshape(wanted.shape) - ICE_POINT)
 
     def __str__(self) -> str:
         """One line: end, span and how many times."""
-        low, high = self.celsius.min(), self.highest
-        return f"{self.path}: {self.final:.3f} degC at {self.times[-1]:g} s, {low:.3f} .. {high:.3f} degC at {self.times.size} times"
+        known = "" if self.turnings is not None else ", between them unknown"
+        span = f"{self.lowest:.3f} .. {self.highest:.3f} degC"
+        return f"{self.path}: {self.final:.3f} degC at {self.times[-1]:g} s, {span} at {self.times.size} times{known}"
 
-    def crossing(self, limit: float) -> float | None:
-        """Return the first time at which the node is above a limit [degC], or None. [s]"""
-        above = self.celsius > limit
-        if not above.any():
-            return None
-        k = int(above.argmax())
-        if k == 0:
-            return float(self.times[0])
-        low, high = self.celsius[k - 1], self.celsius[k]
-        return float(self.times[k - 1] + (limit - low) / (high - low) * (self.times[k] - self.times[k - 1]))
+    def crossing(self, limit: float, *, below: bool = False) -> float | None:
+        """Return the first time at which the node is above a limit [degC], or below it; None where never. [s]
+
+        Between samples too where the run was tracked: a pulse counts. To a few digits more than the samples by the integrator's dense
+        output, where it can be had.
+        """
+        (times, kelvin), sign, level = self.course, -1.0 if below else 1.0, limit + ICE_POINT
+        if self.dense is None:
+            return first_above(times, sign * (kelvin - level))
+        dense = self.dense
+        return first_above(times, sign * (kelvin - level), lambda t: sign * (dense.kelvin(t) - level), dense.switches)
 
 
 @dataclass(frozen=True)
@@ -140,8 +182,32 @@ class Solution:
 
     def __getitem__(self, name: str) -> Trace:
         """Return the trace of a node; aliases are accepted."""
-        path = self._run.network.find(name)
-        return Trace(path, self.times, self._run.traces.temperature(path))
+        run, path = self._run, self._run.network.find(name)
+        return Trace(path, self.times, run.traces.temperature(path), run.turnings(path), run.dense(path))
+
+    def refined(self, nodes: Iterable[str] = (), most: int | None = None) -> Solution:
+        """Return the same run stored besides at the turning points of some nodes, and just before and at every switching.
+
+        Whatever is read off its samples then holds between those of this run too. The run is made once more; where it was not tracked, or
+        nothing lies between its samples, it is returned as it is.
+
+        Parameters
+        ----------
+        nodes : iterable of str
+        most : int      Of each node only so many of the highest and of the lowest turning points, and of the switchings only those where
+                        one of them lies: for runs whose samples are dear. All where None.
+        """
+        run, first, last = self._run, float(self.times[0]), float(self.times[-1])
+        found = [t for t in (run.turnings(run.network.find(n)) for n in nodes) if t is not None]
+        kept = [t.times if most is None or t.times.size <= 2 * most else t.furthest(most) for t in found]
+        more = np.unique(np.concatenate([np.zeros(0), *kept]))
+        switches = run.switches if most is None else np.intersect1d(run.switches, more)
+        before = switches - np.maximum(JUST_BEFORE, 1e-12 * switches)
+        more = np.concatenate([more, switches, before])
+        times = np.union1d(self.times, more[(more > first) & (more < last)])
+        if not found or times.size == self.times.size:
+            return self
+        return replace(self, times=times, free=(), _run=run.again(times))
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -210,6 +276,11 @@ class Solution:
         tables = {"heat_flow": ("conductor", flows, "W"), "power": ("load", powers, "W")}
         data: dict[str, Any] = {"temperature": (("time", "node"), self.temperatures, {"units": "K"})}
         coordinates: dict[str, Any] = {"time": ("time", self.times, {"units": "s"}), "node": list(self.nodes)}
+        found = [self[n] for n in self.nodes]
+        between = {"between_samples": "tracked" if all(t.turnings is not None for t in found) else "unknown"}
+        for word, ends in (("highest", [t.maximum for t in found]), ("lowest", [t.minimum for t in found])):
+            data[word] = ("node", np.array([e.kelvin for e in ends]), {"units": "K"} | between)
+            data[f"{word}_time"] = ("node", np.array([e.time for e in ends]), {"units": "s"})
         for name, (axis, traces, units) in tables.items():
             if traces:
                 coordinates[axis] = list(traces)
@@ -234,8 +305,10 @@ class Solution:
         width = max(len(n) for n in self.nodes)
         size, unit = next(((s, u) for s, u in ((3600.0, "h"), (60.0, "min")) if self.times[-1] >= s), (1.0, "s"))
         lines = [f"{self.title}, {self.scenario}: {self.times[-1] / size:.4g} {unit}, {self.status}"]
-        for k, node in enumerate(self.nodes):
-            column = self.temperatures[:, k] - ICE_POINT
-            lines.append(f"  {node:<{width}}  end {column[-1]:9.3f} degC   highest {column.max():9.3f} degC")
+        for node in self.nodes:
+            trace = self[node]
+            lines.append(f"  {node:<{width}}  end {trace.final:9.3f} degC   highest {trace.highest:9.3f} degC")
+        if any(self[n].turnings is None for n in self.nodes):
+            lines.append("  highest of the stored samples; between these unknown")
         lines += [f"  warning: {w}" for w in self.warnings]
         return "\n".join(lines)

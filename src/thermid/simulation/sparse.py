@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.memo import Memo
 from thermid.model.curves import Curve
-from thermid.model.signal import Signal
+from thermid.model.signal import Constant, Signal
 from thermid.network.rows import CONTROLS, LOADS, conductor_law, curve_arrays
+from thermid.simulation.extremes import Turnings, signal_turnings
 from thermid.simulation.kernel_form import kernel_input
 
 __all__ = ["Csr", "Grid", "LoadGroup", "RowGroup", "SparseNetwork", "link_arrays"]
@@ -208,6 +209,11 @@ class SparseNetwork:
         given = self.boundary_inputs[k]
         varying = self.inputs[given].at(times) if given != NONE else np.zeros(times.shape)
         return np.asarray(varying + self.offsets[k], dtype=np.float64)
+
+    def boundary_turnings(self, k: int, end: float) -> Turnings:
+        """Return the turning points of a boundary from zero to `end` [s]."""
+        given = self.boundary_inputs[k]
+        return signal_turnings(self.inputs[given] if given != NONE else Constant(0.0), end, float(self.offsets[k]))
 
 
 def joined(parts: Sequence[NDArray[Any]], kind: Any) -> NDArray[Any]:

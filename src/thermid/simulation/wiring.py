@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -15,7 +15,9 @@ from thermid.model.signal import Constant, Signal, literal
 from thermid.model.stores import Store
 from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
 from thermid.network.network import Network, Numbers
-from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, heat
+from thermid.network.pressure import combined
+from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
+from thermid.network.streams import signal_of
 from thermid.simulation.inputs import check_courses, load_inputs, normalised, read_schedule, scheduled
 from thermid.simulation.scenario import STEADY, Scenario
 from thermid.units import TEMPERATURE
@@ -95,9 +97,14 @@ class Wiring:
         self.signals: dict[str, Signal] = {f"boundary {b}": s for b, s in self.scenario.boundaries.items()}
         needed = {name for row in base.conductors for name in (row.signal, row.second)}
         gases = {name: given for name, given in network.media.signals().items() if name in needed}
+        self.streams = {c.path: network.streams.course(c.path, self.scenario.boundaries) for c in network.streams.conductors}
+        gases |= {signal_of(path): course for path, course in self.streams.items() if not isinstance(course, Constant)}
         self.signals |= load_inputs(network, self.scenario, base) | gases
         self._follow: dict[tuple[str, int, int], str] = {}
-        numbers = self._numbers({})
+        numbers = self.flowing(self._numbers({}), {})
+        for (path, _, _), name in self._follow.items():
+            if signal_of(path) in gases:
+                self.signals[f"{signal_of(path)} {name}"] = combined(np.multiply, self.signals[name], gases[signal_of(path)])
         # the kernel needs a node to solve for, even where all of them only follow
         self.gone = eliminable(self._marked(numbers))[: len(network.nodes) - 1]
         self.used: dict[str, int] = {}
@@ -128,6 +135,21 @@ class Wiring:
             self.signals[name] = given
             self._follow[key] = name
         return numbers
+
+    def flowing(self, numbers: Numbers, given: Mapping[str, Number]) -> Numbers:
+        """Return the numbers with streams of gas at the temperatures of their sources; the network has them at 20 degC."""
+        offsets = {b: self._offset(b, given) for b in self.network.boundaries if b in given}
+        return replace(numbers, conductors=tuple(self._flowing(r, offsets) if r.name in self.streams else r for r in numbers.conductors))
+
+    def _flowing(self, row: ConductorRow, offsets: Mapping[str, Number]) -> ConductorRow:
+        """Return the row of a stream with the course of its mass in this scenario."""
+        streams, course = self.network.streams, self.streams[row.name]
+        still = streams.still(row.name)
+        within = still.value if isinstance(still, Constant) else 1.0
+        now = course.value if isinstance(course, Constant) else 1.0
+        factor = streams.shifted(row.name, self.scenario.boundaries, offsets) * (now / within if within else 0.0)
+        signal = "" if isinstance(course, Constant) else signal_of(row.name)
+        return replace(row, coefficients=(row.coefficients[0] * factor,), signal=signal)
 
     def _marked(self, numbers: Numbers) -> Numbers:
         """Mark scheduled conductors as changing in time, so that elimination leaves them alone."""
@@ -172,7 +194,7 @@ class Wiring:
 
     def assembled_at(self, given: Mapping[str, Number], free: int = 0) -> Assembled:
         """Return the numbers at values of some free names; `free` is the length of their gradients, zero for none. [SI]"""
-        numbers = self._numbers({p: given[p] for p in self.parameters if p in given})
+        numbers = self.flowing(self._numbers({p: given[p] for p in self.parameters if p in given}), given)
         reduced = with_stores(reduce_network(self.network, self._marked(numbers), self.gone), self.network.stores)
         return self._build(numbers, reduced, given, free)
 
@@ -247,12 +269,21 @@ class Wiring:
         """Return the input that a conductor's coefficient is multiplied by; empty for none."""
         follow = self._follow.get((row.name, position, c), "")
         own = (row.signal if row.signal != MARK else "") if c == 0 else row.second if c == 1 else ""
+        if follow and own and row.name in self.streams:
+            return f"{own} {follow}"
         if follow and own:
             raise ScenarioError(f"'{row.name}' cannot follow a schedule while the pressure of its gas changes.", self.scenario.title)
         return follow or own
 
     def conductor_flows(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array) -> dict[str, Array]:
         """Return conductor -> heat flow (times,) for temperatures by node; rows of one conductor are summed. [W]"""
+        return self._summed(numbers, temperatures, times, heat)
+
+    def conductor_conductances(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array) -> dict[str, Array]:
+        """Return conductor -> heat flow over the difference of its ends (times,), rows of one conductor summed. [W/K]"""
+        return self._summed(numbers, temperatures, times, conductance)
+
+    def _summed(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, law: Callable[..., Array]) -> dict[str, Array]:
         out: dict[str, Array] = {}
         for row, position in _numbered(numbers.conductors):
             a, b = (temperatures[end] for end in row.ends)
@@ -260,8 +291,7 @@ class Wiring:
             for c, number in enumerate(row.coefficients):
                 signal = self._conductor_signal(row, position, c)
                 coefficients.append(value_of(number) * (self.signals[signal].at(times) if signal else np.ones(times.shape)))
-            flow = heat(row.form, coefficients, row.curve, a, b)
-            out[row.name] = out.get(row.name, 0.0) + flow
+            out[row.name] = out.get(row.name, 0.0) + law(row.form, coefficients, row.curve, a, b)
         return out
 
     def _controlled(self, numbers: Numbers) -> list[LoadRow]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.errors import DeckError
-from thermid.identify.calibration import Calibration
+from thermid.fit.calibration import Calibration
 from thermid.identify.retune_plan import RetunePlan
 from thermid.knowledge.standing import of_model
 from thermid.studio.courses import Shelf

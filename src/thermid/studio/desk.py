@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, nearest
-from thermid.identify.calibration import Calibration
-from thermid.identify.driven import corrected
-from thermid.identify.residuals import Problem
-from thermid.identify.sensor_parts import attached
-from thermid.identify.unknowns import Unknown
-from thermid.identify.wired import Bench
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.driven import corrected
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.sensor_parts import attached
+from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.wired import Bench
 from thermid.model.model import Model
 from thermid.model.resolve import parameter_table
 from thermid.network.network import compile_network

@@ -201,10 +201,10 @@ def _verdict(found: Outcome) -> dict[str, str]:
         given = set(run.chamber) if run is not None else set()
         nodes = [n for n in found.solution.nodes if n not in given]
         hot = max(nodes, key=lambda n: found.solution[n].highest)
-        trace = found.solution[hot]
-        at = _hours(float(trace.times[int(trace.kelvin.argmax())]))
+        trace = found.solution[hot].maximum
+        at = _hours(trace.time)
         why = "No limits are kept beside this deck for its nodes"
-        return {"word": "open", "text": f"{why}. The hottest part is {hot}: {trace.highest:.1f} °C at {at}.{_settling(run)}"}
+        return {"word": "open", "text": f"{why}. The hottest part is {hot}: {trace.celsius:.1f} °C at {at}.{_settling(run)}"}
     side, temperature, time = _nearest(worst)
     limit = worst.limits[1 if side == "upper" else 0]
     what = f"{worst.point} ({worst.node}), {worst.state}: {temperature - ICE_POINT:.1f} °C at {_hours(time)}"
@@ -273,7 +273,7 @@ def _point(found: Outcome, one: Limits) -> dict[str, Any]:
 
 def _curve(found: Outcome, node: str, window: Window) -> dict[str, Any]:
     trace, run = found.solution[node], found.course
-    times, values = thinned(trace.times, trace.celsius, window)
+    times, values = thinned(trace.course[0], trace.course[1] - ICE_POINT, window)
     out: dict[str, Any] = {"name": node, "times": times, "values": values, "chamber": run is not None and node in run.chamber}
     band = None if found.bands is None else found.bands.get(node)
     if band is not None:

@@ -10,16 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.fit.calibrate import fit, fit_problem
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import Request
 from thermid.identify.cache import changed_since, file_name, recall, remember
-from thermid.identify.calibrate import fit, fit_problem
-from thermid.identify.calibration import Calibration
 from thermid.identify.campaignfile import CampaignSource, read_campaign
-from thermid.identify.gather import problem_for
-from thermid.identify.keys import keyed
-from thermid.identify.request import Request
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
-from thermid.identify.staging import request_of
+from thermid.identify.staging import keyed, request_of
 from thermid.identify.swap import plan_retune
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import Origin, State, Store

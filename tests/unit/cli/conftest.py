@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from thermid.cli import main
-from unit.identify.project import make_project
+from unit.fit.project import make_project
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from thermid.identify.values import load_values
+from thermid.knowledge.values import load_values
 from unit.cli.conftest import Call
 
 JOINT = "stack.contact_conductance"
@@ -306,7 +306,7 @@ class TestPredict:
 
 class TestPowerThatNobodyMeasured:
     def test_absolute_values_are_refused_with_what_is_known(self, call: Call, tmp_path: Path) -> None:
-        from unit.identify.project import make_project
+        from unit.fit.project import make_project
 
         campaign = make_project(tmp_path)
         changed(campaign, 'free    = ["skin.effective_htc", "case.mass"]', 'free    = ["skin.effective_htc", "case.mass", "power"]')
@@ -321,7 +321,7 @@ class TestPowerThatNobodyMeasured:
 
 class TestIdentify:
     def test_says_what_the_logs_of_a_stage_can_tell(self, call: Call, tmp_path: Path) -> None:
-        from unit.identify.project import make_project
+        from unit.fit.project import make_project
 
         campaign = make_project(tmp_path)
         said = call("identify", campaign, "--stage", "pair")
@@ -335,7 +335,7 @@ class TestIdentify:
         assert found.object["stages"]["box"]["rank"] == 2
 
     def test_finished_stages_are_not_fitted_again(self, call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        from unit.identify.project import make_project
+        from unit.fit.project import make_project
 
         campaign, kept = make_project(tmp_path), tmp_path / "kept"
         assert call("calibrate", campaign, "--to", kept).code == 0
@@ -344,12 +344,12 @@ class TestIdentify:
         def searched(*_: object) -> None:
             raise AssertionError("a stage was fitted again")
 
-        monkeypatch.setattr("thermid.identify.calibrate.searched", searched)
+        monkeypatch.setattr("thermid.fit.calibrate.searched", searched)
         again = call("identify", campaign, "--after", "--results", kept, "--json")
         assert (again.code, again.object) == (0, first.object)
 
     def test_an_unknown_stage(self, call: Call, tmp_path: Path) -> None:
-        from unit.identify.project import make_project
+        from unit.fit.project import make_project
 
         said = call("identify", make_project(tmp_path), "--stage", "pear", "--json")
         assert said.code == 2

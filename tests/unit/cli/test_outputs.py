@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from unit.cli.conftest import Call
-from unit.identify.project import make_project
+from unit.fit.project import make_project
 from unit.qualify.project import PLAN, project
 
 SCENARIO = 'title = "warm"\nstart = "24 [degC]"\nduration = "10 [min]"\n\n[boundaries]\n{} = "24 [degC]"\n'

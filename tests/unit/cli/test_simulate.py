@@ -38,7 +38,7 @@ class TestJson:
         assert (found["schema"], found["status"], found["warnings"]) == (1, "ok", [])
         assert set(found["nodes"]) == {"case", "air"}
         node = found["nodes"]["case"]
-        assert set(node) == {"final_C", "max_C", "at_C", "steady_C"}
+        assert set(node) == {"final_C", "max_C", "max_time_s", "min_C", "min_time_s", "at_C", "steady_C"}
         assert node["at_C"] == pytest.approx([expected(3600.0), expected(600.0)], abs=1e-4), "in the order of --at"
         assert node["final_C"] == pytest.approx(expected(18000.0), abs=1e-4)
         assert node["max_C"] == pytest.approx(node["final_C"], abs=1e-4)
@@ -103,7 +103,7 @@ class TestOptions:
         assert case(call, accelerometer, "--param", "area=0.005 [m^2]")["steady_C"] == pytest.approx(24 + 0.225 / 0.03, abs=1e-8)
 
     def test_param_wins_over_values(self, call: Call, accelerometer: Path, tmp_path: Path) -> None:
-        from thermid.identify.values import FittedValue, FittedValues
+        from thermid.knowledge.values import FittedValue, FittedValues
 
         value = FittedValue("area", 0.004, 1e-5, 1e-5, True, "m^2", 0.0042, (0.003, 0.006))
         FittedValues("s", {"area": value}, np.array([[1e-6]])).save(tmp_path / "v.toml")

@@ -9,7 +9,7 @@ import pytest
 from thermid.cli.standing import WINS, leave
 from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing
 from unit.cli.conftest import Call, Said
-from unit.identify.planted import planted
+from unit.fit.planted import planted
 
 TOLD = "NOT CREDIBLE: rests on stage 'box' (T_BOX would have to be wrong by +0."
 TAKEN = TOLD.replace("CREDIBLE:", "CREDIBLE (accepted):")
@@ -99,7 +99,7 @@ def test_plan_and_qualify(tmp_path: Path, call: Call) -> None:
     import numpy as np
 
     import thermid as td
-    from thermid.identify.values import FittedValue, FittedValues
+    from thermid.knowledge.values import FittedValue, FittedValues
     from unit.qualify.project import PLAN, project
     from unit.qualify.things import unit
 

@@ -13,15 +13,14 @@ import pytest
 
 from studio.large import wide_campaign
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
-from thermid.identify.cache import in_full
+from thermid.fit.problem.keys import in_full, key_of
 from thermid.identify.campaignfile import read_campaign
-from thermid.identify.keys import key_of
 from thermid.identify.stages import Campaign, run_stages
 from thermid.identify.staging import request_of
-from thermid.identify.values import load_values
+from thermid.knowledge.values import load_values
 from thermid.model.signal import Table
-from unit.identify.bench import HTC, MASS
-from unit.identify.project import CAMPAIGN, make_project
+from unit.fit.bench import HTC, MASS
+from unit.fit.project import CAMPAIGN, make_project
 
 JOINT = "stack.contact_conductance"
 FIXED = 'as = "fixed"'
@@ -547,7 +546,7 @@ def test_a_corrected_unit_runs_a_finished_stage_again(project: Path, tmp_path: P
     """The hash of a log is of its numbers as they are written, so what makes temperatures of them belongs to the key of a stage."""
     from dataclasses import replace
 
-    from thermid.identify.keys import key_of
+    from thermid.fit.problem.keys import key_of
 
     request = run_stages(project).requests["box"]
     (record,) = request.records

@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.cli.app import app
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.identify.looks import FILE, look, looks_at
 from thermid.identify.stages import Campaign
-from unit.identify.bench import HTC, MASS, box, pair
-from unit.identify.project import CAMPAIGN, make_project
+from thermid.judge.looks import FILE, look, looks_at
+from unit.fit.bench import HTC, MASS, box, pair
+from unit.fit.project import CAMPAIGN, make_project
 
 JOINT = "stack.contact_conductance"
 

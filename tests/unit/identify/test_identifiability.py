@@ -9,10 +9,10 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError
-from thermid.identify.grouping import percent
+from thermid.fit.uncertainty.grouping import percent
 from thermid.identify.survey import survey
-from unit.identify.bench import AREA, HTC, MASS, box, log, metered, pair
-from unit.identify.project import make_project
+from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
+from unit.fit.project import make_project
 
 ROOM = {"air": "24 [degC]"}
 

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from thermid.errors import NameNotFoundError
-from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration
-from thermid.identify.inherit import counted_twice, known_before
-from thermid.identify.request import Request
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.known_before import known_before
+from thermid.fit.problem.request import Request
+from thermid.identify.staging import counted_twice
 from thermid.measure import Record
 from thermid.model.model import Model
-from unit.identify.bench import box, log, pair
+from unit.fit.bench import box, log, pair
 
 LINEAR = {"parameters/power/min": 0}
 """With zero as its minimum a power is fitted as it is, and every temperature is linear in all that is looked for."""

@@ -11,8 +11,8 @@ import pytest
 import thermid as td
 from thermid.errors import DeckError, IdentificationError
 from thermid.identify.stages import Campaign
-from unit.identify.bench import HTC, MASS
-from unit.identify.project import CAMPAIGN, make_project
+from unit.fit.bench import HTC, MASS
+from unit.fit.project import CAMPAIGN, make_project
 
 JOINT = "stack.contact_conductance"
 PRIOR = CAMPAIGN.replace('as = "fixed"', 'as = "prior"').replace("[[verdicts]]", "[joint]\n\n[[verdicts]]", 1)

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.identify import keys as room
+from thermid.fit.problem import keys as room
+from thermid.fit.problem.keys import ingredients_of, key_for
+from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.identify.cache import changed_since, remember
 from thermid.identify.campaignfile import read_campaign
-from thermid.identify.keys import ingredients_of, key_for, keyed
-from thermid.identify.request import LocalSpec, Reading, Request
 from thermid.identify.stages import run_stages
-from thermid.identify.staging import request_of
+from thermid.identify.staging import keyed, request_of
 from thermid.knowledge.store import Origin, State, Store
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
-from unit.identify.bench import HTC, MASS, box, log, pair
-from unit.identify.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
+from unit.fit.bench import HTC, MASS, box, log, pair
+from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 
 STATE = State("case.mass", 1.6, True, "kg", (0.5, 4.0), Origin("fit", "below"), paths=("case.mass",))
 BELOW = Store({"case.mass": STATE})

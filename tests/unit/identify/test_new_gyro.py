@@ -13,8 +13,8 @@ from thermid.identify.stages import Campaign
 from thermid.model.identity import identities
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model
-from unit.identify.bench import log
-from unit.identify.project import write_log
+from unit.fit.bench import log
+from unit.fit.project import write_log
 
 FOOT, PLATE = "foot_conductivity", "plate_skin.effective_htc"
 HTC = "skin.effective_htc"

@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import NameNotFoundError, ThermidError
-from unit.identify.bench import AREA, HTC, MASS, box, log
+from unit.fit.bench import AREA, HTC, MASS, box, log
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]"}
 

@@ -14,8 +14,8 @@ from thermid.errors import IdentificationError
 from thermid.model.identity import identities
 from thermid.model.modelfile import load_model
 from thermid.model.resolve import ParameterSet, parameter_table
-from unit.identify.project import write_log
-from unit.identify.trees import Part, joined, leaf, record_of, record_table, stage_table, write_decks, write_logs
+from unit.fit.project import write_log
+from unit.fit.trees import Part, joined, leaf, record_of, record_table, stage_table, write_decks, write_logs
 
 G, POWER = "g.conductance", "heat.power"
 

@@ -15,14 +15,14 @@ from hypothesis import strategies as st
 
 import thermid as td
 from thermid.errors import DeckError
+from thermid.fit.standings import rests_on
 from thermid.identify.campaignfile import read_campaign
 from thermid.identify.stages import Campaign, run_stages
 from thermid.identify.staging import request_of
-from thermid.identify.standings import rests_on
-from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing, State, of_model, worst
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.modelfile import load_model
-from unit.identify.planted import BOX_VALUES, CAMPAIGN, planted
+from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
 WHY = "T_BOX would have to be wrong by +0."
 ORDER = get_args(State)
@@ -230,7 +230,7 @@ def test_what_rests_on_several_is_never_better_than_any(several: list[Standing],
 
 
 def test_standing_of_plain_models() -> None:
-    from unit.identify.bench import HTC, box
+    from unit.fit.bench import HTC, box
 
     assert of_model(box()) == UNJUDGED
     assert of_model(box().with_values({HTC: "5 [W/(m^2 K)]"})) == UNJUDGED

@@ -8,8 +8,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import RecordError
-from unit.identify.bench import HTC, MASS, box, log
-from unit.identify.project import make_project, write_log
+from unit.fit.bench import HTC, MASS, box, log
+from unit.fit.project import make_project, write_log
 
 CAMPAIGN = """
 title = "Ends of logs"

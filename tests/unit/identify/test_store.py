@@ -12,13 +12,13 @@ import pytest
 
 from thermid.errors import DeckError, ThermidError
 from thermid.identify.stages import Campaign, run_stages
-from thermid.identify.values import load_values
 from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import Cut, Normal, Source, Uniform
 from thermid.knowledge.store import Dropped, Origin, State, Store
+from thermid.knowledge.values import load_values
 from thermid.knowledge.values_file import load_store, save_store
 from thermid.model.modelfile import load_model
-from unit.identify.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
+from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 
 COMPONENT = leaf("component", 0.20)
 PAIR = joined("pair", {"p": COMPONENT}, (0.30, 0.30))

@@ -13,7 +13,7 @@ from thermid.errors import IdentificationError
 from thermid.identify.stages import run_stages
 from thermid.knowledge.store import Store
 from thermid.knowledge.values_file import load_store
-from unit.identify.trees import Part, joined, leaf, record_table, stage_table, write_decks, write_logs
+from unit.fit.trees import Part, joined, leaf, record_table, stage_table, write_decks, write_logs
 
 
 @dataclass

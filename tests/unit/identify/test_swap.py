@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.cli.app import app
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.identify.calibrate import fit
+from thermid.fit.calibrate import fit
 from thermid.identify.retune import _told_by
 from thermid.identify.retune_plan import RetunePlan
 from thermid.identify.stages import Campaign
@@ -22,8 +22,8 @@ from thermid.knowledge.store import Store
 from thermid.model.modelfile import save_model
 from thermid.model.resolve import ParameterSet
 from thermid.model.touching import touching
-from unit.identify.bench import HTC, MASS, box, log, pair
-from unit.identify.project import CAMPAIGN, COOL, make_project, write_log
+from unit.fit.bench import HTC, MASS, box, log, pair
+from unit.fit.project import CAMPAIGN, COOL, make_project, write_log
 
 JOINT = "stack.contact_conductance"
 FREE = 'free    = ["stack.contact_conductance"]'

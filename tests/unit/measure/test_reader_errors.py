@@ -68,8 +68,8 @@ BACK = "Sort the log, or read its parts as records of their own."
         ("t,T1\n0,20\ninf,21\n", "bench.csv:3, column 't': 'inf' is no time."),
         ("t,T1\n0,20\n0,21\n", "bench.csv: the log has 2 samples of one stamp; a record needs two times."),
         (
-            "time,T1\n24.12.2024 10:00,20\n24.12.2024 10:01,21\n",
-            "bench.csv:2, column 'time': '24.12.2024 10:00' is no time that is known: seconds, an ISO 8601 stamp, or HH:MM:SS. "
+            "time,T1\nday 24 10:00,20\nday 24 10:01,21\n",
+            "bench.csv:2, column 'time': 'day 24 10:00' is no time that is known: seconds, an ISO 8601 stamp, or HH:MM:SS. "
             "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'.",
         ),
         ("time,T1\n10:00:00,20\n10:61:00,21\n", "bench.csv:3, column 'time': '10:61:00' is no clock time HH:MM:SS, as the first line has."),
@@ -140,7 +140,7 @@ def test_arguments(log, arguments, message):
         ({"T1": 3}, "bench.csv, channels.T1: 3 is neither the name of a column nor a table."),
         (
             {"T1": {"nod": "a"}},
-            "bench.csv, channels.T1: no key 'nod'; there are node, boundary, load, command, prescribed, gain, noise, "
+            "bench.csv, channels.T1: no key 'nod'; there are node, boundary, load, command, prescribed, gain, full_scale, noise, "
             "accuracy, resolution, unit, prompt, gain_accuracy, gain_about, correlation_time, lag, lag_accuracy, capacitance, mass, "
             "specific_heat, lead, certificate, range. "
             "Did you mean 'node'?",
@@ -223,9 +223,10 @@ def test_unit_given_must_agree_with_the_header(log):
     assert read_record(named, {"T1": {"node": "a"}}, units={"T1": "K"})["T1"].values.tolist() == [20, 21]
 
 
-def test_time_in_milliseconds_is_not_read_as_seconds(log):
-    with pytest.raises(RecordError, match=r"its name ends in '_ms', and without a unit it would be read in seconds. Give units="):
-        read_record(log("t_ms,T1\n0,20\n1,21\n"), ANY, time="t_ms")
+def test_times_in_minutes_are_not_read_as_seconds(log):
+    with pytest.raises(RecordError, match=r"its name ends in 'min', and without a unit it would be read in seconds. Give units="):
+        read_record(log("t_min,T1\n0,20\n1,21\n"), ANY, time="t_min")
+    assert read_record(log("t_ms,T1\n0,20\n500,21\n"), ANY).times.tolist() == [0, 0.5]
 
 
 def test_missing_file(log):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from thermid.errors import NameNotFoundError
-from thermid.identify.values import FittedValue
+from thermid.knowledge.values import FittedValue
 from thermid.model.identity import definition_of, identities
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, model_from_dict, save_model

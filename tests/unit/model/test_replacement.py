@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.identify.values import FittedValue
+from thermid.knowledge.values import FittedValue
 from thermid.model.identity import identities
 from thermid.model.model import Model
 from thermid.model.modelfile import model_from_dict

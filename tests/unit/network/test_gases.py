@@ -214,6 +214,7 @@ def test_wind_thins_with_its_gas() -> None:
         pumped = at(Table(LONG, np.array([ATMOSPHERE, ATMOSPHERE, low, low])), wind=3.0).with_(duration="30 [h]")
         found = td.simulate(model, pumped)["case"].kelvin[-1] - 300.0
         assert found == pytest.approx(td.steady(model, at(low, wind=3.0))["case"] - 300.0, rel=0.02)
+    model = box({"htc": {"length": "5 [cm]"}, "emissivity": 0})
     empty = at(Table(LONG, np.array([ATMOSPHERE, ATMOSPHERE, 0.0, 0.0])), wind=3.0).with_(duration="2 [h]")
     assert np.abs(td.simulate(model, empty).heat_flow("skin")[-10:]).max() < 1e-9
 
@@ -480,7 +481,7 @@ def test_the_state_of_a_gas_may_be_written_as_text() -> None:
         td.Environment(wind="2 [K]")
 
 
-@pytest.mark.parametrize("surface", [{"emissivity": 1.5}, {"htc": "5 [W/(m^2 K)]", "emissivity": 90}])
+@pytest.mark.parametrize("surface", [{"htc": 0, "emissivity": 1.5}, {"htc": "5 [W/(m^2 K)]", "emissivity": 90}])
 def test_no_surface_radiates_more_than_a_black_one(surface: dict[str, object]) -> None:
     deck = {
         "title": "hot plate",

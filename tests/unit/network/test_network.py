@@ -269,8 +269,8 @@ def test_a_pressure_beyond_dilute_gases_or_none_is_refused(pressure: float) -> N
 
 def test_changing_pressure_switches_rows() -> None:
     pump = Environment(Table(np.array([0.0, 600.0]), np.array([ATMOSPHERE, 1e-3]), hold=True))
-    found = rows(box(htc="5 [W/(m^2 K)]"), pump)
-    assert list(found) == ["skin linear gas *"]
+    found = rows(box(htc="5 [W/(m^2 K)]", emissivity=0), pump)
+    assert list(found) == ["skin linear gas *", "skin.radiation radiation"]
     assert list(rows(box(effective_htc="6 [W/(m^2 K)]", emissivity=0.3), pump, gas="air")) == [
         "skin linear gas air",
         "skin radiation no gas air",
@@ -296,7 +296,7 @@ def test_one_gas_is_not_the_other() -> None:
             "needs": ["air", "inner"],
             "nodes": {"n": {"capacitance": "1 [J/K]"}},
             "surfaces": {
-                "out": {"of": "n", "to": "air", "area": "1 [m^2]", "htc": "5 [W/(m^2 K)]"},
+                "out": {"of": "n", "to": "air", "area": "1 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0},
                 "in_": {"of": "n", "to": "inner", "area": "1 [m^2]", "htc": "3 [W/(m^2 K)]"},
             },
         }

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.identify import coefficients, discrepancy, joint_gas
-from thermid.identify.coefficients import Conditions, Course, patterns_of
+from thermid.fit import coefficients, discrepancy, joint_gas
+from thermid.fit.coefficients import Conditions, Course, patterns_of
 from thermid.knowledge import sources
 from thermid.knowledge.sources import LeftOut, Uniform
 from thermid.network.network import compile_network
@@ -48,7 +48,7 @@ def test_members_are_derivatives_once_all_sources_shrink(seed: int) -> None:
         setting = Setting.of(small, times=[1200.0, 2400.0])
         linear = setting.linear([node])
         drawn = small.drawn(small.numbers(seed, 0, 300))
-        actual, _ = setting.temperatures(drawn, [node])
+        actual = setting.temperatures(drawn, [node]).kelvin
         straight = linear.run[node].kelvin[:, None] + linear.columns[node][:-1] @ drawn
         size = straight.std(axis=1)
         assert (size > 0).all()

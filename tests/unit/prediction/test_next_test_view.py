@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.identify.calibrate import fit
-from thermid.identify.calibration import Calibration
-from thermid.identify.request import Request
-from unit.identify.bench import box, log, pair
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import Request
+from unit.fit.bench import box, log, pair
 
 BLACK = {"surfaces/skin/emissivity": {"value": "0.85", "min": 0.7, "max": 0.95}}
 JOINT, HTC, WATTS = "stack.contact_conductance", "a.skin.effective_htc", "b.power"

@@ -11,8 +11,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import ThermidError
-from thermid.identify.gather import prior_of
-from thermid.identify.unknowns import Unknown
+from thermid.fit.problem.gather import prior_of
+from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.sources import read_spread
 from thermid.qualify.foresight import foresee
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.identify.values import load_values
+from thermid.knowledge.values import load_values
 from thermid.prediction.structural import MISFIT
 from thermid.qualify.foresight import IN_TESTS, widened
 from unit.qualify.things import UNIT, soak, unit

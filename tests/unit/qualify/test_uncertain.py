@@ -9,8 +9,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
-from thermid.identify.values import FittedValue, FittedValues
 from thermid.knowledge.sources import Cut, Shifted, Uniform, uniforms
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.prediction.budget import Target
 from thermid.prediction.known import normal_sources
 from thermid.qualify import campaign_runs

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.identify.residuals import Block
+from thermid.fit.problem.residuals import Block
 from thermid.reporting import chart, figures
 from thermid.reporting.chart import Line, Panel
 from thermid.reporting.figures import Dots, choose, overview, prediction, thinned, time_unit, trace

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from thermid.identify.moves import Group, Move, Moves
+from thermid.fit.uncertainty.moves import Group, Move, Moves
 from thermid.reporting.cells import DASH
 from thermid.reporting.levels import moved
 

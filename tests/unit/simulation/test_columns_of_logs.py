@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import ThermidError
-from thermid.identify.experiment import meet
+from thermid.fit.problem.experiment import meet
 from thermid.model.signal import Table
 
 LOG = """time_s,room,wall [degC],h,k [W/(m^2 K)],heat,drive,p,w,sun

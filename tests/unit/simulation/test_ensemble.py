@@ -13,7 +13,7 @@ import pytest
 import thermid as td
 from thermid import _kernel
 from thermid.errors import NameNotFoundError, ScenarioError, UnitError
-from thermid.identify.values import FittedValue, FittedValues
+from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.signal import Table
 from thermid.simulation.many import assemble_members
 

@@ -17,7 +17,7 @@ BRIGHT = "1361 [W/m^2]"
 
 def plate(**surface: Any) -> td.Model:
     """A plate of 0.1 m^2 that sees a boundary 'space'."""
-    face = {"of": "plate", "to": "space", "area": "0.1 [m^2]", "emissivity": 0.85, "absorptance": 0.25} | surface
+    face = {"of": "plate", "to": "space", "area": "0.1 [m^2]", "htc": 0, "emissivity": 0.85, "absorptance": 0.25} | surface
     face = {k: v for k, v in face.items() if v is not None}
     return td.model_from_dict(
         {"title": "plate", "needs": ["space"], "nodes": {"plate": {"capacitance": "100 [J/K]"}}, "surfaces": {"face": face}}
@@ -69,7 +69,7 @@ def test_a_joint_shades_what_it_covers() -> None:
     }
     deck["submodels"]["a"]["use"] = td.model_from_dict(
         {"title": "p", "needs": ["space"], "offers": ["face"], "nodes": {"plate": {"capacitance": "100 [J/K]"}}}
-        | {"surfaces": {"face": {"of": "plate", "to": "space", "area": "0.1 [m^2]", "emissivity": 0.85, "absorptance": 0.25}}}
+        | {"surfaces": {"face": {"of": "plate", "to": "space", "area": "0.1 [m^2]", "htc": 0, "emissivity": 0.85, "absorptance": 0.25}}}
     )
     deck["submodels"]["b"]["use"] = deck["submodels"]["a"]["use"]
     made = td.model_from_dict(deck)

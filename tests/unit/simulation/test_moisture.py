@@ -51,6 +51,45 @@ def test_a_cold_box_in_humid_air() -> None:
     assert "condenses for 26." in str(found)
 
 
+def film_at(pressure: float) -> float:
+    """Greatest film on a cold mass so heavy that latent heat does not warm it. [kg/m^2]"""
+    heavy = BOX.with_values({"case.capacitance": "1e7 [J/K]"})
+    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.Environment(pressure=f"{pressure} [Pa]")})
+    found = td.moisture(heavy, thin, {"air": 0.6})
+    share = found.solution.heat_flow("skin")[-1] / (0.08 * (found.solution["case"].kelvin[-1] - 303.15)) / 5.0  # of its coefficient
+    return float(found["skin"].film[-1] / share)
+
+
+def test_vapour_reaches_a_surface_faster_in_thin_air() -> None:
+    """h_m = h / (rho c_p) Le^(-2/3), where the density falls with pressure and the Lewis number does not: as 1/p at one h."""
+    assert film_at(60e3) / film_at(101325.0) == pytest.approx(101325.0 / 60e3, rel=1e-4)
+
+
+def test_latent_heat_is_that_of_the_film() -> None:
+    """The polygon of latent heat holds the water that settles and dries, in steps of 2 min as in steps of 5 s."""
+    cold = TRANSFER.with_(start="5 [degC]")
+    for every in (120.0, 5.0):
+        skin = td.moisture(BOX, cold, {"air": 0.6}, every=every)["skin"]
+        assert skin.film[-1] == 0.0
+        assert skin.film.max() > 0.01
+        assert abs(skin.heat) < 0.02 * 0.08 * skin.film.max() * 2.48e6  # the heat of evaporation falls by 1 % in 10 K
+
+
+def test_another_gas_than_air_is_refused() -> None:
+    helium = TRANSFER.with_(environment={"air": td.Environment(gas="He")})
+    skin = {"of": "case", "to": "air", "area": "0.08 [m^2]", "htc": {"length": "0.2 [m]"}}
+    box = td.model_from_dict({"title": "b", "needs": ["air"], "nodes": {"case": {"capacitance": "700 [J/K]"}}, "surfaces": {"skin": skin}})
+    with pytest.raises(td.ThermidError, match=r"'air' is He: how fast vapour crosses a gas is known for air only"):
+        td.moisture(box, helium, {"air": 0.6})
+
+
+def test_vapour_that_is_not_dilute_is_said() -> None:
+    """At 15 kPa a sixth of the gas is vapour: the analogy leaves the stream out that it makes."""
+    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.Environment(pressure="15 [kPa]")})
+    found = td.moisture(BOX.with_values({"case.capacitance": "1e7 [J/K]"}), thin, {"air": 0.6})
+    assert "mass transfer is computed for vapour that is dilute" in str(found).splitlines()[1]
+
+
 def test_latent_heat_matters() -> None:
     """Without it the box would stay below the dew point for tau ln(40 / 8.61) = 44.8 minutes, with it for 26."""
     assert td.moisture(BOX, TRANSFER, {"air": 0.6})["skin"].condensing < 0.65 * 60 * 44.8
@@ -117,7 +156,10 @@ def test_a_vented_volume_follows_the_outside() -> None:
 
 def test_no_vapour_in_vacuum() -> None:
     """A gas that is gone has no dew point."""
-    space = BOX.with_values({"skin.htc": "5 [W/(m^2 K)]"})
+    skin = {"of": "case", "to": "air", "area": "0.08 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0}
+    space = td.model_from_dict(
+        {"title": "box", "needs": ["air"], "nodes": {"case": {"capacitance": "700 [J/K]"}}, "surfaces": {"skin": skin}}
+    )
     found = td.moisture(space, TRANSFER.vacuum().with_(start="20 [degC]"), {"air": 0.9})
     assert found.dew_points["air"] == pytest.approx(0.0)
     assert found["skin"].film.max() == 0.0

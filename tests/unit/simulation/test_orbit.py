@@ -16,7 +16,7 @@ ORBIT: dict[str, Any] = {"tilt": 0.0, "sun": 180.0, "albedo": 0.3, "infrared": "
 
 
 def plate(absorptance: float = 0.2, emissivity: float = 0.85) -> td.Model:
-    face = {"of": "plate", "to": "space", "area": "1 [m^2]", "emissivity": emissivity, "absorptance": absorptance}
+    face = {"of": "plate", "to": "space", "area": "1 [m^2]", "htc": 0, "emissivity": emissivity, "absorptance": absorptance}
     return td.model_from_dict(
         {"title": "plate", "needs": ["space"], "nodes": {"plate": {"capacitance": "5 [kJ/K]"}}, "surfaces": {"face": face}}
     )

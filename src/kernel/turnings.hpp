@@ -1,0 +1,153 @@
+// Turning points: where the course of a temperature changes from rising to falling, or back, between the times at which it is stored.
+// Every integrator shows the ends of its steps and the extremes inside them; between two outputs the highest and the lowest are kept.
+#pragma once
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+namespace thermid {
+
+// Weighted sums of temperatures of nodes and boundaries, such as those of nodes that were eliminated: (rows) CSR.
+struct Sums {
+    std::vector<int> begin{0}, node;
+    std::vector<double> weight;
+    int size() const { return static_cast<int>(begin.size()) - 1; }
+    double of(int row, const double* t) const {
+        double x = 0.0;
+        for (int k = begin[row]; k < begin[row + 1]; ++k) x += weight[k] * t[node[k]];
+        return x;
+    }
+};
+
+class Turnings {
+  public:
+    static constexpr double SMALL = 1e-6;  // a course that moves by less stands still [K]
+    static constexpr double NOISE = 1e-4;  // what is left over of the inputs and moves a node by less is not looked at [K]
+    struct Point { int column; double time, kelvin; };
+    std::vector<Point> found;
+
+    // Outputs (n) increase and outlive this.
+    void begin(int columns, const double* times, long n) {
+        times_ = times;
+        n_ = n;
+        columns_.assign(columns, Column());
+        found.clear();
+    }
+    bool on() const { return !columns_.empty(); }
+    // The course of a column at a time that is not before the last one; at a jump, twice the same time.
+    void see(int column, double time, double kelvin) {
+        Column& c = columns_[column];
+        if (c.way == NEW) {
+            c = {time, kelvin, 0};
+            if (n_ == 0 || times_[0] > time) turn(column, c);
+            return;
+        }
+        const double up = kelvin - c.kelvin;
+        if (!(up > SMALL || up < -SMALL)) return;
+        const int way = up > 0.0 ? 1 : -1;
+        if (c.way == -way) turn(column, c);
+        c.time = time;
+        c.kelvin = kelvin;
+        c.way = way;
+    }
+    // A polynomial of fifth degree in x = s / h over a step from t to `end`, of length h, with the value y at its end.
+    void see_polynomial(int column, const double* c, std::size_t stride, double t, double h, double end, double y) {
+        const double c1 = c[stride], c2 = c[2 * stride], c3 = c[3 * stride], c4 = c[4 * stride], c5 = c[5 * stride];
+        see(column, t, c[0]);
+        const auto slope = [=](double x) { return c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5))); };
+        // Between these parts of a step its slope changes sign at most once; where it moves by less than FLAT no turning point counts.
+        if (std::fabs(c1) + std::fabs(c2) + std::fabs(c3) + std::fabs(c4) + std::fabs(c5) > FLAT) {
+            double a = 0.0, fa = c1;
+            for (double b : {0.25, 0.5, 0.75, 1.0}) {
+                const double fb = slope(b);
+                if (fa * fb < 0.0) {
+                    const double x = root(slope, a, fa, b, fb, 1e-7);
+                    see(column, t + x * h, c[0] + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5)))));
+                }
+                a = b;
+                fa = fb;
+            }
+        }
+        see(column, end, y);
+    }
+    // Where f changes sign between a and b, to `close`; Illinois.
+    template <class F>
+    static double root(const F& f, double a, double fa, double b, double fb, double close) {
+        for (int it = 0, side = 0; it < 40 && b - a > close; ++it) {
+            double x = b - fb * (b - a) / (fb - fa);
+            if (!(x > a && x < b)) x = 0.5 * (a + b);
+            const double fx = f(x);
+            if (fx == 0.0) return x;
+            if ((fx > 0.0) == (fb > 0.0)) {
+                b = x;
+                fb = fx;
+                if (side == 1) fa *= 0.5;
+                side = 1;
+            } else {
+                a = x;
+                fa = fx;
+                if (side == -1) fb *= 0.5;
+                side = -1;
+            }
+        }
+        return b - fb * (b - a) / (fb - fa);
+    }
+    // Three points of a smooth course: the vertex of their parabola, where it lies inside, then the last two.
+    void see_three(int column, double t0, double y0, double t1, double y1, double t2, double y2) {
+        const double a = (y1 - y0) / (t1 - t0), b = (y2 - y1) / (t2 - t1), bend = (b - a) / (t2 - t0);
+        const double at = bend != 0.0 ? 0.5 * (t0 + t1) - 0.5 * a / bend : t0;
+        const bool inside = at > t0 && at < t2;
+        const double top = y0 + (at - t0) * (a + bend * (at - t1));
+        if (inside && at < t1) see(column, at, top);
+        see(column, t1, y1);
+        if (inside && at > t1) see(column, at, top);
+        see(column, t2, y2);
+    }
+    // The end of the run, or of what is known of it.
+    void end() {
+        for (std::size_t k = 0; k < columns_.size(); ++k) {
+            Column& c = columns_[k];
+            if (c.way != NEW && (n_ == 0 || c.time > times_[n_ - 1])) turn(static_cast<int>(k), c);
+            keep(static_cast<int>(k), c);
+        }
+    }
+
+  private:
+    static constexpr double FLAT = 1e-5;  // [K]
+    static constexpr int NEW = 2;
+    struct Column {
+        double time = 0.0, kelvin = 0.0;
+        int way = NEW;
+        long row = 0;  // the output that ends the interval under way
+        double low = std::numeric_limits<double>::infinity(), high = -low, low_time = 0.0, high_time = 0.0;
+    };
+    std::vector<Column> columns_;
+    const double* times_ = nullptr;
+    long n_ = 0;
+
+    void turn(int column, Column& c) {
+        if (c.row < n_ && times_[c.row] < c.time) {
+            keep(column, c);
+            while (c.row < n_ && times_[c.row] < c.time) ++c.row;
+        }
+        if (c.kelvin < c.low) {
+            c.low = c.kelvin;
+            c.low_time = c.time;
+        }
+        if (c.kelvin > c.high) {
+            c.high = c.kelvin;
+            c.high_time = c.time;
+        }
+    }
+    void keep(int column, Column& c) {
+        if (!(c.low <= c.high)) return;
+        const bool first = c.low_time <= c.high_time;
+        found.push_back({column, first ? c.low_time : c.high_time, first ? c.low : c.high});
+        if (c.low_time != c.high_time || c.low != c.high) found.push_back({column, first ? c.high_time : c.low_time, first ? c.high : c.low});
+        c.low = std::numeric_limits<double>::infinity();
+        c.high = -c.low;
+    }
+};
+
+}  // namespace thermid

@@ -1,0 +1,205 @@
+"""`energy_balance`: what goes in, what leaves and what is stored in a measured stretch, and the watts that are left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.arguments import takes_objects
+from thermid.dual import value_of
+from thermid.errors import RecordError
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.experiment import _bound, meet
+from thermid.fit.problem.sensor_parts import at_their_seats, attached
+from thermid.measure import Record
+from thermid.measure.amounts import short
+from thermid.measure.steady import SteadyPoint
+from thermid.model.model import Model
+from thermid.model.signal import Constant
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.engine import Engine
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.steady import steady
+from thermid.simulation.wiring import Wiring
+
+__all__ = ["EnergyBalance", "energy_balance"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyBalance:
+    """Where the heat of a measured case goes, by the conductances of a model.
+
+    Parameters
+    ----------
+    title : str                     Model and stretch.
+    loads : dict                    Load -> power. [W]
+    boundaries : dict               Conductor -> heat that it takes to a boundary. [W]
+    stored : dict                   Measured node -> heat that it takes up. [W]
+    unexplained : dict              Measured node -> what is left of its balance (positive: more comes in than the model lets out), and its
+                                    standard error from temperatures, drift and power. [W]
+    total, error : float            The same over the whole model. [W]
+    temperatures : dict             Node -> temperature, calculated where it was not measured. [K]
+    calculated : tuple of str       Nodes that were not measured.
+    """
+
+    title: str
+    loads: Mapping[str, float]
+    boundaries: Mapping[str, float]
+    stored: Mapping[str, float]
+    unexplained: Mapping[str, tuple[float, float]]
+    total: float
+    error: float
+    temperatures: Mapping[str, float]
+    calculated: tuple[str, ...]
+
+    @property
+    def closes(self) -> bool:
+        """Whether what is left lies within twice its error."""
+        return abs(self.total) <= 2.0 * self.error
+
+    def __str__(self) -> str:
+        """The balance as text."""
+        lines = [f"{self.title}: heat balance"]
+        lines += [f"  in      {name:<28} {watts:+9.4f} W" for name, watts in self.loads.items()]
+        lines += [f"  out     {name:<28} {-watts:+9.4f} W" for name, watts in self.boundaries.items()]
+        lines += [f"  stored  {name:<28} {-watts:+9.4f} W" for name, watts in self.stored.items()]
+        put_in = sum(self.loads.values())
+        share = f", {short(100 * abs(self.total / put_in))} % of the power" if put_in else ""
+        lines.append(f"  unexplained {self.total:+.4f} +- {short(self.error)} W{share}")
+        if not self.closes:
+            where = max(self.unexplained, key=lambda n: abs(self.unexplained[n][0]) / max(self.unexplained[n][1], 1e-12))
+            way = (
+                "leaves by a way that the model lacks (a mount, a lead, radiation), or was never put in"
+                if self.total > 0
+                else "comes from somewhere that the model lacks, or its ways out are taken too wide"
+            )
+            lines.append(f"  More than its error: heat {way}. '{where}' stands out.")
+        if self.calculated:
+            lines.append(f"  not measured, calculated as settled: {', '.join(self.calculated)}")
+        return "\n".join(lines)
+
+
+@takes_objects
+def energy_balance(
+    model: Model | Calibration,
+    record: Record,
+    start: str | float = "start",
+    end: str | float = "end",
+    *,
+    scenario: Scenario | None = None,
+    limit: str | float = "1 [K/h]",
+) -> EnergyBalance:
+    """Return where the heat of a measured stretch goes.
+
+    Parameters
+    ----------
+    model : Model or Calibration    Whose conductances and capacitances count; of a fit, those that it found.
+    record : Record                 The log.
+    start, end : str or float       The stretch, as in `Record.trim`.
+    scenario : Scenario             What the log does not say.
+    limit : str or float            Drift above which a temperature is not settled. [K/s]
+
+    Raises
+    ------
+    RecordError   When a channel is not settled, or bound to nothing.
+
+    Notes
+    -----
+    For each measured node, power in, less heat to its neighbours at the measured temperatures, less capacitance times drift. Nodes that
+    were not measured are calculated from those that were.
+    """
+    of = model.fitted_model if isinstance(model, Calibration) else model
+    point = record.steady(start, end, limit=limit)
+    case = _Case(of, point, scenario)
+    x = case.given
+    here = case.parts(x)
+    slopes = np.array([(case.parts(x + d).left - here.left) / d.sum() for d in np.diag(case.steps)])
+    errors = np.sqrt(np.sum((slopes * case.errors[:, None]) ** 2, axis=0))
+    total = float(np.sqrt(np.sum((slopes.sum(axis=1) * case.errors) ** 2)))
+    unexplained = {n: (float(w), float(e)) for n, w, e in zip(case.nodes, here.left, errors, strict=True)}
+    title = f"{of.title}, {point.name}"
+    return EnergyBalance(title, here.loads, here.out, here.stored, unexplained, float(here.left.sum()), total, here.at, case.calculated)
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    left: Array
+    loads: dict[str, float]
+    out: dict[str, float]
+    stored: dict[str, float]
+    at: dict[str, float]
+
+
+class _Case:
+    """A stretch bound to a model: its inputs as numbers that can be moved one by one, to see what each error does."""
+
+    def __init__(self, model: Model, point: SteadyPoint, scenario: Scenario | None) -> None:
+        record = at_their_seats(point.record)
+        self.model = attached(model, record)[0]
+        experiment = meet(model, record, scenario)
+        network, self.base = experiment.network, experiment.scenario
+        self.prescribed: list[str] = []
+        self.slots: list[tuple[str, str]] = []
+        given, errors = list[float](), list[float]()
+        rates = list[tuple[str, float, float]]()
+        for name, v in point.values.items():
+            channel = point.source.channel(name)
+            role, path = _bound(point.source, channel, network)
+            if role == "command":
+                continue
+            self.slots.append((role, path))
+            given.append(v.value)
+            errors.append(float(np.hypot(v.error, v.accuracy or 0.0)))
+            if role == "node":
+                rates.append((path, v.rate, v.rate_error))
+        self.nodes = tuple(p for role, p in self.slots if role == "node" and network.numbers().capacitances.get(p) is not None)
+        if not self.nodes:
+            raise RecordError("no channel observes a node that holds heat, so there is no balance to close.", point.name)
+        for path, rate, error in rates:
+            if path in self.nodes:
+                self.slots.append(("rate", path))
+                given.append(rate)
+                errors.append(error)
+        self.given, self.errors = np.array(given), np.array(errors)
+        self.steps = np.array([1e-6 if role == "rate" else 1e-3 for role, _ in self.slots])
+        self.calculated = tuple(n for n in network.nodes if n not in self.nodes)
+        self.network = network
+
+    def parts(self, x: Array) -> _Parts:
+        """Return the balance at some values of the inputs."""
+        by = {slot: float(value) for slot, value in zip(self.slots, x, strict=True)}
+        boundaries = {p: Constant(v) for (role, p), v in by.items() if role == "boundary"}
+        loads = {p: Constant(v) for (role, p), v in by.items() if role == "load"}
+        given = self.base.with_(boundaries=boundaries, loads=loads)
+        measured = {n: by["node", n] for n in self.nodes}
+        at = dict(measured)
+        if self.calculated:
+            driven = replace(given, prescribed={n: Constant(v) for n, v in measured.items()}, initial={}, start=ICE_POINT + 20.0)
+            at |= {n: t for n, t in steady(self.model, driven).items() if n in self.calculated}
+        wiring = Wiring(self.network, replace(given, initial={}, start=ICE_POINT + 20.0))
+        engine, a, zero = Engine(wiring), wiring.assemble(), np.zeros(1)
+        at |= {b: float(wiring.boundary(b, zero, a.offsets)[0]) for b in self.network.boundaries}
+        flows = wiring.conductor_flows(a.numbers, {n: np.array([t]) for n, t in at.items()}, zero)
+        columns = np.array([[*a.reduced.states(at), *(at[b] for b in self.network.boundaries)]], dtype=float)
+        powers = {name: float(p[0]) for name, p in engine.powers(a, columns, zero).items()}
+        rows = {row.name: row for row in a.numbers.conductors}
+        into = {row.name: row.node for row in a.numbers.loads}
+        stores = self.network.stores
+        share = {n: float(stores[n].share(at[n])) if n in stores else 1.0 for n in self.nodes}
+        capacity = {n: share[n] * value_of(a.numbers.capacitances[n] or 0.0) for n in self.nodes}
+        stored = {n: capacity[n] * by["rate", n] for n in self.nodes}
+        left = []
+        for n in self.nodes:
+            out = sum(float(f[0]) * ((rows[name].ends[0] == n) - (rows[name].ends[1] == n)) for name, f in flows.items())
+            left.append(sum(p for name, p in powers.items() if into[name] == n) - out - stored[n])
+        leaving = {}
+        for name, f in flows.items():
+            first, second = (end in self.network.boundaries for end in rows[name].ends)
+            if first != second:
+                leaving[name] = float(f[0]) * (1.0 if second else -1.0)
+        return _Parts(np.array(left), powers, leaving, stored, at)

@@ -1,0 +1,284 @@
+"""`criticise`: what the residuals of a fit say against its model, and which element, tried in a refit, would answer it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.arguments import takes_objects
+from thermid.errors import IdentificationError, ThermidError
+from thermid.explain.missing import Missing, missing_elements
+from thermid.explain.whiteness import ljung_box, modes_of, periodogram, stretches, trace_likelihood
+from thermid.fit.calibrate import fit as refit
+from thermid.fit.calibration import Calibration
+from thermid.measure.amounts import short
+
+__all__ = ["Candidate", "Criticism", "TraceCriticism", "criticise"]
+
+Array = NDArray[np.float64]
+STRONG, POSSIBLE = 10.0, 2.0
+"""Differences of BIC that count as very strong evidence, and as evidence worth a word: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)
+773-795, DOI 10.1080/01621459.1995.10476572."""
+SURE = 3.0
+Modes = dict[tuple[str, str], list[tuple[Array, Array]]]
+
+
+@dataclass(frozen=True, eq=False)
+class TraceCriticism:
+    """The residuals of one sensor in one record.
+
+    Parameters
+    ----------
+    record, sensor : str
+    times, temperature, power, residuals : array (samples,)     [s], [K], [W] (all loads together), [K]
+    rmse : float            [K]
+    noise : float           What was stated of the readings; the RMSE where nothing was. [K]
+    lag_one : float         Autocorrelation of neighbours. [-]
+    ljung_box : float       Probability of correlations as large by chance, over up to 20 lags. [-]
+    periodogram : float     Largest distance of the cumulated periodogram from that of white noise. [-]
+    band : float            What chance allows at 95 % (Bartlett). [-]
+    effective : float       Independent samples that the readings are worth.
+    slopes : dict           'temperature' [K/K], 'power' [K/W], 'time' [K/s] -> (slope, standard error), correlation counted.
+    """
+
+    record: str
+    sensor: str
+    times: Array
+    temperature: Array
+    power: Array
+    residuals: Array
+    rmse: float
+    noise: float
+    lag_one: float
+    ljung_box: float
+    periodogram: float
+    band: float
+    effective: float
+    slopes: Mapping[str, tuple[float, float]]
+
+    @property
+    def white(self) -> bool:
+        """Whether nothing in them speaks against independent noise: Ljung and Box at 1 %, the periodogram within its band."""
+        return self.ljung_box > 0.01 and self.periodogram < 1.2 * self.band
+
+    @property
+    def loud(self) -> bool:
+        """Whether they are larger than the stated noise by more than four standard deviations of chance; a few bad readings suffice."""
+        return bool(self.rmse**2 > self.noise**2 * (1.0 + 4.0 * (2.0 / self.residuals.size) ** 0.5))
+
+    @property
+    def quiet(self) -> bool:
+        """Whether they are independent noise of the size that was stated."""
+        return self.white and not self.loud
+
+    def __str__(self) -> str:
+        """What they say, in words."""
+        head = f"{self.sensor} in {self.record}: RMSE {short(self.rmse, 3)} K"
+        if self.loud:
+            head += f" for a noise of {self.noise:.3g} K"
+        if self.white:
+            return f"{head}, independent from reading to reading"
+        chance = "below 1e-6" if self.ljung_box < 1e-6 else short(self.ljung_box)
+        text = (
+            f"{head}, not independent: neighbours correlate by {self.lag_one:.2f} (by chance: {chance}), the cumulated periodogram leaves "
+            f"white noise by {self.periodogram:.2f} where {self.band:.2f} is allowed; for a mean, {self.residuals.size} readings are worth "
+            f"{short(self.effective, 3)}"
+        )
+        units = {"temperature": ("K per K of temperature", 1.0), "power": ("K per W", 1.0), "time": ("K per hour", 3600.0)}
+        for name, (slope, error) in self.slopes.items():
+            if abs(slope) > SURE * error:
+                text += f"; they go with {name}: {slope * units[name][1]:+.2g} {units[name][0]} ({abs(slope) / error:.0f} standard errors)"
+        return text
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An element that was laid over the model and fitted with it.
+
+    Parameters
+    ----------
+    name : str              What it is.
+    found : str             What the fit found for it, or why it could not be fitted.
+    possible : bool         Whether that is physically possible.
+    gain : float            Twice the logarithm of the likelihood ratio, readings counted as independent ones. [-]
+    evidence : float        The same less what chance gains with as many parameters (difference of BIC). [-]
+    rmse : (float, float)   Before and after, all sensors. [K]
+    fit : Calibration       The refit; None where it was refused.
+    """
+
+    name: str
+    found: str
+    possible: bool
+    gain: float
+    evidence: float
+    rmse: tuple[float, float]
+    fit: Calibration | None
+
+    def __str__(self) -> str:
+        """The candidate in words."""
+        if self.fit is None:
+            return f"{self.name}: cannot be tried with these readings: {self.found}"
+        how = "very strong" if self.evidence > STRONG else "some" if self.evidence > POSSIBLE else "no"
+        word = "" if self.possible else ", which is not physically possible"
+        return (
+            f"{self.name}: {how} evidence (log-likelihood ratio {short(0.5 * self.gain, 3)}, BIC {self.evidence:+.3g}); "
+            f"found {self.found}{word}; RMSE {short(self.rmse[0], 3)} -> {short(self.rmse[1], 3)} K"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Criticism:
+    """What speaks against a model.
+
+    Parameters
+    ----------
+    title : str                         The fit.
+    traces : tuple of TraceCriticism    Per record and sensor.
+    candidates : tuple of Candidate     Elements that were tried, the best supported first.
+    """
+
+    title: str
+    traces: tuple[TraceCriticism, ...]
+    candidates: tuple[Candidate, ...]
+
+    @property
+    def suggested(self) -> Candidate | None:
+        """The best supported element whose value is possible, with very strong evidence; None where there is none."""
+        return next((c for c in self.candidates if c.fit is not None and c.possible and c.evidence > STRONG), None)
+
+    def __str__(self) -> str:
+        """Return findings and suggestion as text."""
+        coloured = [t for t in self.traces if not t.quiet]
+        lines = [f"{self.title}: {len(self.traces) - len(coloured)} of {len(self.traces)} traces leave nothing but noise"]
+        lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
+        if self.candidates:
+            lines.append("  elements tried, each by itself in a refit:")
+            lines += [f"    {c}" for c in self.candidates if c.fit is None or c.evidence > POSSIBLE]
+            idle = [c.name for c in self.candidates if c.fit is not None and c.evidence <= POSSIBLE]
+            lines += [f"    no evidence for {'; '.join(idle)}"] if idle else []
+            best = self.suggested
+            if best is not None:
+                rivals = [
+                    c for c in self.candidates if c is not best and c.possible and best.evidence - c.evidence < 6.0 and c.evidence > STRONG
+                ]
+                also = f" These readings do not tell it from {', nor from '.join(c.name for c in rivals)}." if rivals else ""
+                lines.append(f"  Suggested: {best.name}: {best.found}.{also}")
+            elif coloured:
+                lines.append(
+                    "  None of them explains the residuals. Look for a disturbance that was not logged, or for a model of more nodes."
+                )
+        return "\n".join(lines)
+
+
+@takes_objects
+def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
+    """Return what the residuals of a fit say against its model.
+
+    Parameters
+    ----------
+    fit : Calibration   The fit.
+    elements : bool     Whether missing elements are tried in refits; by default only where residuals are not independent, or too large.
+
+    Raises
+    ------
+    IdentificationError   When the fit was not made in this session.
+
+    Notes
+    -----
+    Ljung and Box, Biometrika 65 (1978) 297-303, DOI 10.1093/biomet/65.2.297; Bartlett's test of the cumulated periodogram, in Box, Jenkins
+    and Reinsel, Time Series Analysis, 3rd ed., section 8.2.5. The likelihood ratio allows the model as it is to have its residuals by
+    chance: on either side they are independent errors and a part that wanders, each as large and as slow as makes them most likely.
+    """
+    if fit.request is None or fit.problem is None:
+        raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
+    traces = tuple(_traces(fit))
+    wanted = any(not t.quiet for t in traces) if elements is None else elements
+    if not wanted:
+        return Criticism(fit.stage, traces, ())
+    modes: Modes = {}
+    old = _likelihood(fit, modes)
+    tried = [_tried(fit, old, m, modes) for m in missing_elements(fit, fit.request)]
+    return Criticism(fit.stage, traces, tuple(sorted(tried, key=lambda c: -c.evidence)))
+
+
+def _traces(fit: Calibration) -> list[TraceCriticism]:
+    from thermid.simulation.transient import simulate
+
+    out = []
+    powers = {}
+    for e in fit.experiments:
+        times = np.linspace(0.0, e.scenario.seconds, 301)
+        run = simulate(fit.fitted_model, e.bare, times=times)
+        powers[e.record.name] = times, np.sum([np.broadcast_to(p, times.shape) for p in run.load_powers.values()] or [0.0 * times], axis=0)
+    for b in fit.blocks:
+        at, watts = powers[b.record]
+        z, n = b.residuals, b.residuals.size
+        effective = float(fit.statistics[b.record][b.sensor].effective_samples)
+        power = np.interp(b.times, at, watts)
+        slopes = {}
+        for name, x in (("temperature", b.predicted), ("power", power), ("time", b.times)):
+            spread = x - x.mean()
+            square = float(spread @ spread)
+            if square > 1e-9 * max(1.0, float(x @ x)) * 1e-3 and n > 3:
+                slope = float(spread @ z) / square
+                left = z - z.mean() - slope * spread
+                slopes[name] = slope, float(np.sqrt(left @ left / max(n - 2, 1) / square * n / max(effective, 3.0)))
+        lag, chance = ljung_box(z)
+        distance, band = periodogram(z)
+        out.append(
+            TraceCriticism(
+                b.record,
+                b.sensor,
+                b.times,
+                b.predicted,
+                power,
+                z,
+                float(np.sqrt(z @ z / n)),
+                b.noise,
+                lag,
+                chance,
+                distance,
+                band,
+                effective,
+                slopes,
+            )
+        )
+    return out
+
+
+def _tried(fit: Calibration, old: tuple[float, int], missing: Missing, modes: Modes) -> Candidate:
+    """Return what a refit with an element says."""
+    before = _rmse(fit)
+    try:
+        # an element that the readings do not ask for ends where it does nothing, and no search would better that
+        found = refit(replace(missing.request, search="local"))
+        words, possible = missing.judge(found)
+    except ThermidError as error:
+        return Candidate(missing.name, error.message, False, -np.inf, -np.inf, (before, before), None)
+    gain, count = 2.0 * (_likelihood(found, modes)[0] - old[0]), old[1]
+    added = max(len(found.fitted) - len(fit.fitted), 1)
+    evidence = gain - added * np.log(max(count, 2.0))
+    return Candidate(missing.name, words, possible, gain, evidence, (before, _rmse(found)), found)
+
+
+def _rmse(fit: Calibration) -> float:
+    squares = [s.rmse**2 * s.samples for s in fit.sensors.values()]
+    return float(np.sqrt(sum(squares) / max(sum(s.samples for s in fit.sensors.values()), 1)))
+
+
+def _likelihood(fit: Calibration, modes: Modes) -> tuple[float, int]:
+    """Return the logarithm of the likelihood of all residuals, independent and wandering parts chosen for each trace, and their number.
+
+    `modes` keeps what depends on the times alone, for the next fit.
+    """
+    total, count = 0.0, 0
+    for b in fit.blocks:
+        z, times = stretches(b.residuals, b.times)
+        if (b.record, b.sensor) not in modes:
+            modes[b.record, b.sensor] = modes_of(times)
+        total += trace_likelihood(z, modes[b.record, b.sensor], 0.3 * b.noise * (z.size / b.residuals.size) ** 0.5)
+        count += z.size
+    return total, count

@@ -1,0 +1,240 @@
+"""Elements that a model may lack, each laid over it by itself, so that a refit can say whether the readings ask for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from thermid.dual import value_of
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.experiment import Experiment
+from thermid.fit.problem.request import LocalSpec, Request
+from thermid.measure.amounts import short
+from thermid.model.elements import Conductor, HeatLoad, Node
+from thermid.model.model import Model
+from thermid.model.parameter import parameter
+from thermid.simulation.scenario import Scenario
+
+__all__ = ["Missing", "missing_elements"]
+
+Judge = Callable[[Calibration], tuple[str, bool]]
+"""What was found, in words, and whether it is physically possible."""
+SENSOR_LAG = (0.5, 600.0)
+"""Time constants of a sensor on or in a metal part, from a bare thermocouple to a probe in a pocket. [s]"""
+NATURAL = (0.2, 6.0)
+"""Coefficient c of h = c dT^(1/4) in air: 1.3 to 1.4 (1/L)^(1/4) for L of 2 cm to 1 m, halved and doubled for shape (McAdams, Heat
+Transmission, 3rd ed., chapter 7). [W/(m^2 K^1.25)]"""
+GROWTH = (0.0, 0.02)
+"""Growth of a loss with temperature, as a share per kelvin; copper alone has 0.0039. [1/K]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Missing:
+    """One element laid over a model.
+
+    Parameters
+    ----------
+    name : str          What it is, in words.
+    request : Request   The fit with it.
+    judge : callable    Says what was found and whether it is possible.
+    """
+
+    name: str
+    request: Request
+    judge: Judge
+
+
+@dataclass(frozen=True)
+class _Place:
+    """An observed node with what a candidate must know of it."""
+
+    node: str
+    channels: tuple[str, ...]
+    capacity: float
+    boundary: str
+    area: float
+    rise: float
+    load: str
+    power: float
+
+
+def missing_elements(fit: Calibration, request: Request) -> Iterator[Missing]:
+    """Yield every element that is worth a try, for every observed node that holds heat."""
+    numbers = {e.record.name: e for e in fit.experiments}
+    for place in _places(fit, next(iter(numbers.values()))):
+        yield _lag(request, place)
+        yield _mass(request, place)
+        if place.load in request.model.loads:
+            yield _source(request, place)
+        if place.boundary:
+            yield _steeper(request, place)
+            yield _radiation(request, place)
+        if place.load:
+            yield _growing(request, place)
+
+
+def _places(fit: Calibration, experiment: Experiment) -> list[_Place]:
+    network = experiment.network
+    numbers = network.numbers({p: v.value for p, v in fit.values.assignments.items() if p in network.flat.parameters.table})
+    channels: dict[str, list[str]] = {}
+    for e in fit.experiments:
+        for o in e.observations:
+            channels.setdefault(o.seat, [])
+            if o.sensor not in channels[o.seat]:
+                channels[o.seat].append(o.sensor)
+    out = []
+    for node, names in channels.items():
+        capacity = value_of(numbers.capacitances.get(node) or 0.0)
+        if not capacity > 0:
+            continue
+        ends = [row.ends for row in numbers.conductors if node in row.ends]
+        boundary = next((b for pair in ends for b in pair if b in network.boundaries), "")
+        values = numbers.values
+        skins = [c for c in network.flat.conductors if node in c.ends and c.kind in ("convection", "effective") and "area" in c.fields]
+        area = sum(float(value_of(values[c.fields["area"]])) for c in skins)
+        load = next((r.path for r in network.flat.loads if r.node == node), "")
+        power = next((float(value_of(row.coefficients[0])) for row in numbers.loads if row.name == load), 0.0)
+        block = next(b for b in fit.blocks if b.node == node)
+        rise = max(float(block.predicted.max() - block.predicted.min()), 1e-3)
+        out.append(_Place(node, tuple(names), capacity, boundary, area, rise, load, power))
+    return out
+
+
+def _with(request: Request, name: str, free: tuple[str, ...], **tables: Mapping[str, Any]) -> Request:
+    """Return a request whose model has more elements."""
+    model: Model = request.model
+    changes: dict[str, Any] = {t: {**getattr(model, t), **more} for t, more in tables.items()}
+    grown: Model = replace(model, **changes)
+    return replace(request, model=grown, free=(*request.free, *free), name=f"{request.name or model.title} with {name}")
+
+
+def _started(request: Request, node: str, place: _Place) -> Request:
+    """Return a request in which a node that nobody observes starts at the first reading beside it, where nothing else says how."""
+    scenarios = {}
+    for r in request.records:
+        base = request.scenarios.get(r.name, request.scenarios.get("*"))
+        base = base or Scenario(r.name)
+        own = next((c for c in place.channels if c in r.channels), "")
+        loose = base.start in ("", "measured") and own
+        scenarios[r.name] = base.with_(initial={node: own}) if loose else base
+    return replace(request, scenarios=scenarios)
+
+
+def _lag(request: Request, place: _Place) -> Missing:
+    name, link = "lagging_sensor", "lagging_sensor_fit"
+    held = 1e-3 * place.capacity
+    tables: dict[str, Mapping[str, Any]] = {
+        "nodes": {name: Node({"capacitance": parameter(f"{held!r} [J/K]", name)})},
+        "conductors": {
+            link: Conductor("conduction", (place.node, name), {"conductance": parameter(f"{held / 30.0!r} [W/K]", link)}),
+        },
+    }
+    free = f"{link}.conductance"
+    made = _with(request, "a lag of the sensor", (free,), **tables)
+    records = tuple(
+        r.with_channels(*(replace(c, target=name, role="node") for n, c in r.channels.items() if n in place.channels))
+        for r in request.records
+    )
+    made = replace(made, records=records)
+    loose = all(_is_loose(request, r.name) for r in request.records)
+    if loose:
+        made = replace(made, local={**made.local, f"initial.{place.node}": LocalSpec(place.channels[0])})
+
+    def judge(found: Calibration) -> tuple[str, bool]:
+        tau = held / found[free].value
+        low, high = SENSOR_LAG
+        return f"a time constant of {short(tau, 3)} s +- {short(100 * found[free].error / found[free].value)} %", low <= tau <= high
+
+    return Missing(f"a lag of the sensor at '{place.node}'", made, judge)
+
+
+def _is_loose(request: Request, record: str) -> bool:
+    base = request.scenarios.get(record, request.scenarios.get("*"))
+    return base is None or base.start in ("", "measured")
+
+
+def _mass(request: Request, place: _Place) -> Missing:
+    made, free = _second(request, place, "hidden_mass")
+    return Missing(f"a second mass behind a resistance at '{place.node}'", made, _judge_mass(free, place))
+
+
+def _source(request: Request, place: _Place) -> Missing:
+    """The heat enters a second mass inside, not the part that is measured."""
+    made, free = _second(request, place, "inner_mass")
+    model = made.model
+    moved = replace(model, loads={**model.loads, place.load: replace(model.loads[place.load], into="inner_mass")})
+    return Missing(f"an inner mass that takes the heat of '{place.load}'", replace(made, model=moved), _judge_mass(free, place))
+
+
+def _second(request: Request, place: _Place, name: str) -> tuple[Request, tuple[str, str]]:
+    held, link = 0.3 * place.capacity, f"{name}_link"
+    tables: dict[str, Mapping[str, Any]] = {
+        "nodes": {name: Node({"capacitance": parameter(f"{held!r} [J/K]", name)})},
+        "conductors": {link: Conductor("conduction", (place.node, name), {"conductance": parameter(f"{held / 300.0!r} [W/K]", link)})},
+    }
+    free = (f"{name}.capacitance", f"{link}.conductance")
+    return _started(_with(request, name.replace("_", " "), free, **tables), name, place), free
+
+
+def _judge_mass(free: tuple[str, str], place: _Place) -> Judge:
+    def judge(found: Calibration) -> tuple[str, bool]:
+        held, link = found[free[0]].value, found[free[1]].value
+        text = f"{short(held, 3)} J/K behind {short(1 / link, 3)} K/W ({short(held / link, 3)} s), beside {short(place.capacity, 3)} J/K"
+        return text, 0.02 <= held / place.capacity <= 20.0
+
+    return judge
+
+
+def _steeper(request: Request, place: _Place) -> Missing:
+    name, area = "steeper_convection", place.area or 1.0
+    fields = {
+        "htc.coefficient": parameter("0.5 [W/(m^2 K)]" if place.area else "0.01 [W/(m^2 K)]", name),
+        "htc.exponent": parameter("0.25", name),
+        "area": parameter(f"{area!r} [m^2]", name),
+    }
+    made = _with(
+        request,
+        "h that grows",
+        (f"{name}.htc.coefficient",),
+        conductors={name: Conductor("convection", (place.node, place.boundary), fields)},
+    )
+
+    def judge(found: Calibration) -> tuple[str, bool]:
+        c = found[f"{name}.htc.coefficient"].value
+        share = f"{short(c * area * place.rise**0.25, 3)} W/K of it at a rise of {short(place.rise, 3)} K"
+        return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or NATURAL[0] <= c <= NATURAL[1]
+
+    return Missing(f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", made, judge)
+
+
+def _radiation(request: Request, place: _Place) -> Missing:
+    name, area = "radiated", place.area or 0.01
+    fields = {"exchange_factor": parameter({"value": "0.2", "min": 1e-6}, name), "area": parameter(f"{area!r} [m^2]", name)}
+    free = f"{name}.exchange_factor"
+    made = _with(request, "radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
+
+    def judge(found: Calibration) -> tuple[str, bool]:
+        e = found[free].value
+        return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", 0.01 <= e <= 1.0 if place.area else e > 0.0
+
+    return Missing(f"radiation of '{place.node}' to '{place.boundary}'", made, judge)
+
+
+def _growing(request: Request, place: _Place) -> Missing:
+    name = "growing_power"
+    start = max(1e-3 * abs(place.power), 1e-5)
+    # P (1 + 1/K (T - T_ref)), with T_ref one kelvin above 20 degC, is P/K (T - 20 degC)
+    fields = {
+        "power": parameter(f"{start!r} [W]", name),
+        "temperature_coefficient": parameter("1 [1/K]", name),
+        "reference_temperature": parameter("21 [degC]", name),
+    }
+    made = _with(request, "power that grows", (f"{name}.power",), loads={name: HeatLoad(place.node, fields)})
+
+    def judge(found: Calibration) -> tuple[str, bool]:
+        growth = found[f"{name}.power"].value
+        share = growth / abs(place.power) if place.power else float("inf")
+        return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", GROWTH[0] <= share <= GROWTH[1]
+
+    return Missing(f"a power of '{place.load}' that grows with temperature", made, judge)

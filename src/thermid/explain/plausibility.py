@@ -1,0 +1,302 @@
+"""`plausibility`: are the values of a fit physical? Coefficients against correlations, contacts, capacitances and losses against ranges."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from thermid.arguments import takes_objects
+from thermid.dual import value_of
+from thermid.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.driven import power_while_on
+from thermid.knowledge.values import FittedValue
+from thermid.model.flat import FlatConductor
+from thermid.model.signal import literal
+from thermid.network.network import Network
+from thermid.physics.air import dry_air
+from thermid.physics.bodies import body_htc, conduction_floor
+from thermid.physics.materials import MATERIALS
+from thermid.physics.radiation import linearised_htc
+from thermid.simulation.transient import simulate
+
+__all__ = ["Finding", "Plausibility", "plausibility"]
+
+CORRELATION = 1.5
+"""A correlation for a body in still air is taken as good to a factor: neighbours, orientation and draughts."""
+FORCED = 25.0
+"""Most that slow fans bring over equipment. [W/(m^2 K)]"""
+EMISSIVITY = (0.02, 0.98)
+BARE = (100.0, 5e4)
+"""Contact of metal on metal: dry and hand-tight 100 to 1000, machined under 0.1 to 10 MPa 2000 to 50 000. [W/(m^2 K)]"""
+CONTACTS = "Incropera, 6th ed., Tables 3.1 and 3.2; Yovanovich, IEEE Trans. CPT 28 (2005) 182"
+HEAT = (float(min(m.specific_heat for m in MATERIALS.values())), 1500.0)
+"""Specific heats of what equipment is made of, copper to plastics. [J/(kg K)]"""
+EFFICIENCY = (0.6, 0.97)
+"""Efficiencies of converters in equipment. [-]"""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One fitted value against what is physical.
+
+    Parameters
+    ----------
+    path : str              The parameter.
+    value, error : float    [SI]
+    low, high : float       What is physical. [SI]
+    what : str              What the range is of.
+    source : str            Where it is from.
+    meaning : str           What a value outside it can mean.
+    """
+
+    path: str
+    value: float
+    error: float
+    low: float
+    high: float
+    what: str
+    source: str
+    meaning: str
+
+    @property
+    def verdict(self) -> str:
+        """'possible', 'doubtful' (outside, within two standard errors) or 'not physical'."""
+        if self.low <= self.value <= self.high:
+            return "possible"
+        reach = self.value + 2.0 * self.error >= self.low if self.value < self.low else self.value - 2.0 * self.error <= self.high
+        return "doubtful" if reach else "not physical"
+
+    def __str__(self) -> str:
+        """The finding in words."""
+        text = f"{self.path} = {self.value:.4g} +- {self.error:.2g}: {self.verdict}; {self.what} is {self.low:.3g} to {self.high:.3g}"
+        return f"{text} ({self.source})" + (f". {self.meaning}" if self.verdict != "possible" else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Plausibility:
+    """What is physical of a fit.
+
+    Parameters
+    ----------
+    title : str                     The fit.
+    findings : tuple of Finding     One per value that a range is held for.
+    unjudged : tuple of str         Fitted parameters without a range.
+    """
+
+    title: str
+    findings: tuple[Finding, ...]
+    unjudged: tuple[str, ...]
+
+    def __getitem__(self, path: str) -> Finding:
+        """Return the finding on a parameter.
+
+        Raises
+        ------
+        NameNotFoundError   When there is none.
+        """
+        found = {f.path: f for f in self.findings}
+        if path not in found:
+            raise NameNotFoundError(f"nothing is held against '{path}'.{nearest(path, found)}", self.title)
+        return found[path]
+
+    @property
+    def physical(self) -> bool:
+        """Whether no value is outside what is physical beyond doubt."""
+        return all(f.verdict != "not physical" for f in self.findings)
+
+    def __str__(self) -> str:
+        """Return the findings as text, the worst first."""
+        order = {"not physical": 0, "doubtful": 1, "possible": 2}
+        lines = [f"{self.title}: are the values physical?"]
+        lines += [f"  {f}" for f in sorted(self.findings, key=lambda f: order[f.verdict])]
+        if self.unjudged:
+            lines.append(f"  no range is held for {', '.join(self.unjudged)}")
+        return "\n".join(lines)
+
+
+@takes_objects
+def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, delivered: Mapping[str, str] | None = None) -> Plausibility:
+    """Return what is physical of the values of a fit.
+
+    Parameters
+    ----------
+    fit : Calibration   The fit.
+    weights : dict      Node -> weight of its part, as text: its capacitance must be that of some material.
+    delivered : dict    Load -> power that the part hands on, as text: its own power must be a converter's loss, whether it was fitted,
+                        logged or given by the deck.
+
+    Raises
+    ------
+    IdentificationError   When the fit has no records any more, or a load of `delivered` has no power.
+    """
+    if not fit.experiments:
+        raise IdentificationError("this calibration has no records any more; repeat the fit.", fit.stage)
+    network = fit.experiments[0].network
+    fitted = fit.values.parameters
+    owners = {p: v for v in fitted.values() for p in (v.path, *v.also)}
+    findings = {f.path: f for f in _conductors(fit, network, owners)}
+    findings |= {f.path: f for f in _plain(network, owners)}
+    findings |= {f.path: f for f in _weights(fit, network, owners, weights or {})}
+    findings |= {f.path: f for f in _losses(fit, network, owners, delivered or {})}
+    kept = tuple(findings[p] for p in (*fitted, *(p for p in findings if p not in fitted)) if p in findings)
+    return Plausibility(fit.stage, kept, tuple(p for p in fitted if p not in findings))
+
+
+def _behind(network: Network, path: str, owners: Mapping[str, FittedValue]) -> FittedValue | None:
+    """Return the fitted value that is the whole of a field; a field that is calculated from several is judged by none."""
+    root = network.flat.parameters.literal_behind(path)
+    return owners.get(root) if root else None
+
+
+def _conductors(fit: Calibration, network: Network, owners: Mapping[str, FittedValue]) -> Iterator[Finding]:
+    """Yield findings on coefficients of surfaces and joints."""
+    surfaces = [c for c in network.flat.conductors if c.kind in ("effective", "convection") and "area" in c.fields]
+    temperatures = _from_records(fit, surfaces)
+    for c in surfaces:
+        field = "effective_htc" if c.kind == "effective" else "htc"
+        v = _behind(network, c.fields[field], owners) if field in c.fields else None
+        if v is not None:
+            yield _coefficient(fit, network, c, v, temperatures[c.path])
+    for c in network.flat.conductors:
+        v = _behind(network, c.fields["contact_conductance"], owners) if "contact_conductance" in c.fields else None
+        if v is not None:
+            gap = 0.026 / v.value
+            less = f"A gap of air of {1e3 * gap:.2g} mm conducts as much: the faces hardly touch, or the area in contact is smaller"
+            more = "No bare joint is as good: solder or foil reaches 1e6, or heat has a second way beside the joint"
+            yield Finding(v.path, v.value, v.error, *BARE, "contact of metal on metal", CONTACTS, less if v.value < BARE[0] else more)
+
+
+def _coefficient(fit: Calibration, network: Network, c: FlatConductor, v: FittedValue, at: tuple[float, float]) -> Finding:
+    """Return what a correlation for a body of that area, and radiation where the coefficient holds it, say of a coefficient."""
+    values = fit.values
+    area = float(value_of(network.numbers({p: x.value for p, x in values.assignments.items()}).values[c.fields["area"]]))
+    hot, cold = at
+    if not abs(hot - cold) > 0.2:
+        hot = cold + 0.2
+    air = dry_air(0.5 * (hot + cold))
+    still = float(body_htc(max(hot, cold), min(hot, cold), area, air))
+    floor = float(conduction_floor(area, air.conductivity))
+    shine = [float(linearised_htc(e, hot, cold)) if c.kind == "effective" else 0.0 for e in EMISSIVITY]
+    low, high = max(floor, still / CORRELATION) + shine[0], still * CORRELATION + shine[1]
+    what = f"still air over {1e4 * area:.3g} cm^2 {hot - cold:+.3g} K from it" + (", with radiation" if c.kind == "effective" else "")
+    if v.value < low:
+        meaning = (
+            "Too low: the area counts faces that do not convect (inside ones, or twice), the power is too small, or the air is confined"
+        )
+    elif v.value <= FORCED + shine[1]:
+        meaning = "Too high for still air: it moves, heat leaves by a mount or a lead, the area is too small, or the power too large"
+    else:
+        meaning = "More than slow fans bring: heat leaves by a mount or a lead, the area is too small, or the power too large"
+    return Finding(v.path, v.value, v.error, low, high, what, "Lee, Yovanovich, Jafarpur 1991; emissivity 0.02 to 0.98", meaning)
+
+
+def _plain(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[Finding]:
+    """Yield findings on values that have a range wherever they stand."""
+    conductivities = [m.conductivity for m in MATERIALS.values()]
+    ranges = {
+        "emissivity": (
+            *EMISSIVITY,
+            "an emissivity",
+            "Incropera, 6th ed., Tables A.11 and A.12",
+            "The area, or another way for the heat, is wrong",
+        ),
+        "exchange_factor": (0.0, 1.0, "an exchange factor", "its definition", "The area, or another way for the heat, is wrong"),
+        "specific_heat": (*HEAT, "a specific heat of solids", "table of materials", "The mass is wrong, or a second mass moves along"),
+        "conductivity": (
+            0.02,
+            max(conductivities) * 1.1,
+            "a conductivity",
+            "table of materials",
+            "The length or the area of the path is wrong",
+        ),
+        "temperature_coefficient": (
+            -0.02,
+            0.02,
+            "growth of a loss with temperature",
+            "copper 0.0039 1/K",
+            "Something else grows with temperature",
+        ),
+    }
+    flat = network.flat
+    tables = [*(c.fields for c in flat.conductors), *(n.fields for n in flat.nodes), *(x.fields for x in flat.loads)]
+    for fields in tables:
+        for name, path in fields.items():
+            v = _behind(network, path, owners) if name in ranges else None
+            if v is not None:
+                low, high, what, source, meaning = ranges[name]
+                yield Finding(v.path, v.value, v.error, low, high, what, source, meaning)
+
+
+def _weights(fit: Calibration, network: Network, owners: Mapping[str, FittedValue], weights: Mapping[str, str]) -> Iterator[Finding]:
+    """Yield findings on capacitances of parts whose weight is known."""
+    numbers = network.numbers({p: v.value for p, v in fit.values.assignments.items()})
+    for raw, text in weights.items():
+        node = network.find(raw, "weights")
+        weight, capacity = literal(text, "kg", f"weights.{raw}"), value_of(numbers.capacitances.get(node) or 0.0)
+        element = next(n for n in network.flat.nodes if n.path == node)
+        held = [
+            v for name in ("mass", "capacitance") if name in element.fields for v in [_behind(network, element.fields[name], owners)] if v
+        ]
+        for v in held:
+            scale = v.value / capacity if capacity else np.nan
+            meaning = f"It needs {capacity / weight:.4g} J/(kg K) of {weight:.3g} kg: "
+            meaning += (
+                "mass moves along that was not weighed, or the power is too large"
+                if capacity / weight > HEAT[1]
+                else ("part of the mass does not follow at this pace, or the power is too small")
+            )
+            low, high = HEAT[0] * weight * scale, HEAT[1] * weight * scale
+            yield Finding(v.path, v.value, v.error, low, high, f"{weight:.3g} kg of metal to plastics", "table of materials", meaning)
+
+
+def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue], delivered: Mapping[str, str]) -> Iterator[Finding]:
+    """Yield findings on powers of parts that hand on a known power."""
+    for raw, text in delivered.items():
+        path = fit.model.canonical(raw)
+        load = next((x for x in network.flat.loads if x.path == path), None)
+        if load is None:
+            raise NameNotFoundError(f"no load '{raw}'.{nearest(path, [x.path for x in network.flat.loads])}", "delivered")
+        out = literal(text, "W", f"delivered.{raw}")
+        v = _behind(network, load.fields["power"], owners) if "power" in load.fields else None
+        name, watts, error = (v.path, v.value, v.error) if v is not None else _power_given(fit, network, path)
+        if watts > 0.0:
+            low, high = (out * (1.0 / e - 1.0) for e in reversed(EFFICIENCY))
+            meaning = "A larger loss than converters have, or heat of another part" if watts > high else "Less than any converter loses"
+            what = f"the loss of a converter that hands on {out:.3g} W at {100 * EFFICIENCY[0]:.0f} to {100 * EFFICIENCY[1]:.0f} %"
+            yield Finding(name, watts, error, low, high, what, "P_out (1/efficiency - 1)", meaning)
+        else:
+            raise IdentificationError(
+                f"'{raw}' has no power in this fit, so a loss of it cannot be judged. Name a load that heats.", "delivered"
+            )
+
+
+def _power_given(fit: Calibration, network: Network, load: str) -> tuple[str, float, float]:
+    """Return name, size and error [W] of a power that is not looked for: what the logs give, or the deck."""
+    logged = [e.scenario.loads[load] for e in fit.experiments if load in e.scenario.loads]
+    found = fit.values.items_
+    if logged:
+        watts = max(power_while_on(s) for s in logged)
+        channel = next((n for e in fit.experiments for n, (target, _) in e.shared.items() if target == f"scale.{load}"), "")
+        factor = found.get(f"{channel} error")
+        return f"{load} as logged", watts * (factor.value if factor else 1.0), watts * factor.error if factor else 0.0
+    numbers = network.numbers({p: v.value for p, v in fit.values.assignments.items()})
+    return f"{load} by the deck", sum(float(value_of(r.coefficients[0])) for r in numbers.loads if r.name == load), 0.0
+
+
+def _from_records(of: Calibration, surfaces: Sequence[FlatConductor]) -> dict[str, tuple[float, float]]:
+    """Return surface -> mean temperatures of surface and gas over the records with gas, weighted by their difference. [K]"""
+    sums = {c.path: np.zeros(3) for c in surfaces}
+    for e in of.experiments:
+        solution = simulate(of.fitted_model, e.bare, times=e.times)
+        media = e.scenario.media()
+        for c in surfaces:
+            if media.empty(c.gas):
+                continue
+            hot, cold = (solution[end].kelvin for end in c.ends)
+            weight = (hot - cold) ** 2
+            sums[c.path] += np.array([weight.sum(), weight @ hot, weight @ cold])
+    return {p: (float(s[1] / s[0]), float(s[2] / s[0])) if s[0] > 0 else (math.nan, math.nan) for p, s in sums.items()}

@@ -1,0 +1,254 @@
+"""From a request to the residuals over its unknowns: parameters, local values, constant errors, and where each of them acts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from thermid.errors import IdentificationError, RecordError, nearest
+from thermid.fit.problem.experiment import Experiment, meet
+from thermid.fit.problem.known_before import known_before
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.sensor_parts import gain_of, instruments
+from thermid.fit.problem.starts import first_reading
+from thermid.fit.problem.ticks import clock_unknowns
+from thermid.fit.problem.unknowns import Prior, Target, Unknown, parameter_unknown
+from thermid.knowledge.sources import read_spread
+from thermid.model.signal import Constant, Table
+from thermid.physics.finishes import finish
+from thermid.units import TEMPERATURE, require
+
+__all__ = ["prior_of", "problem_for", "problem_of"]
+
+
+def problem_for(request: Request) -> Problem:
+    """Return the residuals of a request.
+
+    Raises
+    ------
+    RecordError             Without records, or with two of one name.
+    IdentificationError     When a prior, a weight or a reading names nothing.
+    """
+    where = request.name or request.model.title
+    if not request.records:
+        raise RecordError("a calibration needs at least one record.", where)
+    names = [r.name for r in request.records]
+    twice = sorted({n for n in names if names.count(n) > 1})
+    if twice:
+        raise RecordError(f"two records are named '{twice[0]}'.", where)
+    for name in (n for n in request.scenarios if n not in (*names, "*")):
+        raise RecordError(f"a scenario is given for '{name}', which is no record here.{nearest(name, names)}", where)
+    experiments = tuple(
+        meet(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
+    )
+    _check_weights(request, experiments, where)
+    return problem_of(request, experiments)
+
+
+def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequence[Sequence[str]] = ()) -> Problem:
+    """Return the residuals of a request whose records are bound to its model already.
+
+    `opened` are fixed values that become unknowns too, each as the paths where it acts; the first one names it.
+    """
+    unknowns = [
+        *_parameters(request, experiments),
+        *(_parameter(group, experiments) for group in opened),
+        *_locals(request, experiments),
+        *clock_unknowns(experiments),
+        *_nuisances(request, experiments),
+    ]
+    starts = [_starts(request, e) for e in experiments]
+    unknowns = _reaching(unknowns, starts, request.held_bias)
+    settled = tuple(_settled(request, e, s) for e, s in zip(experiments, starts, strict=True))
+    below = known_before(request, unknowns)
+    coupled = ((below.at, below.mean, below.root),) if below.at.size else ()
+    noise = {o.sensor: 1.0 for e in experiments for o in e.observations}
+    return Problem(settled, tuple(unknowns), noise, request.options, dict(request.held_bias), coupled)
+
+
+def _check_weights(request: Request, experiments: Sequence[Experiment], where: str) -> None:
+    sensors = {o.sensor for e in experiments for o in e.observations}
+    for sensor, weight in request.weights.items():
+        if sensor not in sensors:
+            raise IdentificationError(f"a weight is given for '{sensor}', which is no sensor here.{nearest(sensor, sensors)}", where)
+        if not (math.isfinite(weight) and weight > 0):
+            raise IdentificationError(f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where)
+
+
+def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return the freed parameters, those that come from a stage below with their covariance among them."""
+    flat = experiments[0].network.flat
+    wanted = [*request.free, *(q for p in request.prior for q in request.store.states[p].acts)]
+    priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
+    finishes = {flat.parameters.literal_behind(path): finish(named) for path, named in flat.finishes.items()}
+    shared = request.shared
+    unknowns: dict[str, Unknown] = {}
+    taken: set[str] = set()
+    for raw in wanted:
+        path = flat.parameters.freeable(raw, request.model.canonical)
+        if path in taken:
+            continue
+        group = tuple(p for p in shared.get(path, (path,)) if flat.parameters.table[p].parameter.is_literal)
+        taken |= set(group)
+        unknown = _parameter(group, experiments)
+        if path in priors:
+            unknown = replace(unknown, prior=prior_of(unknown, priors.pop(path)))
+        elif path in finishes:
+            unknown = replace(unknown, prior=prior_of(unknown, ("", f"{100.0 * finishes[path].log_sd!r} [%]")))
+        unknowns[path] = unknown
+    for path in priors:
+        raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)
+    return list(unknowns.values())
+
+
+def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unknown:
+    """Return the unknown that the value of one or several paths is; the first path names it."""
+    path, *also = group
+    parameters = experiments[0].network.flat.parameters
+    targets = [Target(i, p) for i in range(len(experiments)) for p in group]
+    value = parameters.evaluate({}, [path])[path]
+    unknown = parameter_unknown(path, parameters.table[path].parameter, parameters.dimension(path), value, targets, None)
+    return replace(unknown, also=tuple(also))
+
+
+def prior_of(unknown: Unknown, texts: tuple[str, str] | Mapping[str, str]) -> Prior:
+    """Return a prior in the fitted form of an unknown: mean (empty: the start) and deviation as texts, or what `read_spread` takes."""
+    where = f"priors.{unknown.name}"
+    slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
+    given = texts if isinstance(texts, Mapping) else ({"mean": texts[0]} if texts[0] else {}) | {"sd": texts[1]}
+    law = read_spread(given, slot, unknown.start, where)
+    if law.variance <= 0 or (unknown.log and law.mean <= 0):
+        raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", where)
+    sd = math.sqrt(law.variance)
+    return Prior(math.log(law.mean), sd / law.mean) if unknown.log else Prior(law.mean, sd)
+
+
+def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return one unknown per record and local name, and one per node that starts at its own reading."""
+    out = []
+    for i, experiment in enumerate(experiments):
+        named = set()
+        for raw, spec in request.locals_of(experiment.record).items():
+            name = _wired(experiment, raw)
+            if isinstance(experiment.scenario.boundaries.get(name), Table):
+                raise IdentificationError(
+                    f"'{raw}' follows a channel of {experiment.record.name}, so it has no local value. "
+                    "Ignore the channel, or give it an accuracy.",
+                    f"local.{raw}",
+                )
+            named.add(name)
+            start = request.local_start(experiment.record, raw)
+            prior = Prior(start, spec.sd) if math.isfinite(spec.sd) else None
+            targets = (Target(i, name), *(Target(i, tip) for tip in _tips(experiment, name)))
+            out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, prior=prior, unit="degC"))
+        for node in experiment.loose if request.fit_start else ():
+            name, start = f"initial.{node}", float(experiment.scenario.initial[node])
+            if name not in named:
+                targets = (Target(i, name), *(Target(i, tip) for tip in _tips(experiment, name)))
+                out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, unit="degC"))
+    return out
+
+
+def _tips(experiment: Experiment, name: str) -> list[str]:
+    """Return the starts of the sensors that sit on the node of a start."""
+    return [f"initial.{tip}" for tip, seat in experiment.tips.items() if name == f"initial.{seat}"]
+
+
+def _wired(experiment: Experiment, raw: str) -> str:
+    """Return the name in the wiring of a boundary or of ``initial.<node>``."""
+    head, _, node = raw.partition(".")
+    return f"initial.{experiment.network.find(node)}" if head == "initial" and node else experiment.network.find(raw)
+
+
+def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument.
+
+    A meter's accuracy is in watts and its error is looked for as a factor, so the record with the largest power says how well it is known.
+    """
+    if request.held_errors is not None:
+        return []
+    sensors: dict[str, float] = {}
+    shared: dict[str, tuple[float, list[Target]]] = {}
+    for i, experiment in enumerate(experiments):
+        sensors |= {o.sensor: o.accuracy for o in experiment.observations if o.accuracy and o.sensor not in request.held_bias}
+        for sensor, (target, sd) in experiment.shared.items():
+            known, targets = shared.get(sensor, (math.inf, []))
+            shared[sensor] = (min(sd, known), [*targets, Target(i, target)])
+    out = []
+    for sensor, sd in sensors.items():
+        out.append(Unknown(f"sensor {sensor}", "sensor", (), 0.0, prior=Prior(0.0, sd), unit="K"))
+    for sensor, (sd, targets) in shared.items():
+        start = 1.0 if targets[0].name.startswith("scale.") else 0.0
+        out.append(Unknown(f"{sensor} error", "shared", tuple(targets), start, prior=Prior(start, sd), unit="1" if start else "K"))
+    return out + instruments(experiments)
+
+
+@dataclass(frozen=True)
+class _Start:
+    """A temperature that stands on a first reading: its value before corrections, its sensor, what is added, where its scale turns."""
+
+    reading: float
+    sensor: str
+    offset: str
+    shift: float
+    about: float = 0.0
+
+
+def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
+    """Return name in the wiring -> the first reading that stands there."""
+    found: dict[str, tuple[str, str]] = {f"initial.{node}": (sensor, "") for node, sensor in experiment.readings.items()}
+    if not request.fit_start:
+        own = {o.seat: o.sensor for o in experiment.observations}
+        found |= {f"initial.{node}": (own[node], "") for node in experiment.loose}
+    found |= {_wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
+    found |= {tip: found[name] for name in tuple(found) for tip in _tips(experiment, name)}
+    for raw in request.locals_of(experiment.record):
+        for name in (_wired(experiment, raw), *_tips(experiment, _wired(experiment, raw))):
+            found.pop(name, None)
+    out = {}
+    parameters = experiment.network.flat.parameters
+    for name, (sensor, offset) in found.items():
+        shift, path = 0.0, ""
+        if offset:
+            path = parameters.freeable(offset, request.model.canonical)
+            require(parameters.dimension(path), "K", parameters.table[path].parameter.unit)
+            shift = float(parameters.evaluate({})[path])
+        part = experiment.record.channels[sensor].part
+        about = part.gain_about if part is not None else 0.0
+        out[name] = _Start(first_reading(experiment.record, sensor, request.window), sensor, path, shift, about)
+    return out
+
+
+def _reaching(unknowns: Sequence[Unknown], starts: Sequence[Mapping[str, _Start]], held: Mapping[str, float]) -> list[Unknown]:
+    """Return the unknowns, each acting also on the temperatures that stand on its sensor's first reading, or that it is added to.
+
+    The value is reading - constant error + offset; what is not looked for stands in the first target's constant.
+    """
+    sensors = {u.name.removeprefix("sensor "): k for k, u in enumerate(unknowns) if u.kind == "sensor"}
+    parameters = {u.name: k for k, u in enumerate(unknowns) if u.kind == "parameter"}
+    scales = {u.name: k for k, u in enumerate(unknowns) if u.kind == "instrument" and not u.log}
+    more: dict[int, list[Target]] = {}
+    for i, named in enumerate(starts):
+        for name, s in named.items():
+            scale = scales.get(gain_of(s.sensor))
+            acts = ((sensors.get(s.sensor), -1.0), (parameters.get(s.offset), 1.0), (scale, s.about - s.reading))
+            acting = [(k, factor) for k, factor in acts if k is not None]
+            constant = s.reading - (0.0 if s.sensor in sensors else held.get(s.sensor, 0.0)) + (0.0 if s.offset in parameters else s.shift)
+            for k, factor in acting:
+                more.setdefault(k, []).append(Target(i, name, constant, factor))
+                constant = 0.0
+    return [replace(u, targets=(*u.targets, *more.get(k, ()))) for k, u in enumerate(unknowns)]
+
+
+def _settled(request: Request, experiment: Experiment, starts: Mapping[str, _Start]) -> Experiment:
+    """Return the experiment with every temperature that stands on a reading corrected by what is known."""
+    boundaries, initial = {}, {}
+    for name, start in starts.items():
+        value = start.reading - request.held_bias.get(start.sensor, 0.0) + start.shift
+        if name.startswith("initial."):
+            initial[name.removeprefix("initial.")] = value
+        else:
+            boundaries[name] = Constant(value)
+    return replace(experiment, scenario=experiment.scenario.with_(boundaries=boundaries, initial=initial))

@@ -1,0 +1,341 @@
+"""Streams: what they carry, the density of a gas by the pressure and temperature of its source, and the mass balance of each node.
+
+A stream of gas is fixed in mass (`mass_flow`) or in volume (`volume_flow`). A volume is that which enters the line where it begins: from
+there on every stream of the line carries that mass, whatever temperature it takes. Where lines meet, masses add.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.dual import Number, value_of
+from thermid.errors import DeckError, ScenarioError, quoted
+from thermid.memo import Memo
+from thermid.model.flat import Flat, FlatConductor
+from thermid.model.kinds import Law
+from thermid.model.signal import Constant, Signal
+from thermid.model.surroundings import gas_nodes
+from thermid.network.environment import extremes
+from thermid.network.medium import AIR_RANGE, VACUUM_LIMIT, Media
+from thermid.network.pressure import combined
+from thermid.network.rows import ConductorRow
+from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+from thermid.physics.gas import GASES
+
+__all__ = ["STANDARD", "Streams", "check_masses"]
+
+STANDARD: Final = 293.15
+"""Temperature of the density of a gas whose source has no temperature of its own, and of its specific heat. [K]"""
+BALANCED: Final = 1e-3
+"""Share of a node's flow that may be missing: flows are written with three digits or more. [-]"""
+
+
+def streams_of(conductors: Iterable[FlatConductor]) -> tuple[FlatConductor, ...]:
+    """Return the streams between two nodes."""
+    return tuple(c for c in conductors if c.kind == "flow" and c.ends[0] != c.ends[1])
+
+
+def fluid_of(c: FlatConductor) -> str:
+    """Return the fluid of a stream: a gas, liquid, or empty where it names none."""
+    return c.words.get("fluid", "")
+
+
+def _by_volume(c: FlatConductor) -> bool:
+    return "volume_flow" in c.fields
+
+
+def _size(c: FlatConductor, values: Mapping[str, Any]) -> Any:
+    """Return the flow of a stream as it is written: of mass [kg/s], or of volume [m^3/s] where its density follows from the gas."""
+    flow = value_of(values[c.fields["volume_flow" if _by_volume(c) else "mass_flow"]])
+    return flow * value_of(values[c.fields["density"]]) if "density" in c.fields else flow
+
+
+def check_masses(flat: Flat, values: Mapping[str, Any]) -> None:
+    """Refuse nodes that do not pass on what enters them, where a stream names its fluid or the node is gas.
+
+    What enters a node and is not passed on leaves it unwritten, at its temperature: the last node of a line. A boundary gives and takes.
+
+    Raises
+    ------
+    DeckError   With the flows of the first node that does not close, that mixes fluids, or flows of mass with flows of volume.
+    """
+    inner, gases = {n.path for n in flat.nodes}, gas_nodes(flat)
+    streams = streams_of(flat.conductors)
+    for node in dict.fromkeys(end for c in streams for end in c.ends if end in inner):
+        into = [c for c in streams if c.ends[1] == node]
+        out = [c for c in streams if c.ends[0] == node]
+        named = [c for c in (*into, *out) if fluid_of(c)]
+        if not out or not (named or node in gases):
+            continue
+        _check_alike(node, (*into, *out))
+        entering, leaving = (sum((_size(c, values) for c in part), start=0.0) for part in (into, out))
+        gap, most = entering - leaving, entering + leaving
+        if gap * gap > (BALANCED * most) * (BALANCED * most):
+            raise DeckError(
+                f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}. A node of a stream keeps no mass. Make them "
+                "equal, or write the stream that is missing, from or to a boundary such as the ambient; one parameter for all streams of a "
+                "line keeps it closed in fits and schedules.",
+                out[0].where,
+            )
+
+
+def _check_alike(node: str, streams: Sequence[FlatConductor]) -> None:
+    """Refuse two fluids in one node, and volumes of gas beside masses."""
+    fluids = {fluid_of(c): c for c in streams if fluid_of(c)}
+    if len(fluids) > 1:
+        (one, a), (two, b) = list(fluids.items())[:2]
+        raise DeckError(f"{one} ('{a.path}') and {two} ('{b.path}') meet in '{node}'. Streams of one node are of one fluid.", b.where)
+    kinds = {_by_volume(c) and "density" not in c.fields: c for c in streams}
+    if len(kinds) > 1:
+        raise DeckError(
+            f"in '{node}' the volume of '{kinds[True].path}' meets the mass of '{kinds[False].path}', whose balance closes at one pressure "
+            "and temperature at most. Write streams that meet all as volume_flow or all as mass_flow.",
+            kinds[False].where,
+        )
+
+
+def _said(streams: Sequence[FlatConductor], flow: Any, values: Mapping[str, Any]) -> str:
+    """Return a flow with the names of its streams, as volume where all are written so; of many members the first."""
+    if not streams:
+        return "nothing"
+    volume = all(_by_volume(c) for c in streams)
+    size = sum((value_of(values[c.fields["volume_flow"]]) for c in streams), start=0.0) if volume else flow
+    plain = float(np.asarray(getattr(size, "values", size)).ravel()[0])
+    text = f"{6e4 * plain:.4g} l/min" if volume else f"{1e3 * plain:.4g} g/s"
+    return f"{text} ({', '.join(repr(c.path) for c in streams)})"
+
+
+@dataclass(frozen=True, eq=False)
+class Streams:
+    """The streams of gas of a network, and how their mass follows pressures and the temperatures of their sources.
+
+    Parameters
+    ----------
+    conductors : tuple      Streams of a gas.
+    shares : dict           Stream -> source -> share of its flow that comes from there, both by path; a source is the stream that begins
+                            a line at a boundary, or a stream of a loop that begins nowhere. [-]
+    lines : dict            Stream -> nodes of the streams that are joined with it.
+    media : Media
+    memo : Memo             Courses that were worked out.
+    """
+
+    conductors: tuple[FlatConductor, ...]
+    shares: Mapping[str, Mapping[str, float]]
+    lines: Mapping[str, tuple[str, ...]]
+    media: Media
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    @classmethod
+    def of(cls, flat: Flat, values: Mapping[str, Any], media: Media) -> Streams:
+        """Return the streams of gas of a network.
+
+        Raises
+        ------
+        ScenarioError   When a stream that names no fluid has another pressure than that of the ground at an end.
+        """
+        _check_named(flat, media)
+        gas, inner = tuple(c for c in streams_of(flat.conductors) if fluid_of(c) in GASES), {n.path for n in flat.nodes}
+        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), media)
+
+    def __contains__(self, path: str) -> bool:
+        """Whether a conductor is a stream of gas."""
+        return path in self.shares
+
+    def sources(self, path: str) -> dict[str, float]:
+        """Return node -> share of a stream's flow that comes from it. [-]"""
+        out: dict[str, float] = {}
+        for source, share in self.shares[path].items():
+            node = self._named[source].ends[0]
+            out[node] = out.get(node, 0.0) + share
+        return out
+
+    def course(self, path: str, temperatures: Mapping[str, Signal]) -> Signal:
+        """Return the mass flow of a stream over that with its gas at one atmosphere and 20 degC, in time; zero where a gas is gone. [-]
+
+        Parameters
+        ----------
+        path : str              Of the stream.
+        temperatures : dict     Boundary -> temperature; a source that is not among them has 20 degC. [K]
+        """
+        sources = self.sources(path) if _by_volume(self._named[path]) else {}
+        pressures = {n: self.media.pressure(n) for n in (*self.lines[path], *sources)}
+        several = {id(s): s for s in pressures.values()}  # gases that share one pressure
+        place = {n: list(several).index(id(s)) for n, s in pressures.items()}
+        warm = {n: temperatures[n] for n in sources if n in temperatures}
+        at = {n: len(several) + k for k, n in enumerate(warm)}
+
+        def flow(*given: Any) -> Any:
+            there = np.all([p > VACUUM_LIMIT for p in given[: len(several)]], axis=0)
+            if not sources:
+                return 1.0 * there
+            dense = [given[place[n]] / ATMOSPHERE * (STANDARD / given[at[n]] if n in at else 1.0) for n in sources]
+            return sum(share * each for share, each in zip(sources.values(), dense, strict=True)) * there
+
+        return combined(flow, *several.values(), *warm.values())
+
+    def still(self, path: str) -> Signal:
+        """Return the course of a stream whose sources have 20 degC: what a network without a scenario's temperatures has. [-]"""
+        return self.memo.made(path, lambda: self.course(path, {}))
+
+    def row(self, c: FlatConductor, law: Law) -> ConductorRow:
+        """Return the row of a stream of gas: its heat capacity rate at the density of its gas."""
+        gas, rate = GASES[fluid_of(c)], law.coefficients[0]
+        if _by_volume(c):
+            rate = rate * (ATMOSPHERE / (gas.constant * STANDARD))
+        if "specific_heat" not in c.fields:
+            rate = rate * gas.cp(STANDARD)
+        course = self.still(c.path)
+        if isinstance(course, Constant):
+            return ConductorRow(c.path, "flow", c.ends, (course.value * rate,))
+        return ConductorRow(c.path, "flow", c.ends, (rate,), None, signal_of(c.path))
+
+    def signals(self) -> dict[str, Signal]:
+        """Return what rows of streams are multiplied by where the pressure of a gas changes in time."""
+        return {signal_of(c.path): s for c in self.conductors if not isinstance(s := self.still(c.path), Constant)}
+
+    def shifted(self, path: str, boundaries: Mapping[str, Signal], offsets: Mapping[str, Number]) -> Number:
+        """Return the factor on a stream's mass of sources that are warmer than their signals, by what is free. [-]
+
+        Parameters
+        ----------
+        boundaries : dict   Boundary -> its signal. [K]
+        offsets : dict      Boundary -> temperature where the signal is constant, else what is added to it. [K]
+        """
+        sources = {n: share for n, share in self.sources(path).items() if n in offsets}
+        if not sources or not _by_volume(self._named[path]):
+            return 1.0
+        before: Number = 1.0 - sum(sources.values())
+        after: Number = before
+        for n, share in sources.items():
+            given = boundaries[n]
+            mean = given.value if isinstance(given, Constant) else float(np.mean(given.at(np.asarray(getattr(given, "times", [0.0])))))
+            now = offsets[n] if isinstance(given, Constant) else offsets[n] + mean
+            before, after = before + share / mean * STANDARD, after + share * STANDARD / now
+        return after / before
+
+    def remarks(self, end: float) -> Iterator[str]:
+        """Yield what a reader of a run must know of its streams; `end` of it [s]."""
+        stopped: dict[tuple[str, float], list[FlatConductor]] = {}
+        for c in self.conductors:
+            gone = self._gone(c.path, end)
+            if gone is not None:
+                stopped.setdefault((fluid_of(c), gone), []).append(c)
+        for (fluid, begin), several in stopped.items():
+            which, many = quoted([c.path for c in several]), len(several) > 1
+            empty = [n for n in dict.fromkeys(n for c in several for n in self.lines[c.path]) if self._emptied(n, end)]
+            when = f" from {begin:g} s" if begin > 0.0 else ""
+            yield f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'}: there is no gas in {quoted(empty)}{when}"
+        loops = [c.path for c in self.conductors if _by_volume(c) and set(self.sources(c.path)) <= self._inner]
+        if loops:
+            density = "their density is that" if len(loops) > 1 else "its density is that"
+            yield f"{quoted(loops)} {'come' if len(loops) > 1 else 'comes'} from no boundary: {density} at {STANDARD - ICE_POINT:g} degC"
+        for c in self.conductors:
+            other = {n: self.media.gas(n) for n in c.ends if self.media.gas(n) != fluid_of(c)}
+            if other:
+                kind = next(iter(other.values()))
+                yield (
+                    f"'{c.path}' is {fluid_of(c)}, and the gas of {quoted(list(other))} is {kind} for all that convects there: "
+                    "give them one gas, in the environment or as the fluid"
+                )
+
+    @cached_property
+    def _named(self) -> dict[str, FlatConductor]:
+        return {c.path: c for c in self.conductors}
+
+    @property
+    def _inner(self) -> set[str]:
+        """Nodes that a stream of gas enters."""
+        return {c.ends[1] for c in self.conductors}
+
+    def _gone(self, path: str, end: float) -> float | None:
+        """Return the first instant of a run at which a stream stands still for want of gas; None where it never does. [s]"""
+        course = self.still(path)
+        if isinstance(course, Constant):
+            return 0.0 if course.value == 0.0 else None
+        times = np.asarray(course.times)
+        none = (course.at(times) == 0.0) & (times < end)
+        return float(max(times[none.argmax()], 0.0)) if none.any() else None
+
+    def _emptied(self, node: str, end: float) -> bool:
+        given = combined(lambda p: 1.0 * (p > VACUUM_LIMIT), self.media.pressure(node))
+        return bool((given.at(np.append(np.asarray(getattr(given, "times", [0.0])), end)) == 0.0).any())
+
+
+def signal_of(path: str) -> str:
+    """Return the name of the input that a stream's row is multiplied by."""
+    return f"stream {path}"
+
+
+def _shares(streams: Sequence[FlatConductor], values: Mapping[str, Any], inner: set[str]) -> dict[str, dict[str, float]]:
+    """Return stream -> source -> share of its flow, from the mixing in every node: what a node passes on is the mixture that enters it.
+
+    With the flow m of each stream and the shares x of each node, x_n sum(m into n) = sum(m x of the first end), a source counting itself.
+    """
+    entered = [n for n in dict.fromkeys(c.ends[1] for c in streams) if n in inner]
+    first = _fed(streams, entered)
+    at = {n: k for k, n in enumerate(entered) if n in first}
+    known = [c.path for c in streams if c.ends[0] not in at]
+    flows = {c.path: float(_size(c, values)) for c in streams}
+    least = 1e-12 * max(flows.values(), default=0.0) or 1.0
+    matrix, right = np.zeros((len(entered), len(entered))), np.zeros((len(entered), len(known)))
+    for c in streams:
+        flow = max(flows[c.path], least)
+        if c.ends[1] not in at:
+            continue
+        k = at[c.ends[1]]
+        matrix[k, k] += flow
+        if c.ends[0] in at:
+            matrix[k, at[c.ends[0]]] -= flow
+        else:
+            right[k, known.index(c.path)] += flow
+    rows = list(at.values())
+    mixed = dict(zip(at, np.linalg.solve(matrix[np.ix_(rows, rows)], right[rows]), strict=True)) if rows else {}
+    out = {}
+    for c in streams:
+        x = mixed.get(c.ends[0])
+        out[c.path] = {c.path: 1.0} if x is None else {s: float(v) for s, v in zip(known, x, strict=True) if v > 0.0}
+    return out
+
+
+def _fed(streams: Sequence[FlatConductor], entered: Sequence[str]) -> set[str]:
+    """Return the nodes that a stream from a boundary reaches."""
+    out: set[str] = set()
+    while True:
+        more = {c.ends[1] for c in streams if c.ends[1] in entered and (c.ends[0] in out or c.ends[0] not in entered)} - out
+        if not more:
+            return out
+        out |= more
+
+
+def _lines(streams: Sequence[FlatConductor], inner: set[str]) -> dict[str, tuple[str, ...]]:
+    """Return stream -> nodes of all streams that are joined with it by inner nodes that gas passes through."""
+    passed = {c.ends[0] for c in streams} & {c.ends[1] for c in streams} & inner
+    line: dict[str, list[str]] = {}
+    for c in streams:
+        joined = list(dict.fromkeys(id(line[n]) for n in c.ends if n in passed and n in line))
+        found = {id(each): each for each in line.values()}
+        nodes = list(dict.fromkeys([*(n for key in joined for n in found[key]), *c.ends]))
+        line |= dict.fromkeys((n for n in nodes if n in passed), nodes)
+    return {c.path: tuple(next((line[n] for n in c.ends if n in passed), c.ends)) for c in streams}
+
+
+def _check_named(flat: Flat, media: Media) -> None:
+    """Refuse a stream that names no fluid where the pressure at an end is another than that of the ground."""
+    for c in streams_of(flat.conductors):
+        off = [n for n in c.ends if not _on_ground(media.pressure(n))]
+        if off and not fluid_of(c):
+            raise ScenarioError(
+                f"'{c.path}' names no fluid, and the pressure in {quoted(off)} is not that of the ground: a gas would thin or stop, a liquid "
+                'would not. Write fluid = "air" (or another gas; its density then follows), or fluid = "liquid".',
+                c.where,
+            )
+
+
+def _on_ground(pressure: Signal) -> bool:
+    values = extremes(pressure)
+    return bool(((values >= AIR_RANGE[0]) & (values <= AIR_RANGE[1])).all())

@@ -1,0 +1,251 @@
+"""Unknown power: the history of a load from the temperatures that it made, with its uncertainty and its resolution in time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.arguments import takes_objects
+from thermid.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.selection import priors_of
+from thermid.fit.problem.unknowns import Target, Unknown
+from thermid.measure import Record
+from thermid.model.elements import HeatLoad
+from thermid.model.model import Model
+from thermid.model.modelfile import model_from_dict
+from thermid.model.signal import Constant, Table, literal
+from thermid.network.network import compile_network
+from thermid.power.history import PowerHistory
+from thermid.power.regularised import ROUNDS, Pins, Solved, solved
+from thermid.simulation.scenario import Scenario
+from thermid.simulation.transient import simulate
+from thermid.units import unit
+
+__all__ = ["power_history", "with_load"]
+
+Array = NDArray[np.float64]
+PRIORS = ("auto", "walk", "integrated walk")
+KNOTS = 120
+WIDE = 30.0
+"""The history is held to zero by this many times the power that the deck gives (1 W at least), so that every prior is a proper one."""
+
+
+@takes_objects
+def power_history(
+    model: Model,
+    record: Record,
+    load: str,
+    *,
+    scenario: Scenario | None = None,
+    known: Sequence[tuple[str, str, str]] = (),
+    accuracy: str = "0.1 [%]",
+    free: Sequence[str] = (),
+    priors: Mapping[str, tuple[str, str] | str] | None = None,
+    every: str = "",
+    prior: str = "auto",
+) -> PowerHistory:
+    """Return the history of a load's power from a log of temperatures.
+
+    The power is piecewise linear over even knots. Its prior is a random walk, or the integral of one, whose strength has the largest
+    marginal likelihood (Wahba, Ann. Stat. 13 (1985) 1378; MacKay, Neural Comp. 4 (1992) 415). With the kernel's derivatives a step is exact
+    where the network is linear, and one of Gauss and Newton where it is not.
+
+    Parameters
+    ----------
+    model : Model           What the hardware is.
+    record : Record         Temperatures, and boundaries and powers of other loads.
+    load : str              The load whose power is unknown; what its deck says of it is not used.
+    scenario : Scenario     What the log does not say.
+    known : sequence        (from, to, power) of stretches in which the power was known, texts with units, times from the first sample.
+    accuracy : str          Standard deviation of these powers: a text in W, or relative in %.
+    free : sequence of str  Parameters fitted with the history; stretches of known power are what they are known by.
+    priors : dict           Path -> (mean, standard deviation), as in `calibrate`.
+    every : str             Spacing of the knots; a 120th of the log, or its sampling where that is coarser, by default.
+    prior : str             ``walk`` (for powers that jump), ``integrated walk`` (for smooth ones), or ``auto``: the likelier.
+
+    Raises
+    ------
+    IdentificationError     When there is no such prior, a stretch lies outside the log, or parameters are free without any known power.
+    NameNotFoundError       When there is no such load.
+    """
+    if prior not in PRIORS:
+        raise IdentificationError(f"there is no prior '{prior}'; there are {', '.join(PRIORS)}.", "power_history")
+    where = f"power of {load}"
+    path, model = _plain(model, load)
+    if free and not known and not priors:
+        raise IdentificationError(
+            "without a stretch of known power only ratios to the power can be found, so no parameter can be free. Give 'known' or a prior.",
+            where,
+        )
+    if any(len(stretch) != 3 or isinstance(stretch, str) for stretch in known):
+        raise IdentificationError("'known' is a list of stretches (from, to, power), such as [('0 [h]', '1 [h]', '5 [W]')].", where)
+    logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in (load, path)), "")
+    if logged:
+        raise IdentificationError(f"channel '{logged}' of '{record.name}' already gives this power. Leave it out.", where)
+    knots, pins = _knots(record, every, known, accuracy, where)
+    base = WIDE * max(_nominal(model, path), 1.0)
+    asked, basis = _asked(model, record, path, scenario, free, priors, knots)
+    problem = problem_for(asked)
+    hats = tuple(Unknown(n, "power", (Target(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
+    problem = replace(problem, unknowns=(*problem.unknowns, *hats), noise=dict(problem.noise))
+    found = solved(problem, knots, pins, base, PRIORS[1:] if prior == "auto" else (prior,))
+    return _history(asked, problem, path, knots, pins, found)
+
+
+def with_load(model: Model, path: str, load: HeatLoad) -> Model:
+    """Return the model with a load in place of the one at a path, or beside the others."""
+    part, _, name = path.rpartition(".")
+    inner = model.submodel(part) if part else model
+    changed = replace(inner, loads={**inner.loads, name: load})
+    return model.with_part(part, changed) if part else changed
+
+
+def watts(into: str, **fields: object) -> HeatLoad:
+    """Return a load as a deck would write it."""
+    deck = {"title": "load", "nodes": {"n": {"capacitance": "1 [J/K]"}}, "loads": {"q": {"into": "n", **fields}}}
+    return replace(model_from_dict(deck).loads["q"], into=into)
+
+
+def _plain(model: Model, load: str) -> tuple[str, Model]:
+    """Return the load's path, and the model in which it is a plain power."""
+    path = model.canonical(load)
+    loads = {found.path: found for found in compile_network(model).flat.loads}
+    if path not in loads:
+        raise NameNotFoundError(f"no load '{load}' in {model.title}.{nearest(load, loads)}", model.title)
+    given = model.at(path)
+    assert isinstance(given, HeatLoad)
+    fields = {k: v for k, v in given.fields.items() if k == "power"}
+    plain = replace(given, fields=fields, sensor="", curve=None) if fields else watts(given.into, power="1 [W]")
+    return path, with_load(model, path, plain)
+
+
+def _nominal(model: Model, path: str) -> float:
+    """Return the power that the deck gives the load. [W]"""
+    network = compile_network(model)
+    values = network.flat.parameters.evaluate({})
+    return abs(float(values.get(f"{path}.power", 0.0)))
+
+
+def _knots(record: Record, every: str, known: Sequence[tuple[str, str, str]], accuracy: str, where: str) -> tuple[Array, Pins]:
+    """Return the times of the knots from the first sample [s], two close together where a stretch of known power begins or ends."""
+    end = float(record.times[-1] - record.times[0])
+    step = literal(every, "s", where) if every else max(end / KNOTS, float(np.median(np.diff(record.times))))
+    if not 0 < step <= end / 4:
+        raise IdentificationError(f"knots every {step:g} s do not fit into a log of {end:g} s; give four intervals or more.", where)
+    stretches = [(literal(a, "s", where), literal(b, "s", where), literal(p, "W", where)) for a, b, p in known]
+    for first, last, _ in stretches:
+        if not -1e-9 <= first < last <= end * (1 + 1e-9):
+            raise IdentificationError(f"the power was known from {first:g} to {last:g} s, which is no part of a log of {end:g} s.", where)
+    cuts = np.unique(np.clip([0.0, end, *(t for a, b, _ in stretches for t in (a, b))], 0.0, end))
+    parts: list[Array] = []
+    at: list[int] = []
+    power: list[float] = []
+    for left, right in pairwise(cuts.tolist()):
+        part = np.linspace(left, right, max(2, round((right - left) / step) + 1))
+        part[0] += 1e-3 * step if parts else 0.0  # a jump
+        said = [p for a, b, p in stretches if a <= 0.5 * (left + right) <= b]
+        if said:
+            at += range(sum(map(len, parts)), sum(map(len, parts)) + part.size)
+            power += [said[-1]] * part.size
+        parts.append(part)
+    relative = accuracy.rstrip(" ]").endswith(("%", "[%"))
+    sizes = np.abs(power) if relative else np.ones(len(power))
+    sd = literal(accuracy, "1" if relative else "W", where) * np.maximum(sizes, 1e-3 * max([1.0, *np.abs(power)]))
+    return np.concatenate(parts), Pins(np.array(at, dtype=np.int64), np.array(power), sd, np.cumsum([0, *map(len, parts)]))
+
+
+def _asked(
+    model: Model,
+    record: Record,
+    path: str,
+    scenario: Scenario | None,
+    free: Sequence[str],
+    priors: Mapping[str, tuple[str, str] | str] | None,
+    knots: Array,
+) -> tuple[Request, list[str]]:
+    """Return the request in which each knot is a load of its own, and the names of these."""
+    given = model.at(path)
+    assert isinstance(given, HeatLoad)
+    base = scenario or Scenario(record.name)
+    loads, names = dict(base.loads), []
+    for k in range(knots.size):
+        name = f"{path}_at_{k}"
+        model = with_load(model, name, watts(given.into, power="1 [W]"))
+        around = slice(max(k - 1, 0), k + 2)
+        loads[name] = Table(knots[around], np.eye(knots.size)[k, around], False)
+        names.append(name)
+    loads[path] = Constant(0.0)
+    known = priors_of(model, priors or {}, f"power of {path}")
+    return Request(model, (record,), tuple(free), {"*": base.with_(loads=loads)}, priors=known, name=f"power of {path}"), names
+
+
+def _history(asked: Request, problem: Problem, path: str, knots: Array, pins: Pins, found: Solved) -> PowerHistory:
+    """Return what a user sees of the end."""
+    count = knots.size
+    first = found.x.size - count
+    power, covariance = found.x[first:], found.covariance[first:, first:]
+    kernel = (found.covariance @ found.seen)[first:, first:]
+    open_ = np.setdiff1d(np.arange(count), pins.at)
+    width = float(np.median([_half_width(kernel[k], k) for k in open_])) * float(np.median(np.diff(knots)))
+    values = {
+        u.name: (_shown(u, float(x)), u.slope(float(x)) * float(np.sqrt(v)) / float(unit(u.unit).factor), u.unit)
+        for u, x, v in zip(problem.unknowns[:first], found.x, np.diag(found.covariance), strict=False)
+    }
+    flat = compile_network(asked.model).flat
+    node = next(found.node for found in flat.loads if found.path == path)
+    blocks = tuple(problem.blocks(found.x))
+    texts = {
+        u.name: f"{u.to_value(float(x))!r} [{u.unit}]"
+        for u, x in zip(problem.unknowns[:first], found.x, strict=False)
+        if u.kind == "parameter"
+    }
+    bare = _without(asked.model, path, count).with_values({k: v for k, v in texts.items()}, f"power of {path}")
+    starts = {u.name.partition("initial.")[2]: float(x) for u, x in zip(problem.unknowns, found.x, strict=True) if ": initial." in u.name}
+    given = problem.experiments[0].bare
+    loads = {k: v for k, v in given.loads.items() if not k.startswith(f"{path}_at_")}
+    loads = {**loads, path: Table(knots, power, False)}
+    scenario = replace(given, loads=loads, initial={**given.initial, **starts})
+    run = simulate(bare, scenario, times=knots)
+    known = np.zeros(count, dtype=bool)
+    known[pins.at] = True
+    notes = () if found.converged else (f"the history did not settle within {ROUNDS} rounds; free fewer parameters.",)
+    return PowerHistory(
+        path, node, knots, power, covariance, run[node].kelvin, known, width, found.prior, values, blocks, bare, scenario, notes
+    )
+
+
+def _text(unknown: Unknown, fitted: float) -> str:
+    """Return a fitted value as a deck writes it."""
+    return f"{_shown(unknown, fitted)!r} [{unknown.unit}]"
+
+
+def _shown(unknown: Unknown, fitted: float) -> float:
+    """Return a fitted value in its unit."""
+    of = unit(unknown.unit)
+    return (unknown.to_value(fitted) - float(of.offset)) / float(of.factor)
+
+
+def _half_width(row: Array, at: int) -> float:
+    """Return the full width at half maximum of a smoothing kernel about its knot, in knots."""
+    half, out = 0.5 * row[at], 0.0
+    for side in (row[at:], row[at::-1]):
+        below = np.flatnonzero(side < half)
+        last = int(below[0]) if below.size else side.size
+        out += last - 1 + ((side[last - 1] - half) / (side[last - 1] - side[last]) if below.size else 0.0)
+    return float(out)
+
+
+def _without(model: Model, path: str, count: int) -> Model:
+    """Return the model without the loads of the knots."""
+    part, _, name = path.rpartition(".")
+    inner = model.submodel(part) if part else model
+    kept = {n: v for n, v in inner.loads.items() if not n.startswith(f"{name}_at_")}
+    changed = replace(inner, loads=kept)
+    return model.with_part(part, changed) if part else changed

@@ -1,0 +1,67 @@
+"""Small rooms, no circle of any sort, one class name for one thing: what offends today is listed, and the list may only shrink."""
+
+from __future__ import annotations
+
+import pytest
+
+from .house import CROWD, GUARDS, against_the_list, listed, shrunk
+from .source import Module
+
+
+def package(**texts: str) -> dict[str, Module]:
+    """Modules of one made-up room, by name."""
+    return {f"thermid.model.{name}": Module(f"thermid.model.{name}", text) for name, text in texts.items()}
+
+
+ONE = "from thermid.model.two import two"
+CROWDED = {f"f{k}": "" for k in range(CROWD + 1)}
+PLANTED = [
+    ("circles", {"one": ONE, "two": "from thermid.model.one import one"}, "model.one model.two", 1),
+    ("circles", {"one": ONE, "two": "def f():\n    from .one import one"}, "model.one model.two", 1),
+    ("circles", {"one": ONE, "two": "if TYPE_CHECKING:\n    from .one import one"}, "model.one model.two", 1),
+    ("imports_in_functions", {"one": "def f():\n    import thermid.model.two\n    import numpy", "two": ""}, "model.one", 1),
+    ("imports_in_functions", {"one": f"class A:\n    def f(self):\n        {ONE}", "two": ""}, "model.one", 1),
+    ("one_importer", {"one": ONE, "two": ""}, "model.two", 1),
+    ("doubled_classes", {"one": "class Step: ...", "two": "def f():\n    class Step: ..."}, "Step", 2),
+    ("crowded_packages", CROWDED, "model", CROWD + 1),
+]
+HARMLESS = [
+    ("circles", {"one": ONE, "two": "from thermid.model.three import x", "three": ""}),
+    ("imports_in_functions", {"one": f"{ONE}\ndef f():\n    import numpy", "two": ""}),
+    ("one_importer", {"one": ONE, "two": "", "three": ONE}),
+    ("doubled_classes", {"one": "class Step: ...", "two": "from thermid.model.one import Step"}),
+    ("crowded_packages", dict(list(CROWDED.items())[1:])),
+]
+
+
+@pytest.mark.parametrize("guard", GUARDS)
+def test_what_offends_is_on_the_list_and_nothing_else(modules: dict[str, Module], guard: str) -> None:
+    problems = against_the_list(GUARDS[guard](modules), listed()[guard])
+    assert not problems, "\n" + "\n".join(problems)
+
+
+def test_the_list_has_a_table_for_every_guard() -> None:
+    assert set(listed()) == set(GUARDS)
+
+
+@pytest.mark.parametrize(("guard", "texts", "name", "times"), PLANTED)
+def test_a_planted_offender_is_seen(modules: dict[str, Module], guard: str, texts: dict[str, str], name: str, times: int) -> None:
+    alone = GUARDS[guard](package(**texts))
+    assert alone == {name: times}
+    assert against_the_list(alone, {}) == [f"new: {name} ({times}; allowed 0)"]
+
+
+@pytest.mark.parametrize(("guard", "texts"), HARMLESS)
+def test_the_harmless_is_let_pass(guard: str, texts: dict[str, str]) -> None:
+    assert GUARDS[guard](package(**texts)) == {}
+
+
+@pytest.mark.parametrize("guard", GUARDS)
+def test_a_listed_offender_that_was_mended_is_seen(modules: dict[str, Module], guard: str) -> None:
+    today = GUARDS[guard](modules)
+    assert any("shrink the list: model.mended (1 listed, 0 today)" in line for line in against_the_list(today, {"model.mended": 1}))
+
+
+def test_shrinking_never_adds() -> None:
+    assert shrunk({"a": 1, "b": 3, "c": 1}, {"a": 2, "b": 2, "d": 1}) == {"a": 1, "b": 2}
+    assert shrunk({"a b": 1, "x y": 1}, {"a b c": 1}) == {"a b": 1}

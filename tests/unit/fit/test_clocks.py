@@ -1,0 +1,342 @@
+"""Two logs on two clocks: joined, and aligned by a model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import DeckError, IdentificationError, RecordError
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import Request
+from thermid.model.signal import Table
+
+BOX = td.model_from_dict(
+    {
+        "title": "Box",
+        "needs": ["air"],
+        "nodes": {"case": {"capacitance": "300 [J/K]"}},
+        "conductors": {"out": {"kind": "conduction", "between": ["case", "air"], "conductance": "0.5 [W/K]"}},
+        "loads": {"heat": {"into": "case", "power": "10 [W]"}},
+    }
+)
+SLOW = np.arange(0.0, 1801.0, 5.0)
+FAST = np.arange(0.0, 1201.0, 2.0)
+POWER = np.where((FAST > 100) & (FAST < 500), 20.0, np.where((FAST > 700) & (FAST < 1100), 12.0, 0.0))
+CAMPAIGN = """
+title = "clocks"
+
+[records.bench]
+file     = "bench.csv"
+channels = { T = { node = "case", noise = "0.05 [K]" } }
+joined   = { record = "meter", offset = ["0 [s]", "5 [min]"], rate = [0.9, 1.2] }
+
+[records.meter]
+file     = "meter.csv"
+channels = { P = { load = "heat" } }
+
+[[stages]]
+name     = "box"
+model    = "box.toml"
+records  = ["bench"]
+free     = ["case.capacitance", "out.conductance"]
+scenario = { boundaries = { air = "20 [degC]" }, start = "20 [degC]" }
+"""
+AIR = td.Scenario("s", {"air": "20 [degC]"}, start="20 [degC]")
+
+
+def logs(offset: float, rate: float) -> tuple[td.Record, td.Record]:
+    """Return temperatures, and powers on a clock that runs otherwise."""
+    there = offset + rate * FAST
+    power = (np.concatenate([[0.0], there, [SLOW[-1]]]), np.concatenate([[0.0], POWER, [0.0]]))
+    made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
+    readings = td.simulate(BOX, made, times=SLOW)["case"].kelvin + 0.05 * np.random.default_rng(3).standard_normal(SLOW.size)
+    first = td.Record.from_arrays("bench", SLOW, {"T": td.Channel.of("T", readings, role="node", target="case", noise=0.05)})
+    second = td.Record.from_arrays("meter", FAST, {"P": td.Channel.of("P", POWER, quantity="power", role="load", target="heat")})
+    return first, second
+
+
+def test_offset_and_rate_come_back() -> None:
+    # powers of which nobody says when they changed: in the middle of an interval of 2 s, where these ramps have their mean
+    found = td.align(BOX, *logs(130.0, 1.08), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+    assert found.offset == pytest.approx(130.0, abs=0.5)
+    assert found.rate == pytest.approx(1.08, abs=0.0007)
+    # one change is known to 2 s over the root of 12; four of them tell offset and rate
+    assert 0.3 < found.offset_error < 1.2
+    assert 5e-4 < found.rate_error < 2e-3
+    assert found.rmse["T"] == pytest.approx(0.05, rel=0.1)
+    assert "offset 1" in str(found)
+
+
+def test_a_rate_can_be_held() -> None:
+    found = td.align(BOX, *logs(130.0, 1.0), offset=(0.0, 300.0), scenario=AIR)
+    assert (found.rate, found.rate_error) == (1.0, 0.0)
+    assert found.offset == pytest.approx(130.0, abs=0.5)
+    both = td.align(BOX, *logs(130.0, 1.0), offset=(130.0, 130.0), scenario=AIR)
+    assert (both.offset, both.offset_error) == (130.0, 0.0)
+    assert both.rmse["T"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_no_offset_is_refused() -> None:
+    with pytest.raises(IdentificationError, match="no offset lets the model run over both logs"):
+        td.align(BOX, *logs(130.0, 1.0), offset=(5000.0, 6000.0), scenario=AIR)
+
+
+def test_an_offset_at_the_end_of_its_range_says_so() -> None:
+    found = td.align(BOX, *logs(130.0, 1.0), offset=(60.0, 100.0), scenario=AIR)
+    assert found.at_end == ("offset",)
+    assert "offset 100.00 +- " in str(found)
+    assert " s, the end of its range, rate 1.0000 +- 0;" in str(found)
+
+
+def test_logs_that_do_not_tell_an_offset_are_refused() -> None:
+    first, second = logs(130.0, 1.0)
+    flat = second.with_channels(replace(second["P"], values=np.full(FAST.size, 5.0)))
+    with pytest.raises(IdentificationError, match="do not tell the offset"):
+        td.align(BOX, first, flat, offset=(0.0, 300.0), scenario=AIR)
+
+
+def test_a_constant_error_of_the_sensor_is_not_taken_for_a_clock() -> None:
+    first, second = logs(130.0, 1.08)
+    off = first.with_channels(replace(first["T"], values=first["T"].values + 0.5, accuracy=0.5))
+    plain = td.align(BOX, first, second, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+    found = td.align(BOX, off, second, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+    assert found.offset == pytest.approx(plain.offset, abs=0.4)
+    assert found.rmse["T"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_both_logs_may_hold_compared_temperatures() -> None:
+    pair = td.model_from_dict(
+        {
+            "title": "Box with a lid",
+            "needs": ["air"],
+            "nodes": {"case": {"capacitance": "300 [J/K]"}, "lid": {"capacitance": "100 [J/K]"}},
+            "conductors": {
+                "out": {"kind": "conduction", "between": ["case", "air"], "conductance": "0.5 [W/K]"},
+                "up": {"kind": "conduction", "between": ["case", "lid"], "conductance": "1 [W/K]"},
+            },
+            "loads": {"heat": {"into": "case", "power": "10 [W]"}},
+        }
+    )
+    rng, (_, second) = np.random.default_rng(5), stepped(130.0, 1.08, np.zeros(4), seed=1)
+    done, there = switched(130.0, 1.08, np.zeros(4)), 130.0 + 1.08 * second.times
+    noisy = {
+        node: td.simulate(pair, done, times=times)[node].kelvin + 0.05 * rng.standard_normal(times.size)
+        for node, times in (("case", SLOW), ("lid", there))
+    }
+    first = td.Record.from_arrays("bench", SLOW, {"T": td.Channel.of("T", noisy["case"], role="node", target="case", noise=0.05)})
+    beside = td.Channel.of("S", noisy["lid"], role="node", target="lid", noise=0.05)
+    found = td.align(pair, first, second.with_channels(beside), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+    assert abs(found.offset - 130.0) < 2.0 * found.offset_error
+    assert abs(found.rate - 1.08) < 2.0 * found.rate_error
+    assert found.rmse == pytest.approx({"T": 0.05, "S": 0.05}, rel=0.2)
+    assert found.offset_error < 0.4
+
+
+SWITCHES = ((110.0, 20.0), (500.0, 0.0), (700.0, 12.0), (1100.0, 0.0))
+GRID = 10.0
+
+
+def switched(offset: float, rate: float, phases: np.ndarray) -> td.Scenario:
+    """Return what was done: powers that changed so long after the samples of a meter. [s]"""
+    times = [0.0, *(offset + rate * (t + p) for (t, _), p in zip(SWITCHES, phases, strict=True)), 2 * SLOW[-1]]
+    power = Table(np.array(times), np.array([0.0, *(w for _, w in SWITCHES), 0.0]), hold=True)
+    return td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
+
+
+def stepped(
+    offset: float, rate: float, phases: np.ndarray, seed: int, wander: float = 0.0, stated: bool = True
+) -> tuple[td.Record, td.Record]:
+    """Return temperatures, and the log of a meter every 10 s, with a row at each change or none."""
+    rng = np.random.default_rng(seed)
+    noise, slow, keep = 0.05 * rng.standard_normal(SLOW.size), 0.0, np.exp(-5.0 / 60.0)
+    for k in range(SLOW.size if wander else 0):
+        slow = keep * slow + wander * np.sqrt(1.0 - keep**2 if k else 1.0) * rng.standard_normal()
+        noise[k] += slow
+    readings = td.simulate(BOX, switched(offset, rate, phases), times=SLOW)["case"].kelvin + noise
+    when = np.array([t + p for (t, _), p in zip(SWITCHES, phases, strict=True)])
+    meter = np.arange(0.0, 1201.0, GRID)
+    meter = np.union1d(meter, when) if stated else meter
+    power = np.array([0.0, *(w for _, w in SWITCHES)])[np.searchsorted(when, meter, side="right")]
+    first = td.Record.from_arrays("bench", SLOW, {"T": td.Channel.of("T", readings, role="node", target="case", noise=0.05)})
+    of = td.Channel.of("P", power, quantity="power", role="load", target="heat", prompt=stated)
+    return first, td.Record.from_arrays("meter", meter, {"P": of})
+
+
+def test_the_moment_of_a_change_is_worth_what_the_log_says_of_it() -> None:
+    phases = np.array([3.0, 8.0, 1.0, 6.0])
+    errors = []
+    for stated in (True, False):
+        found = td.align(BOX, *stepped(130.0, 1.08, phases, 2, stated=stated), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+        assert abs(found.offset - 130.0) < 2.0 * found.offset_error
+        assert abs(found.rate - 1.08) < 2.0 * found.rate_error
+        errors.append(found.offset_error)
+    assert errors[0] < 0.3  # 20 W into 300 J/K warm it by 0.07 K/s, and a reading is good to 0.05 K
+    assert 1.0 < errors[1] < 6.0  # 10 s over the root of 12 is 3 s for one change
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("stated", "wander"), [(True, 0.0), (False, 0.0), (True, 0.05)])
+def test_errors_of_an_alignment_hold_the_truth(stated: bool, wander: float) -> None:
+    pulls = []
+    for seed in range(60):
+        rng = np.random.default_rng(1000 + seed)
+        offset, rate, phases = rng.uniform(80.0, 200.0), rng.uniform(0.95, 1.1), rng.uniform(0.0, GRID, 4)
+        given = stepped(offset, rate, phases, seed, wander, stated)
+        found = td.align(BOX, *given, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+        pulls.append([(found.offset - offset) / found.offset_error, (found.rate - rate) / found.rate_error])
+    mean, inside, square = np.mean(pulls, axis=0), np.mean(np.abs(pulls) < 2.0, axis=0), np.mean(np.square(pulls), axis=0)
+    print(f"stated {stated}, wandering {wander:g} K: mean pull {mean}, mean square {square}, within two errors {inside}")
+    assert (np.abs(mean) < 3.0 / np.sqrt(60.0)).all()
+    assert (inside > 0.86).all()  # three standard deviations of chance below 95 % of 60
+    assert (square > 0.5).all()
+
+
+def test_joined_records_keep_every_sample() -> None:
+    first, second = logs(130.0, 1.0)
+    both = first.joined(second, 130.0, 1.0)
+    assert both["T"].valid.sum() == SLOW.size
+    assert both["P"].valid.sum() == FAST.size
+    at = both.times[both["P"].valid]
+    assert at == pytest.approx(130.0 + FAST)
+    assert both["P"].values[both["P"].valid] == pytest.approx(POWER)
+    assert both.origin.sha256 not in (first.origin.sha256, second.origin.sha256)
+    assert "joined with" in both.steps[-1]
+
+
+def test_records_that_cannot_be_joined() -> None:
+    first, second = logs(130.0, 1.0)
+    with pytest.raises(RecordError, match="must be above zero"):
+        first.joined(second, 0.0, 0.0)
+    with pytest.raises(RecordError, match="'T' is a channel of both logs"):
+        first.joined(first)
+    with pytest.raises(RecordError, match="do not overlap"):
+        first.joined(second, 5000.0)
+
+
+def held(offset: float, rate: float, seed: int = 3) -> tuple[td.Record, td.Record]:
+    """Return the same logs where the meter's readings hold until the next one, as the meter's log is read."""
+    first, second = logs(offset, rate)
+    power = Table(offset + rate * FAST, POWER, hold=True)
+    made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
+    noise = 0.05 * np.random.default_rng(seed).standard_normal(SLOW.size)
+    read = first.channels["T"]
+    return first.with_channels(replace(read, values=td.simulate(BOX, made, times=SLOW)["case"].kelvin + noise)), second
+
+
+def open_clock(offset: float, rate: float, seed: int = 3) -> td.Record:
+    first, second = held(offset, rate, seed)
+    return first.joined(second, (0.0, 300.0), (0.9, 1.2))
+
+
+FREE = ["case.capacitance", "out.conductance"]
+
+
+def test_a_fit_finds_a_clock_beside_its_values() -> None:
+    fit = td.calibrate(BOX, open_clock(130.0, 1.08), FREE, scenario=AIR)
+    clock = {i.name: i for i in fit.local}
+    for name, truth, sure in (("clock offset", 130.0, 0.3), ("clock rate", 1.08, 6e-4)):
+        assert abs(clock[name].value - truth) < 3.0 * clock[name].error
+        assert 0.0 < clock[name].error < sure
+    for path, truth in zip(FREE, (300.0, 0.5), strict=True):
+        assert abs(fit[path].value - truth) < 3.0 * fit[path].error
+    assert fit.sensors["T"].rmse < 0.055
+    assert "bench: clock offset 130." in str(fit)
+    assert fit.request is not None
+    assert "by the fit" in fit.request.records[0].steps[-1]
+    # the errors of the values count that the clock is not known
+    known = td.calibrate(BOX, held(130.0, 1.08)[0].joined(held(130.0, 1.08)[1], 130.0, 1.08), FREE, scenario=AIR)
+    assert fit["case.capacitance"].error > 1.05 * known["case.capacitance"].error
+    # what is asked of the fit afterwards is what it says with the clock known
+    hot = td.Scenario("hot", boundaries={"air": "40 [degC]"}, start="air", duration="30 [min]")
+    one, other = (td.predict(f, hot)["case"].final for f in (fit, known))
+    assert one.celsius == pytest.approx(other.celsius, abs=0.02)
+    assert 0.9 * other.error < one.error < 2.0 * other.error  # it counts that the clock is not known
+    assert td.discrepancy(fit).misfit["case"] == pytest.approx(td.discrepancy(known).misfit["case"], abs=0.01)
+
+
+def test_a_held_rate_and_a_robust_loss() -> None:
+    first, second = held(130.0, 1.0)
+    readings = first.channels["T"]
+    wild = readings.values.copy()
+    wild[::40] += 30.0
+    record = first.with_channels(replace(readings, values=wild)).joined(second, (0.0, 300.0))
+    fit = td.calibrate(BOX, record, FREE, scenario=AIR, loss="cauchy")
+    (clock,) = fit.local
+    assert abs(clock.value - 130.0) < max(3.0 * clock.error, 1.0)
+    assert fit["out.conductance"].value == pytest.approx(0.5, rel=0.005)
+
+
+def test_a_verdict_finds_the_clock_of_its_record() -> None:
+    fit = td.calibrate(BOX, open_clock(130.0, 1.08), FREE, scenario=AIR)
+    verdict = td.validate(fit, open_clock(60.0, 1.0, seed=5), td.Criteria(rmse="0.1 [K]"), scenario=AIR)
+    assert verdict.passed
+    assert verdict.fitted_locally == ("clock offset", "clock rate")
+    assert verdict.prediction.local[0].value == pytest.approx(60.0, abs=1.0)
+
+
+def test_derivatives_of_a_clock_are_those_of_the_residuals() -> None:
+    request = Request(BOX, (open_clock(130.0, 1.08),), ("out.conductance",), {"*": AIR})
+    problem = problem_for(request)
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    found = problem.compressed(at)
+    # rows and slopes hold all that the full residuals say
+    full, slopes = problem.residuals(at), problem.jacobian(at)
+    assert found.rows @ found.rows == pytest.approx(full @ full)
+    assert found.slopes.T @ found.slopes == pytest.approx(slopes.T @ slopes, rel=1e-6)
+    assert found.slopes.T @ found.rows == pytest.approx(slopes.T @ full, rel=1e-5)
+    step = np.zeros(at.size)
+    step[1] = 0.5
+    assert (problem.residuals(at + step) - problem.residuals(at - step)) == pytest.approx(
+        slopes[:, 1], abs=0.02 * np.abs(slopes[:, 1]).max()
+    )
+
+
+def test_clocks_that_cannot_be_left_open() -> None:
+    first, second = held(130.0, 1.0)
+    with pytest.raises(RecordError, match="gives the time"):
+        td.calibrate(BOX, second.joined(first, (-300.0, 0.0)), FREE, scenario=AIR)
+    with pytest.raises(RecordError, match="from a lower to a higher"):
+        first.joined(second, (300.0, 0.0))
+    third = td.Record.from_arrays("third", FAST, {"Q": td.Channel.of("Q", 293.15 + 0 * FAST, role="boundary", target="air")})
+    with pytest.raises(RecordError, match="One at a time"):
+        first.joined(second, (0.0, 300.0)).joined(third, (0.0, 300.0))
+
+
+def test_a_campaign_says_which_log_has_another_clock(tmp_path: Path) -> None:
+    first, second = held(130.0, 1.08)
+    first.to_csv(tmp_path / "bench.csv")
+    second.to_csv(tmp_path / "meter.csv")
+    td.save_model(BOX, tmp_path / "box.toml")
+    campaign = tmp_path / "campaign.toml"
+    campaign.write_text(CAMPAIGN)
+    found = td.run_stages(campaign, cache=tmp_path / "results")
+    clock = {i.name: i.value for i in found["box"].local}
+    assert clock == pytest.approx({"clock offset": 130.0, "clock rate": 1.08}, abs=0.6)
+    again = td.run_stages(campaign, cache=tmp_path / "results")
+    assert again["box"].fitted == found["box"].fitted
+    assert again["box"]["out.conductance"].error == pytest.approx(found["box"]["out.conductance"].error, rel=1e-5)
+    campaign.write_text(CAMPAIGN.replace('record = "meter"', 'record = "metre"'))
+    with pytest.raises(RecordError, match=r"joined with record 'metre', which is not in this campaign.*meter"):
+        td.run_stages(campaign)
+    campaign.write_text(CAMPAIGN.replace('file     = "bench.csv"', 'files = "ben*.csv"'))
+    with pytest.raises(DeckError, match="a pattern of files cannot be joined"):
+        td.run_stages(campaign)
+
+
+@pytest.mark.campaign
+def test_intervals_of_clocks_hold_the_truth() -> None:
+    pulls = []
+    for seed in range(60):
+        fit = td.calibrate(BOX, open_clock(130.0, 1.08, seed), FREE, scenario=AIR)
+        clock = {i.name: i for i in fit.local}
+        pulls.append(
+            [(clock[n].value - t) / clock[n].error for n, t in (("clock offset", 130.0), ("clock rate", 1.08))]
+            + [(fit[p].value - t) / fit[p].error for p, t in zip(FREE, (300.0, 0.5), strict=True)]
+        )
+    held_in = np.mean(np.abs(pulls) < 1.96, axis=0)
+    assert (held_in > 0.86).all(), held_in
+    assert (np.mean(np.square(pulls), axis=0) > 0.5).all()

@@ -1,0 +1,100 @@
+"""A fit that meets its readings only with grossly wrong sensors, powers or priors says so at its head, and does not pass."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import thermid as td
+from thermid.cli.app import app
+from thermid.fit.contradicted import FAR, contradicted
+from thermid.knowledge.values import FittedValue, FittedValues
+from unit.fit.bench import HTC, box, log
+from unit.fit.project import make_project, write_log
+
+CAMPAIGN = """title = "box"
+
+[records.bench]
+file     = "logs/bench.csv"
+time     = "time_s"
+channels = { T_A = { node = "case", noise = "0.05 [K]", accuracy = "0.3 [K]" }, ROOM = { boundary = "air" } }
+
+[[stages]]
+name    = "box"
+model   = "box.toml"
+records = ["bench"]
+free    = ["skin.effective_htc"]
+"""
+
+
+def project(folder: Path, bias: float) -> Path:
+    path = make_project(folder, CAMPAIGN)
+    write_log(log(box(), {HTC: "7 [W/(m^2 K)]"}, {"T_A": "case"}, bias={"T_A": bias}, samples=61, seed=3), folder / "logs" / "bench.csv")
+    return path
+
+
+def test_a_sensor_that_is_grossly_wrong_fails_the_campaign(tmp_path: Path) -> None:
+    path = project(tmp_path, 180.0)
+    told = CliRunner().invoke(app, ["calibrate", str(path)])
+    assert told.exit_code == 1
+    lines = told.stdout.splitlines()
+    assert lines[0].startswith("NOT CREDIBLE: stage 'box' (T_A would have to be wrong by +1")
+    head = lines[3]
+    assert head.startswith("box: NOT CREDIBLE: T_A would have to be wrong by +1")
+    assert "times its accuracy of 0.3 K. A column, a unit, a node or the accuracy is wrong, or the model is. Do not use" in head
+    made = json.loads(CliRunner().invoke(app, ["calibrate", str(path), "--json"]).output)
+    assert made["passed"] is False
+    assert list(made["stages"][0]["contradicted"]) == ["sensor T_A"]
+    page = tmp_path / "page.html"
+    assert CliRunner().invoke(app, ["report", str(path), "--to", str(page)]).exit_code == 1
+    shown = page.read_text(encoding="utf-8")
+    assert "box is not credible" in shown
+    assert "Do not use box" in shown
+
+
+def test_an_honest_sensor_passes(tmp_path: Path) -> None:
+    campaign = td.run_stages(project(tmp_path, 0.4))
+    assert campaign.passed
+    assert not campaign["box"].contradicted
+    assert "NOT CREDIBLE" not in str(campaign)
+
+
+PLAIN = FittedValue("sensor T1", 3.1, 0.1, 0.0, False, "K", 0.0, (0.0, 0.0), kind="sensor", prior=(0.0, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (PLAIN, "T1 would have to be wrong by +3.1 K, 10 times its accuracy of 0.3 K"),
+        (
+            replace(PLAIN, path="ROOM error", kind="shared", value=-6.0),
+            "ROOM would have to be wrong by -6 K, 20 times its accuracy of 0.3 K",
+        ),
+        (
+            replace(PLAIN, path="P error", kind="shared", value=1.5, unit="1", prior=(1.0, 0.01)),
+            "P would have to be wrong by +50 %, 50 times its accuracy of 1 %",
+        ),
+        (
+            replace(PLAIN, path="lag of T1", kind="instrument", value=200.0, unit="s", log=True, prior=(2.302585, 0.1)),
+            "lag of T1 would have to be 200 s, 30 deviations from what is stated",
+        ),
+        (
+            replace(PLAIN, path="skin.htc", kind="parameter", value=12.0, unit="W/(m^2 K)", prior=(6.0, 0.5)),
+            "skin.htc would have to be 12 W/(m^2 K), 12 deviations from its prior",
+        ),
+    ],
+)
+def test_what_would_have_to_be_wrong_is_said(value: FittedValue, words: str) -> None:
+    import numpy as np
+
+    assert list(contradicted(FittedValues("s", {value.path: value}, np.eye(1))).values()) == [words]
+    assert value.prior is not None
+    mean, sd = value.prior
+    near = mean + 0.99 * FAR * sd
+    calm = replace(value, value=float(np.exp(near)) if value.log else near)
+    assert not contradicted(FittedValues("s", {value.path: calm}, np.eye(1)))
+    assert not contradicted(FittedValues("s", {value.path: replace(value, prior=None)}, np.eye(1)))

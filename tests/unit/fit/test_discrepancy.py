@@ -1,0 +1,187 @@
+"""What constant coefficients leave out: the fit's own response, predictions further off, the records' own misfit, and how it is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thermid.errors import IdentificationError
+from thermid.fit.calibrate import calibrate
+from thermid.fit.calibration import Calibration
+from thermid.fit.coefficients import EXPONENT
+from thermid.fit.discrepancy import Discrepancy, discrepancy, found_at
+from thermid.knowledge.values import load_values
+from thermid.measure import Channel, Record
+from thermid.model.model import Model
+from thermid.prediction.known import values_at
+from thermid.prediction.predict import predict
+from thermid.simulation import simulate
+from thermid.simulation.scenario import Scenario
+from unit.fit.bench import HTC, MASS, box, log, room
+
+TIMES = np.linspace(0.0, 18000.0, 301)
+FAR = Scenario("double, hot", boundaries={"air": "61 [degC]"}, start="61 [degC]", duration="5 [h]", loads={"heat": "8 [W]"})
+
+
+def lawful(exponent: float = 0.25, emissivity: float = 0.0) -> Model:
+    """The box with convection by a power of the difference, 6 W/(m^2 K) with the radiation at 10 K over 24 C."""
+    convective = 6.0 - emissivity * 5.670374e-8 * 4.0 * 302.15**3
+    natural = {"coefficient": f"{convective / 10**exponent!r} [W/(m^2 K)]", "exponent": exponent}
+    skin = {"of": "case", "to": "air", "area": "0.05 [m^2]", "htc": natural, **({"emissivity": emissivity} if emissivity else {})}
+    return box({"surfaces/skin": skin})
+
+
+def bench(model: Model, noise: float = 0.0, seed: int = 0) -> Record:
+    given = Scenario("bench", boundaries={"air": (TIMES, room(TIMES))}, start="24 [degC]", duration=18000.0)
+    kelvin = simulate(model, given, times=TIMES)["case"].kelvin + noise * np.random.default_rng(seed).standard_normal(TIMES.size)
+    case = Channel.of("T", kelvin, role="node", target="case", noise=0.05, accuracy=0.3)
+    return Record.from_arrays("bench", TIMES, {"T": case, "ROOM": Channel.of("ROOM", room(TIMES), role="boundary", target="air")})
+
+
+def fitted(model: Model, **more: float) -> Calibration:
+    return calibrate(box(), bench(model, **more), [HTC, MASS])  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def constant() -> Calibration:
+    return fitted(lawful(1e-9))
+
+
+def test_what_a_pattern_does_is_what_a_refit_does(constant: Calibration) -> None:
+    """A truth with a small exponent, fitted by a constant, and how far its prediction is then off: by the pattern, and by brute force."""
+    size = 0.02
+    found = fitted(lawful(size))
+    missed = simulate(lawful(size), FAR)["case"].kelvin[-1] - simulate(found.fitted_model, FAR)["case"].kelvin[-1]
+    told = predict(constant, FAR)
+    of_fit = discrepancy(constant)
+    only = replace(of_fit, means={k: size if k[1] == "difference" else 0.0 for k in of_fit.means})
+    by_pattern = _shift(constant, only)
+    assert missed == pytest.approx(by_pattern, rel=0.03)
+    assert missed < -0.2
+    assert told["case"].shift[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_radiation_shows_at_other_levels() -> None:
+    found = fitted(lawful(1e-9, 0.5))
+    of_fit = discrepancy(found)
+    share = 0.5 * 5.670374e-8 * 4.0 * 302.15**3 / 6.0
+    only = replace(of_fit, means={k: share if k[1] == "level" else 0.0 for k in of_fit.means})
+    hot = FAR.with_(loads={"heat": "4 [W]"})
+    missed = simulate(lawful(1e-9, 0.5), hot)["case"].kelvin[-1] - simulate(found.fitted_model, hot)["case"].kelvin[-1]
+    assert missed < -1.0
+    # the radiation grows by a third over 40 K; the pattern is the straight line through that
+    assert _shift(found, only, hot) == pytest.approx(missed, rel=0.3)
+
+
+def _shift(fit: Calibration, of_fit: Discrepancy, scenario: Scenario = FAR) -> float:
+    kept = {**fit.values.provenance, "structural": of_fit.to_dict()}
+    known = replace(fit, values=replace(fit.values, provenance=kept), store=replace(fit.store, provenance={fit.stage: kept}))
+    return float(predict(known, scenario)["case"].shift[-1])
+
+
+@pytest.mark.parametrize("air", [-34, 24, 61])
+@pytest.mark.parametrize("watts", [4, 8])
+def test_the_band_holds_a_truth_of_another_law(air: int, watts: int) -> None:
+    truth = lawful(0.25, 0.6)
+    found = fitted(truth, noise=0.05, seed=1)
+    given = Scenario("s", boundaries={"air": f"{air} [degC]"}, start=f"{air} [degC]", duration="5 [h]", loads={"heat": f"{watts} [W]"})
+    end = simulate(truth, given)["case"].final
+    told = predict(found, given)["case"].final
+    assert told.low < end < told.high
+    rise = end - air
+    assert told.high - told.low < rise
+    plain = predict(found, given, discrepancy=False)["case"].final
+    assert plain.error < told.error
+    if (air, watts) != (24, 4):
+        assert abs(told.celsius - end) < abs(plain.celsius - end)
+        assert not plain.low < end < plain.high
+
+
+def test_at_the_conditions_of_the_fit_little_is_added(constant: Calibration) -> None:
+    near = Scenario("again", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
+    far = predict(constant, FAR)["case"].final
+    told = predict(constant, near)["case"].final
+    assert told.error < 0.25 * far.error
+    assert "used near where they were found" in str(predict(constant, near))
+    text = str(predict(constant, FAR))
+    assert "used further off: skin (found at " in text
+    assert "constant coefficients 9" in text
+
+
+def test_what_the_deck_knows_is_used() -> None:
+    """With an emissivity the radiative share is known; with a law of the difference there is nothing left to widen."""
+    emissive = calibrate(box({"surfaces/skin/emissivity": 0.5}), bench(lawful(0.25, 0.5)), [HTC, MASS])
+    of_fit = discrepancy(emissive)
+    share = of_fit.means["skin", "level"]
+    assert share == pytest.approx(0.5 * 5.670374e-8 * 4 * of_fit.conditions["skin"].level ** 3 / emissive[HTC].value)
+    assert of_fit.sizes["skin", "level"] == pytest.approx(0.15 * share)
+    assert of_fit.means["skin", "difference"] == pytest.approx(EXPONENT / 2 * (1 - share))
+    known = lawful()
+    exact = calibrate(known, bench(known), ["skin.htc.coefficient", MASS])
+    assert discrepancy(exact).sizes == {}
+    assert set(predict(exact, FAR).causes) == {"fit"}
+
+
+def test_radiation_that_nobody_has_stated_is_said_to_shift_too_far() -> None:
+    """Bare metal in a hot room: the guess makes it worse than no shift would, and says so; with the finish it is right and silent."""
+    truth, hot = lawful(0.25, 0.05), FAR.with_(loads={"heat": "4 [W]"})
+    end = simulate(truth, hot)["case"].final
+    known = calibrate(box({"surfaces/skin/emissivity": "0.05"}), bench(truth), [HTC, MASS])
+    guessed, told = (predict(c, hot) for c in (fitted(truth), known))
+    plain = predict(fitted(truth), hot, discrepancy=False)["case"].final.celsius
+    assert abs(guessed["case"].final.celsius - end) > abs(plain - end)
+    assert abs(told["case"].final.celsius - end) < 0.5 * abs(plain - end)
+    (warning,) = guessed.warnings
+    assert "for radiation that nobody has stated: any emissivity from 0 to 0.95 is taken as equally likely" in warning
+    assert warning.endswith("Say the finish, or the emissivity, of skin.")
+    assert told.warnings == ()
+
+
+def test_errors_of_other_values_count_what_the_coefficient_left_out() -> None:
+    truth = lawful(0.25, 0.6)
+    found = fitted(truth, noise=0.05, seed=2)
+    wide = discrepancy(found).widened(found.values)
+    assert wide[MASS].error > 2 * found.values.bare()[MASS].error
+    assert abs(found[MASS].value - 1.5) < 1.96 * wide[MASS].error
+    assert wide.covariance[0, 0] > found.values.covariance[0, 0]
+
+
+def test_what_a_model_could_not_follow_stays_in_its_predictions() -> None:
+    data = log(box(), {}, {"T": "case"}, noise=0.02)
+    slow = 0.3 * np.sin(data.times / 1500.0)
+    found = calibrate(box(), data.with_channels(replace(data["T"], values=data["T"].values + slow)), [HTC])
+    told = predict(found, FAR)
+    assert discrepancy(found).misfit["case"] == pytest.approx(0.3 / np.sqrt(2), rel=0.5)
+    assert told["case"].parts["misfit"][-1] == pytest.approx(discrepancy(found).misfit["case"] ** 2)
+    assert told["air"].parts["misfit"][-1] == 0.0
+    assert "could not follow in the records" in told.causes["misfit"]
+
+
+def test_draws_hold_it_too(constant: Calibration) -> None:
+    by_slopes, drawn = predict(constant, FAR)["case"].final, predict(constant, FAR, draws=1500)["case"].final
+    assert (drawn.celsius, drawn.error) == pytest.approx((by_slopes.celsius, by_slopes.error), rel=0.06)
+
+
+def test_conditions_are_kept_with_the_values_and_go_up_with_them(constant: Calibration, tmp_path: object) -> None:
+    path = f"{tmp_path}/one.values.toml"
+    constant.save(path)
+    at = found_at(load_values(path))["skin"]
+    assert at == discrepancy(constant).conditions["skin"]
+    assert str(at) == f"{at.difference:.2g} K at {at.level - 273.15:.0f} degC"
+    assert 8.0 < at.difference < 13.3
+    assert found_at(values_at(constant.values, "a")) == {"a.skin": at}
+
+
+def test_a_calibration_without_its_records_says_so(constant: Calibration) -> None:
+    bare = replace(constant.values, provenance={})
+    with pytest.raises(IdentificationError, match="does not hold what its fit left open"):
+        discrepancy(replace(constant, values=bare))
+
+
+def test_in_vacuum_a_coefficient_of_air_has_nothing_to_grow_with() -> None:
+    emissive = box({"surfaces/skin/emissivity": 0.5})
+    found = calibrate(emissive, bench(lawful(0.25, 0.5)), [HTC, MASS])
+    told = predict(found, FAR.vacuum())
+    assert abs(told["case"].final.celsius - simulate(found.fitted_model, FAR.vacuum())["case"].final) < 1.0

@@ -1,0 +1,233 @@
+"""A record meets a model: what each channel becomes, where the run starts, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thermid.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
+from thermid.fit.calibrate import calibrate
+from thermid.fit.problem.experiment import meet
+from thermid.fit.problem.starts import first_reading
+from thermid.measure import Channel, Record, read_record
+from thermid.model.model import Model
+from thermid.model.signal import Constant, Table
+from thermid.simulation.scenario import Scenario
+from unit.fit.bench import HTC, ICE, MASS, box, log, metered, pair, room
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return box()
+
+
+@pytest.fixture(scope="module")
+def record(model: Model) -> Record:
+    return log(model, {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, samples=31)
+
+
+def bound(record: Record, **changes: str | None) -> Record:
+    """Return the record with one channel bound otherwise; ``bound(record, T="air")`` or with a role, ``T="load:heat"``."""
+    out = record
+    for name, text in changes.items():
+        role, _, target = (text or "").rpartition(":")
+        out = out.with_channels(replace(out[name], role=role or "auto", target=target or None))
+    return out
+
+
+def test_automatic_roles_follow_what_the_target_is(model: Model, record: Record) -> None:
+    watts = Channel.of("P", np.full(31, 3.0), quantity="power", target="heat")
+    found = meet(model, bound(record, T="case", ROOM="air").with_channels(watts))
+    assert [(o.sensor, o.node) for o in found.observations] == [("T", "case")]
+    assert isinstance(found.scenario.boundaries["air"], Table)
+    np.testing.assert_array_equal(found.scenario.loads["heat"].values, 3.0)
+    assert found.scenario.loads["heat"].hold
+
+
+def test_a_channel_without_a_target_is_bound_by_its_name(model: Model, record: Record) -> None:
+    times = record.times
+    named = Record.from_arrays("r", times, {"case": record["T"].values, "air": record["ROOM"].values})
+    found = meet(model, named)
+    assert found.observations[0].node == "case"
+    assert "air" in found.scenario.boundaries
+
+
+def test_an_alias_leads_to_the_canonical_path() -> None:
+    stack = pair()
+    record = log(stack, {}, {"T": "a.case"}, boundary="room", samples=31)
+    found = meet(stack, bound(record, T="node:first.case"))
+    assert found.observations[0].node == "a.case"
+
+
+def test_command_and_gain_drive_a_load(model: Model, record: Record) -> None:
+    duty = Channel.of("Q", np.linspace(0, 1, 31), quantity="command", role="command", target="heat")
+    plain = meet(model, record.with_channels(duty))
+    assert plain.scenario.commands["heat"].hold
+    assert plain.scenario.gains == {}
+    geared = meet(model, record.with_channels(replace(duty, role="load", gain="power")))
+    assert geared.scenario.gains == {"heat": "power"}
+    assert geared.scenario.loads == {}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"T": "boundary:case"}, r"bench, T: 'case' is a node of Box, not a boundary"),
+        ({"ROOM": "node:air"}, r"bench, ROOM: 'air' is a boundary of Box, not a node"),
+        ({"T": "load:case"}, r"bench, T: no load 'case' in Box"),
+        ({"T": "load:heet"}, r"bench, T: no load 'heet' in Box\. Did you mean 'heat'"),
+    ],
+)
+def test_a_wrong_role_is_refused(model: Model, record: Record, change: dict[str, str], words: str) -> None:
+    with pytest.raises(RecordError, match=words):
+        meet(model, bound(record, **change))
+
+
+def test_an_unknown_target_names_the_nearest(model: Model, record: Record) -> None:
+    with pytest.raises(NameNotFoundError, match=r"bench, T: no node 'cse'.*Did you mean 'case'"):
+        meet(model, bound(record, T="cse"))
+
+
+def test_a_record_must_observe_a_node(model: Model, record: Record) -> None:
+    with pytest.raises(RecordError, match=r"bench: no channel observes a node of Box; there is nothing to compare"):
+        meet(model, record.select("ROOM"))
+
+
+def test_a_power_is_no_temperature(model: Model, record: Record) -> None:
+    watts = Channel.of("P", np.full(31, 3.0), quantity="power", target="case")
+    with pytest.raises(RecordError, match=r"'case' is a node of Box, but the channel holds a power"):
+        meet(model, record.select("ROOM").with_channels(watts))
+
+
+def test_a_load_read_without_a_unit_is_not_taken_for_degrees(tmp_path: Path, model: Model) -> None:
+    # a column without unit is read in degC, and a load of 4 W would become 277
+    file = tmp_path / "run.csv"
+    file.write_text("time_s,T,P\n0,24,4\n60,24.1,4\n120,24.3,4\n")
+    air = Scenario("x", boundaries={"air": "24 [degC]"})
+    with pytest.raises(RecordError, match=r"'heat' is a load of Box, but the channel holds a temperature\. Bind it with load = 'heat'"):
+        meet(model, read_record(file, {"case": "T", "heat": "P"}, time="time_s"), air)
+    found = meet(model, read_record(file, {"case": "T", "P": {"load": "heat"}}, time="time_s"), air)
+    np.testing.assert_array_equal(found.scenario.loads["heat"].values, 4.0)
+
+
+def test_first_readings_are_medians_over_the_window_of_valid_samples(record: Record) -> None:
+    values = np.array([250.0, 299.0, 310.0, 301.0, 302.0])
+    channel = Channel("T", values, np.array([False, True, True, True, True]), role="node", target="case")
+    made = Record.from_arrays("r", np.arange(5) * 60.0, {"T": channel})
+    assert first_reading(made, "T") == 299.0
+    assert first_reading(made, "T", 119.0) == 304.5
+    assert first_reading(made, "T", 120.0) == 301.0
+
+
+def test_times_count_from_the_first_sample(model: Model, record: Record) -> None:
+    late = replace(record, times=record.times + 86400.0)
+    one, two = meet(model, record), meet(model, late)
+    np.testing.assert_allclose(two.times, one.times)
+    np.testing.assert_allclose(two.scenario.boundaries["air"].times, one.scenario.boundaries["air"].times)
+    assert two.scenario.seconds == one.scenario.seconds
+
+
+def test_masked_samples_are_no_observations(model: Model, record: Record) -> None:
+    found = meet(model, record.mask("T", 600.0, 1800.0))
+    kept = found.times[found.observations[0].index]
+    assert not np.any((kept >= 600.0) & (kept <= 1800.0))
+    assert kept.size == found.observations[0].measured.size == 31 - 3
+
+
+class TestStarts:
+    def test_measured(self) -> None:
+        stack = pair()
+        record = log(stack, {}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=31, start="30 [degC]")
+        found = meet(stack, record, Scenario("s", start="measured"))
+        assert found.loose == ("a.case", "b.case")
+        assert found.scenario.initial["a.case"] == first_reading(record, "A")
+        assert found.scenario.start == pytest.approx(np.mean([first_reading(record, n) for n in "AB"]), rel=1e-15)
+
+    def test_nothing_given_with_one_boundary_starts_the_rest_there(self) -> None:
+        stack = pair()
+        record = log(stack, {}, {"A": "a.case"}, boundary="room", samples=31)
+        found = meet(stack, record)
+        assert found.loose == ("a.case",)
+        assert found.scenario.start == ""
+
+    def test_boundary(self, model: Model, record: Record) -> None:
+        found = meet(model, record, Scenario("s", start="air"))
+        assert found.loose == ()
+        assert found.scenario.start == "air"
+        assert found.scenario.initial == {}
+
+    def test_steady(self, model: Model) -> None:
+        warm = log(model, {}, {"T": "case"}, noise=None, start="steady", swing=0.0)
+        found = calibrate(model, warm, [], scenario=Scenario("s", start="steady"))
+        assert found.sensors["T"].rmse < 1e-4
+        assert found.local == ()
+
+    def test_a_channel_by_name(self, model: Model, record: Record) -> None:
+        found = meet(model, record, Scenario("s", start="ROOM"))
+        assert found.readings == {"case": "ROOM"}
+        assert found.scenario.initial["case"] == first_reading(record, "ROOM")
+
+    def test_one_node_by_a_channel(self, model: Model, record: Record) -> None:
+        found = meet(model, record, Scenario("s", initial={"case": "T"}))
+        assert found.readings == {"case": "T"}
+        assert found.loose == ()
+
+    def test_an_unknown_word_is_refused(self, model: Model, record: Record) -> None:
+        with pytest.raises(ScenarioError, match=r"'RAUM' is no temperature and no boundary"):
+            calibrate(model, record, [MASS], scenario=Scenario("s", start="RAUM"))
+
+    def test_a_massless_node_has_no_start_to_look_for(self) -> None:
+        stack = pair(second=box({"parameters/power": "0.5 [W]"}))
+        record = log(stack, {}, {"A": "a.case", "M": "mid"}, boundary="room", samples=61)
+        found = calibrate(stack, record, ["stack.contact_conductance"], scenario=Scenario("s", start="measured"))
+        assert [i.name for i in found.local] == ["initial.a.case"]
+        assert found.sensors["M"].rmse < 0.1
+
+
+class TestConstantErrorsOfInstruments:
+    def test_a_meter_that_reads_zero_throughout_has_no_error_to_look_for(self, model: Model) -> None:
+        record = metered(log(model, {}, {"T": "case"}, loads={"heat": 0.0}, start="60 [degC]"), "heat", 0.0, accuracy=0.04)
+        found = calibrate(model, record, [MASS])
+        assert abs(found[MASS].value - 1.5) < 4 * found[MASS].error
+        assert "METER error" not in found.values
+
+    @pytest.mark.parametrize("order", [1, -1])
+    def test_the_record_with_the_largest_power_says_how_well_it_is_known(self, model: Model, order: int) -> None:
+        weak = metered(log(model, {}, {"T": "case"}, name="weak", loads={"heat": 0.5}, start="60 [degC]"), "heat", 0.5, accuracy=0.04)
+        on = metered(log(model, {}, {"T": "case"}, name="on", seed=2), "heat", 4.0, accuracy=0.04)
+        found = calibrate(model, [weak, on][::order], [HTC, MASS])
+        assert found["METER error"].prior == (1.0, pytest.approx(0.01))
+        assert found["METER error"].error <= 0.01 * (1 + 1e-9)
+
+    def test_pauses_do_not_make_a_meter_worse(self, model: Model) -> None:
+        watts = np.where(np.arange(301) % 100 < 20, 4.0, 0.0)
+        found = meet(model, metered(log(model, {}, {"T": "case"}), "heat", watts, accuracy=0.04))
+        assert found.shared["METER"] == ("scale.heat", pytest.approx(0.01))
+
+    def test_a_logged_boundary_has_no_local_value(self, model: Model, record: Record) -> None:
+        # it would be added to the log: a room of 24 degC would be 297 K above what was measured
+        with pytest.raises(IdentificationError, match=r"local\.air: 'air' follows a channel of bench, so it has no local value"):
+            calibrate(model, record, [HTC], local={"air": {"start": "24 [degC]", "sd": "1 [K]"}})
+
+
+def test_the_logged_boundary_wins_over_the_scenario(model: Model, record: Record) -> None:
+    found = meet(model, record, Scenario("s", boundaries={"air": "0 [degC]"}))
+    np.testing.assert_allclose(found.scenario.boundaries["air"].values, room(record.times), rtol=1e-15)
+
+
+def test_what_the_log_does_not_say_comes_from_the_scenario(model: Model, record: Record) -> None:
+    found = meet(model, record.select("T"), Scenario("s", boundaries={"air": "24 [degC]"}))
+    assert found.scenario.boundaries["air"] == Constant(ICE + 24.0)
+
+
+def test_a_boundary_without_a_temperature_is_refused(model: Model, record: Record) -> None:
+    with pytest.raises(ScenarioError, match=r"boundary 'air' of Box has no temperature"):
+        calibrate(model, record.select("T"), [HTC])
+
+
+def test_a_scenario_for_a_record_that_is_not_there(model: Model, record: Record) -> None:
+    with pytest.raises(RecordError, match=r"a scenario is given for 'bensch', which is no record here\. Did you mean 'bench'"):
+        calibrate(model, record, [HTC], scenario={"bensch": Scenario("s")})

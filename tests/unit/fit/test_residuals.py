@@ -1,0 +1,192 @@
+"""Exact derivatives equal finite differences, for everything that a fit can look for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import LocalSpec, Reading, Request
+from thermid.fit.problem.residuals import FAILED, Problem
+from thermid.fit.problem.statistics import loss_of
+from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.uncertainty.information import Information
+from thermid.measure import Channel
+from thermid.model.modelfile import model_from_dict
+from thermid.simulation.engine import Options
+from thermid.simulation.scenario import Scenario
+from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
+
+STEP = 3e-5
+EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-7)
+
+
+def slopes(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """The exact and the central-difference Jacobian at the start, columns scaled to a typical change."""
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    # away from the start, where a bias of zero or a factor of one could hide a wrong term
+    at = at + 0.03 * np.array([u.scale if u.kind != "local" else 1.0 for u in problem.unknowns])
+    columns = []
+    for k in range(at.size):
+        step = np.zeros(at.size)
+        step[k] = STEP
+        columns.append((problem.residuals(at + step) - problem.residuals(at - step)) / (2 * STEP))
+    return problem.jacobian(at), np.column_stack(columns)
+
+
+def check(request: Request, names: set[str]) -> None:
+    problem = replace(problem_for(request), options=EXACT)
+    assert {u.name for u in problem.unknowns} == names
+    exact, differences = slopes(problem)
+    size = np.abs(differences).max(axis=0)
+    assert (size > 0).all(), "every unknown acts"
+    assert np.abs(exact - differences).max(axis=0) / size == pytest.approx(0, abs=3e-5)
+
+
+def test_parameter_bias_and_initial() -> None:
+    data = log(box(), {}, {"T": "case"}, accuracy=0.5, samples=41)
+    check(Request(box(), (data,), (HTC, MASS, "power")), {HTC, MASS, "power", "sensor T", "bench: initial.case"})
+
+
+def test_a_linear_parameter() -> None:
+    model = box({"parameters/power/min": 0})
+    check(Request(model, (log(model, {}, {"T": "case"}, samples=41),), ("power",)), {"power", "bench: initial.case"})
+
+
+def test_boundary_local_and_initial_local() -> None:
+    data = log(box(), {}, {"T": "case"}, samples=41).select("T")
+    local = {"air": LocalSpec("24 [degC]", 2.0), "initial.case": LocalSpec("T")}
+    check(Request(box(), (data,), (HTC,), local=local), {HTC, "bench: air", "bench: initial.case"})
+
+
+def test_errors_of_a_logged_room_and_of_a_meter() -> None:
+    data = metered(log(box(), {}, {"T": "case"}, samples=41), "heat", 4.0, accuracy=0.04)
+    data = data.with_channels(replace(data["ROOM"], accuracy=0.3))
+    check(Request(box(), (data,), (HTC,)), {HTC, "bench: initial.case", "ROOM error", "METER error"})
+
+
+@pytest.mark.parametrize("role", ["load", "command"])
+def test_command_and_gain(role: str) -> None:
+    model = box({"parameters/alpha": "3 [W]"})
+    duty = Channel.of("Q", (np.arange(41) % 20 < 10) * 0.8, quantity="command", role=role, target="heat", gain="alpha")
+    data = log(model, {}, {"T": "case"}, samples=41).with_channels(duty)
+    check(Request(model, (data,), ("alpha", HTC)), {"alpha", HTC, "bench: initial.case"})
+
+
+def test_a_command_without_gain_scales_the_decks_power() -> None:
+    duty = Channel.of("Q", (np.arange(41) % 20 < 10) * 0.8, quantity="command", role="command", target="heat")
+    data = log(box(), {}, {"T": "case"}, samples=41).with_channels(duty)
+    check(Request(box(), (data,), ("power", HTC)), {"power", HTC, "bench: initial.case"})
+
+
+def test_tied_instances_and_an_eliminated_node() -> None:
+    stack = pair()
+    data = log(stack, {}, {"A": "a.case", "M": "mid"}, boundary="room", samples=41, start="30 [degC]")
+    free = ("a.skin.effective_htc", "a.case.mass", "stack.contact_conductance")
+    check(Request(stack, (data,), free, scenarios={"*": Scenario("s", start="room", initial={"b.case": "20 [degC]"})}), set(free))
+
+
+def test_an_eliminated_node_next_to_a_boundary_with_an_error() -> None:
+    stack = pair({"joints/stack/gap": {"area": "30 [cm^2]", "htc": "5 [W/(m^2 K)]", "to": "room"}})
+    data = log(stack, {}, {"M": "mid"}, boundary="room", samples=41, start="30 [degC]")
+    data = data.with_channels(replace(data["ROOM"], accuracy=0.3))
+    request = Request(stack, (data,), ("stack.gap.htc",), scenarios={"*": Scenario("s", start="30 [degC]")})
+    check(request, {"stack.gap.htc", "ROOM error"})
+
+
+def test_a_sensor_whose_first_reading_is_the_start() -> None:
+    data = log(box(), {}, {"T": "case"}, accuracy=0.5, samples=41)
+    request = Request(box(), (data,), (HTC,), readings={"initial.case": Reading("T")})
+    check(request, {HTC, "sensor T"})
+
+
+def test_an_offset_on_a_reading_of_a_boundary() -> None:
+    model = box({"parameters/lift": "0.5 [K]"})
+    data = log(model, {}, {"T": "case"}, accuracy=0.5, samples=41, start="30 [degC]").select("T")
+    request = Request(model, (data,), (HTC, "lift"), readings={"air": Reading("T", "lift")})
+    check(request, {HTC, "lift", "sensor T", "bench: initial.case"})
+
+
+def test_a_sensor_on_which_everything_stands_has_no_error_that_shows() -> None:
+    model = box({"parameters/lift": "0.5 [K]"})
+    data = log(model, {}, {"T": "case"}, accuracy=0.5, samples=41, start="30 [degC]").select("T")
+    readings = {"air": Reading("T", "lift"), "initial.case": Reading("T")}
+    problem = replace(problem_for(Request(model, (data,), (HTC, "lift"), readings=readings)), options=EXACT)
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    column = problem.jacobian(at)[:, [u.name for u in problem.unknowns].index("sensor T")]
+    assert column == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_steady_start() -> None:
+    data = log(box(), {}, {"T": "case"}, samples=41, start="steady")
+    check(Request(box(), (data,), (HTC, "power"), scenarios={"*": Scenario("s", start="steady")}), {HTC, "power"})
+
+
+def test_power_law_and_radiation() -> None:
+    changes = {
+        "surfaces/skin/effective_htc": None,
+        "surfaces/skin/htc": {"coefficient": "2 [W/(m^2 K)]", "exponent": 0.25},
+        "surfaces/skin/emissivity": {"value": "0.6", "min": 0.05, "max": 1},
+    }
+    made = deck(changes)
+    del made["surfaces"]["skin"]["effective_htc"]
+    model = model_from_dict(made)
+    data = log(model, {}, {"T": "case"}, samples=41, start="60 [degC]")
+    free = ("skin.htc.coefficient", "skin.emissivity", MASS)
+    check(Request(model, (data,), free), {*free, "bench: initial.case"})
+
+
+def test_several_records_share_and_have_their_own() -> None:
+    data = tuple(log(box(), {}, {"T": "case"}, accuracy=0.5, samples=41, name=n, seed=k) for k, n in enumerate("ab"))
+    request = Request(box(), data, (HTC,))
+    check(request, {HTC, "sensor T", "a: initial.case", "b: initial.case"})
+    problem = problem_for(request)
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    jacobian = problem.jacobian(at)
+    own = [u.name for u in problem.unknowns].index("a: initial.case")
+    assert np.abs(jacobian[:41, own]).max() > 1
+    assert not jacobian[41:, own].any()
+
+
+def test_masked_samples_leave_their_rows_out() -> None:
+    stack = pair()
+    data = log(stack, {}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=41).mask("A", 0.0, 3600.0)
+    problem = problem_for(Request(stack, (data,), ("stack.contact_conductance",)))
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    assert problem.residuals(at).size == problem.samples == problem.jacobian(at).shape[0] == 82 - 9
+    blocks = {b.sensor: b for b in problem.blocks(at)}
+    assert blocks["A"].times[0] > 3600.0
+    np.testing.assert_array_equal(blocks["B"].times, data.times)
+
+
+def test_a_run_that_fails_stands_as_far_away() -> None:
+    data = log(box(), {}, {"T": "case"}, samples=11)
+    problem = problem_for(Request(box(), (data,), (HTC,)))
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    poor = replace(problem, options=replace(problem.options, max_steps=1, method="integrator"))
+    np.testing.assert_array_equal(poor.residuals(at), FAILED)
+
+
+@pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber", "cauchy"])
+def test_the_weight_of_a_loss_is_its_derivative(loss: str) -> None:
+    """By differences, on both sides of the knee; far out a robust loss is below the square."""
+    squares, step = np.array([0.01, 1.0, 9.0, 400.0]), 1e-4
+    for knee in (1.0, 1.7):
+        weight = loss_of(squares, loss, knee)[1]
+        slope = (loss_of(squares + step, loss, knee)[0] - loss_of(squares - step, loss, knee)[0]) / (2.0 * step)
+        assert slope == pytest.approx(weight, rel=1e-3)
+        assert weight[0] == pytest.approx(1.0, abs=0.02)
+        assert (loss_of(squares, loss, knee)[0][-1] < 0.5 * squares[-1]) == (loss != "linear")
+
+
+def test_scattering_readings_hold_less_information_and_a_prior_is_relative_to_its_value() -> None:
+    problem = problem_for(Request(box(), (log(box(), {}, {"T": "case"}),), (HTC, MASS)))
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    plain, wide = Information.of(problem, at), Information.of(problem, at, spread=2.0)
+    assert wide.data.T @ wide.data == pytest.approx(plain.data.T @ plain.data / 4.0, rel=1e-9)
+    one = Unknown("x", "parameter", (), 5.0)
+    info = Information((one,), np.array([5.0]), np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
+    assert info.prior_row(0, 0.05)[0, 0] == pytest.approx(1.0 / 0.25)
+    assert info.errors(more=info.prior_row(0, 0.05))[0] == pytest.approx(0.05)

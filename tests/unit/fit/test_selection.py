@@ -1,0 +1,137 @@
+"""Names, globs, freezing, priors from ranges, and measured neighbours that drive their nodes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import IdentificationError, NameNotFoundError, RecordError
+from thermid.fit.calibrate import fit
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.selection import freed, priors_of
+from thermid.model.model import Model
+from unit.fit.bench import HTC, MASS, box, log, pair
+
+SHEET = {"nodes/case/mass": {"value": "1.5 [kg]", "min": 1.2, "max": 2.0, "source": "datasheet"}}
+
+
+@pytest.fixture(scope="module")
+def stack() -> Model:
+    return pair()
+
+
+class TestGlobs:
+    def test_a_star_passes_dots(self, stack: Model) -> None:
+        assert freed(stack, ["*.effective_htc"], [], "here")[0] == ["a.skin.effective_htc", "b.skin.effective_htc"]
+
+    def test_names_and_globs_in_order_once_each(self, stack: Model) -> None:
+        free, frozen = freed(stack, ["b.power", "?.power"], [], "here")
+        assert (free, frozen) == (["b.power", "a.power"], set())
+
+    def test_one_name_need_not_stand_in_a_list(self, stack: Model) -> None:
+        assert freed(stack, "b.power", [], "here")[0] == ["b.power"]
+
+    def test_an_alias_before_the_star(self, stack: Model) -> None:
+        assert freed(stack, ["first.*.mass"], [], "here")[0] == ["a.case.mass"]
+
+    def test_what_is_derived_is_passed_over(self) -> None:
+        part = box({"loads/heat/power": "power"})
+        assert "heat.power" not in freed(part, ["*power*"], [], "here")[0]
+
+    def test_one_that_matches_nothing_is_an_error(self, stack: Model) -> None:
+        with pytest.raises(NameNotFoundError, match=r"here: no parameter that can be freed matches '\*\.masss'"):
+            freed(stack, ["*.masss"], [], "here")
+
+    def test_frozen_is_taken_off(self, stack: Model) -> None:
+        free, frozen = freed(stack, ["*.effective_htc", "a.power"], ["a.*"], "here")
+        assert free == ["b.skin.effective_htc"]
+        assert "a.power" in frozen
+
+    def test_freezing_what_is_not_free_is_an_error(self, stack: Model) -> None:
+        with pytest.raises(IdentificationError, match=r"'a\.case\.mass' is frozen, but nothing of that name is free here"):
+            freed(stack, ["a.power"], ["a.case.mass"], "here")
+        with pytest.raises(NameNotFoundError, match=r"no parameter 'a\.case\.mas'"):
+            freed(stack, ["a.power"], ["a.case.mas"], "here")
+
+    def test_what_stages_below_free_can_be_frozen(self, stack: Model) -> None:
+        assert freed(stack, [], ["a.power"], "here", ["a.power"]) == ([], {"a.power"})
+
+    def test_calibrate_takes_them(self) -> None:
+        part = box()
+        found = td.calibrate(part, log(part, {HTC: "5 [W/(m^2 K)]"}, {"A": "case"}, samples=61), ["skin.*_htc"])
+        assert list(found.values.parameters) == [HTC]
+
+
+def logs_of_a_range(low: float, high: float) -> tuple[float, float]:
+    """Mean and standard deviation of the logarithm of anything between two ends, by its integrals."""
+    first = (high * math.log(high) - low * math.log(low)) / (high - low) - 1.0
+    second = (high * math.log(high) ** 2 - low * math.log(low) ** 2) / (high - low) - 2.0 * first
+    return first, math.sqrt(second - first**2)
+
+
+class TestRanges:
+    def test_of_a_positive_quantity_in_logarithms(self) -> None:
+        ((mean, sd),) = priors_of(box(SHEET), {MASS: "range"}, "here").values()
+        centre, size = logs_of_a_range(1.2, 2.0)
+        assert float(mean.split()[0]) == pytest.approx(math.exp(centre), rel=1e-5)
+        assert float(sd.split()[0]) / math.exp(centre) == pytest.approx(size, rel=1e-4)
+
+    def test_of_one_that_may_be_zero(self) -> None:
+        part = box({"parameters/power": {"value": "4 [W]", "min": 0, "max": 6, "source": "datasheet"}})
+        assert priors_of(part, {"power": "range"}, "here") == {"power": ("3.0 [W]", f"{math.sqrt(3)!r} [W]")}
+
+    def test_by_glob_beside_others(self) -> None:
+        found = priors_of(box(SHEET), {"*.mass": "range", HTC: ("5 [W/(m^2 K)]", "10 [%]")}, "here")
+        assert set(found) == {MASS, HTC}
+
+    def test_the_fit_starts_from_it(self) -> None:
+        part = box(SHEET)
+        data = log(part, {MASS: "1.6 [kg]"}, {"A": "case"}, samples=61)
+        told = td.calibrate(part, data, [MASS, HTC], priors={MASS: "range"})
+        assert told[MASS].prior == pytest.approx(logs_of_a_range(1.2, 2.0), rel=1e-4)
+
+    def test_bounds_that_the_author_assumed_are_no_prior(self) -> None:
+        with pytest.raises(
+            IdentificationError, match=r"the range of 'skin\.effective_htc' is no prior: its source is not stated.*datasheet"
+        ):
+            td.calibrate(box(), log(box(), {}, {"A": "case"}, samples=31), [HTC], priors={HTC: "range"})
+
+    def test_half_a_range_is_none(self) -> None:
+        part = box({"nodes/case/mass": {"value": "1.5 [kg]", "min": 1, "source": "datasheet"}})
+        with pytest.raises(IdentificationError, match=r"'case\.mass' has no range: it needs both min and max"):
+            priors_of(part, {MASS: "range"}, "here")
+
+
+class TestMeasuredNeighbours:
+    def test_a_part_is_fitted_beside_its_measured_neighbour(self, stack: Model) -> None:
+        """The neighbour's own coefficient is wrong in the model; its measured temperature stands there instead."""
+        truth = {"a.skin.effective_htc": "8 [W/(m^2 K)]", "b.skin.effective_htc": "5 [W/(m^2 K)]"}
+        data = log(stack, truth, {"A": "a.case", "B": "b.case"}, boundary="room", noise=0.02, accuracy=0.1, bias={"A": 0.1}, samples=301)
+        driven = data.with_channels(replace(data["A"], role="prescribed"))
+        free = ("b.skin.effective_htc",)
+        found = fit(Request(stack, (driven,), free, untie=True))
+        assert abs(found[free[0]].value - 5.0) < 4 * found[free[0]].error < 0.6
+        assert "A error" in found.values, "the neighbour's sensor may be off too"
+        assert list(found.sensors) == ["B"]
+        careless = fit(Request(stack, (data.with_channels(*(data[c] for c in ("B",))),), free, untie=True))
+        assert careless.chi_square > 1.5 * found.chi_square
+
+    def test_nothing_of_the_neighbour_acts(self, stack: Model) -> None:
+        data = log(stack, {}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=61)
+        driven = data.with_channels(replace(data["A"], role="prescribed"))
+        with pytest.raises(IdentificationError, match=r"no reading depends on 'a\.case\.mass'"):
+            fit(Request(stack, (driven,), ("a.case.mass",), untie=True))
+
+    def test_a_boundary_is_not_prescribed(self, stack: Model) -> None:
+        data = log(stack, {}, {"A": "a.case"}, boundary="room", samples=31)
+        with pytest.raises(RecordError, match=r"'room' is a boundary of Pair, so it is given anyway"):
+            fit(Request(stack, (data.with_channels(replace(data["ROOM"], role="prescribed")),), ("a.power",)))
+
+    def test_from_a_file(self, tmp_path) -> None:  # type: ignore[no-untyped-def]
+        np.savetxt(tmp_path / "x.csv", np.column_stack([np.arange(5.0), np.full(5, 20.0)]), delimiter=",", header="time_s,A", comments="")
+        record = td.read_record(tmp_path / "x.csv", {"A": {"prescribed": "a.case"}})
+        assert (record["A"].role, record["A"].target, record["A"].values[0]) == ("prescribed", "a.case", pytest.approx(293.15))

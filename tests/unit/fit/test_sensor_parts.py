@@ -1,0 +1,78 @@
+"""A sensor laid on a model: where it sits, what it adds, exact derivatives, and names that lead nowhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import ThermidError
+from thermid.fit.calibrate import calibrate
+from thermid.fit.problem.sensor_parts import Seat, attached, sensor_model
+from thermid.fit.sensors import instrument_shares
+from thermid.measure import Record
+from unit.fit.bench import HTC, box, log
+
+
+def worn(**keys: object) -> Record:
+    return log(box(), {}, {"T": "case"}, noise=0.05, accuracy=0.2, seed=2).with_sensor("T", **keys)
+
+
+def test_a_sensor_is_a_model_of_the_bench() -> None:
+    part = td.SensorPart(lag=20.0, capacitance=2.0, lead_conductance=0.001, lead_to="air")
+    made = sensor_model(part)
+    assert made.needs == ("seat", "far")
+    assert all(e.test_only for _, _, e in made.elements())
+    assert not made.without_test_only().nodes
+
+
+def test_leads_of_a_sensor_without_heat_capacity_take_heat_from_its_node() -> None:
+    """A bead of no heat capacity is tied by next to nothing: leads on it would have it read the room."""
+    keys = {"lag": "60 [s]", "lead": {"conductance": "1 [mW/K]", "to": "air"}}
+    assert sensor_model(td.SensorPart.read(keys, "T")).conductors["lead"].between == ("seat", "far")  # type: ignore[arg-type]
+    heavy = td.SensorPart.read({**keys, "capacitance": "2 [J/K]"}, "T")
+    assert heavy is not None
+    assert sensor_model(heavy).conductors["lead"].between == ("tip", "far")
+
+
+def test_it_is_attached_where_its_channel_says_at_any_depth() -> None:
+    inner = box()
+    outer = td.model_from_dict({"title": "outer", "needs": ["room"], "submodels": {"box": {"use": inner, "bind": {"air": "room"}}}})
+    data = worn(lag="20 [s]", lead={"conductance": "1 [mW/K]", "to": "room"})
+    moved = data.with_channels(td.Channel.of("T", data["T"].values, role="node", target="box.case", part=data["T"].part))
+    whole, seats = attached(outer, moved)
+    assert seats == {"T": Seat("box.case", "sensor_T.tip", "sensor_T.lag")}
+    assert set(whole.submodels) == {"box", "sensor_T"}
+    assert set(outer.submodels) == {"box"}
+    plain = log(box(), {}, {"T": "case"})
+    assert attached(inner, plain) == (inner, {})
+
+
+def test_leads_that_end_nowhere_are_refused() -> None:
+    with pytest.raises(ThermidError, match=r"its leads end at 'aire', which the model does not have.*Did you mean 'air'"):
+        calibrate(box(), worn(lead={"conductance": "1 [mW/K]", "to": "aire"}), [HTC])
+
+
+def test_derivatives_of_scale_and_lag_are_exact_and_the_compressed_rows_hold_them() -> None:
+    found = calibrate(box(), worn(gain_accuracy="1 [%]", lag="40 [s]", lag_accuracy="20 [s]"), [HTC])
+    assert found.problem is not None
+    problem, x = replace(found.problem, options=td.Options()), np.array(list(found.fitted.values()))
+    assert {"scale of T", "lag of T"} <= set(found.fitted)
+    slopes = problem.jacobian(x)
+    for k in range(x.size):
+        h = 1e-3 * problem.unknowns[k].scale
+        step = np.eye(x.size)[k] * h
+        quotient = (problem.residuals(x + step) - problem.residuals(x - step)) / (2 * h)
+        assert quotient == pytest.approx(slopes[:, k], abs=2e-4 * np.abs(slopes[:, k]).max())
+    packed = problem.compressed(x)
+    assert packed.slopes.T @ packed.slopes == pytest.approx(slopes.T @ slopes, rel=1e-6)
+    assert packed.slopes.T @ packed.rows == pytest.approx(slopes.T @ problem.residuals(x), abs=1e-6 * np.abs(slopes).max() * x.size * 100)
+
+
+def test_what_they_make_uncertain_is_said() -> None:
+    found = calibrate(box(), worn(gain_accuracy="2 [%]"), [HTC])
+    (share,) = instrument_shares(found)
+    assert (share.name, share.stated) == ("scale of T", (0.0, 0.02))
+    assert f"scale of T: 0 +- 2 % as stated, {100 * share.found[0]:.3g} +- {100 * share.found[1]:.2g} % found" in str(found)

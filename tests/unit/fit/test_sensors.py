@@ -1,0 +1,42 @@
+"""What a constant error means beside the rise, and rounding beside the noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thermid.fit.calibrate import calibrate
+from thermid.fit.sensors import sensor_shares
+from thermid.measure import Record
+from unit.fit.bench import HTC, box, log
+
+
+def test_half_a_kelvin_on_nine_is_five_and_a_half_per_cent() -> None:
+    data = log(box({"parameters/power/value": "2.7 [W]"}), {}, {"T": "case"}, noise=0.02, accuracy=0.5, seed=1)
+    found = calibrate(box({"parameters/power/value": "2.7 [W]"}), data, [HTC])
+    (share,) = sensor_shares(found)
+    assert share.rise == pytest.approx(np.ptp(data["T"].values))
+    assert (share.accuracy, share.parameter) == (0.5, HTC)
+    k, j = 0, list(found.values).index("sensor T")
+    c = found.values.covariance
+    known = c[k, k] - c[k, j] ** 2 / c[j, j]
+    assert share.share == pytest.approx(1 - known / c[k, k])
+    assert share.share > 0.3
+    said = f"constant error of T: 0.5 K (accuracy) is {100 * 0.5 / share.rise:.2g} % of its rise of {share.rise:.2g} K, and sets "
+    assert said in str(found)
+    assert f"of the variance of {HTC}" in str(found)
+
+
+def test_a_sensor_without_accuracy_is_not_spoken_of() -> None:
+    assert sensor_shares(calibrate(box(), log(box(), {}, {"T": "case"}), [HTC])) == ()
+
+
+@pytest.mark.parametrize(
+    ("step", "sigma"), [(None, 0.05), (0.0625, np.hypot(0.05, 0.0625 / np.sqrt(12))), (0.5, np.hypot(0.05, 0.5 / np.sqrt(12)))]
+)
+def test_steps_of_a_sensor_add_to_its_noise(step: float | None, sigma: float) -> None:
+    data: Record = log(box(), {}, {"T": "case"}, noise=0.05)
+    found = calibrate(box(), data.with_channels(replace(data["T"], resolution=step)), [HTC])
+    assert found.blocks[0].noise == pytest.approx(sigma)

@@ -1,0 +1,311 @@
+"""What may be freed, in which form it is fitted, and its bounds and priors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, UnitError
+from thermid.fit.calibrate import calibrate, fit
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import LocalSpec, Reading, Request
+from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
+from thermid.knowledge.sources import Normal, Source
+from thermid.knowledge.store import Origin, State, Store
+from thermid.measure import Record
+from thermid.model.modelfile import model_from_dict
+from thermid.model.parameter import parameter
+from thermid.units import unit
+from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
+
+
+def unknown(value: Any, text: str) -> Unknown:
+    given = parameter(value)
+    return parameter_unknown("x", given, unit(text).dimension, given.expression.literal.value, [], None)
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    return log(box(), {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, samples=61)
+
+
+class TestForm:
+    @pytest.mark.parametrize("text", ["2 [W]", "2 [W/K]", "2 [kg]", "2 [mm]", "2 [cm^2]", "2 [J/K]", "2 [K/W]"])
+    def test_what_cannot_be_negative_is_fitted_by_its_logarithm(self, text: str) -> None:
+        u = unknown(text, parameter(text).unit)
+        assert u.log
+        assert u.to_fitted(u.start) == math.log(u.start)
+        assert u.fitted_bounds() == (-math.inf, math.inf)
+
+    @pytest.mark.parametrize(
+        "value",
+        [
+            {"value": "2 [W]", "min": 0},  # a logarithm could not reach its bound
+            {"value": "20 [degC]"},
+            {"value": "-0.3"},
+            {"value": "0.3"},
+            {"value": "0 [K]"},
+        ],
+    )
+    def test_what_may_be_zero_or_negative_is_fitted_as_it_is(self, value: dict[str, Any]) -> None:
+        u = unknown(value, parameter(value).unit or "1")
+        assert not u.log
+        assert u.to_fitted(u.start) == u.start
+
+    def test_bounds_are_in_the_fitted_form(self) -> None:
+        u = unknown({"value": "2 [W]", "min": 1, "max": 8}, "W")
+        assert u.fitted_bounds() == (0.0, math.log(8.0))
+        assert unknown({"value": "0.3", "min": -1, "max": 1}, "1").fitted_bounds() == (-1.0, 1.0)
+        assert unknown({"value": "2 [W]", "min": -3, "max": 8}, "W").fitted_bounds() == (-math.inf, math.log(8.0))
+
+    def test_form_and_slope_agree(self) -> None:
+        u = unknown({"value": "2 [W]", "min": 1, "max": 8}, "W")
+        at, step = math.log(3.0), 1e-6
+        assert u.to_value(at) == pytest.approx(3.0, rel=1e-15)
+        assert u.slope(at) == pytest.approx((u.to_value(at + step) - u.to_value(at - step)) / (2 * step), rel=1e-9)
+
+    def test_typical_change(self) -> None:
+        assert unknown("2 [W]", "W").scale == 1.0
+        assert unknown({"value": "0.3", "min": 0.1, "max": 0.9}, "1").scale == 1.0  # by its logarithm, for its minimum is above zero
+        assert unknown({"value": "0.3", "min": -0.1, "max": 0.7}, "1").scale == pytest.approx(0.2)
+        assert Unknown("x", "local", (), 300.0, prior=Prior(300.0, 2.0)).scale == 2.0
+
+    def test_a_start_outside_its_bounds_is_refused(self) -> None:
+        with pytest.raises(DeckError, match=r"the start 9 of 'x' lies outside its bounds 1 \.\. 8"):
+            unknown({"value": "9 [W]", "min": 1, "max": 8}, "W")
+        with pytest.raises(DeckError, match=r"12 lies above its maximum 8 \[W\]"):
+            calibrate(box({"parameters/power/value": "12 [W]"}), log(box(), {}, {"T": "case"}, samples=11), ["power"])
+
+
+class TestNames:
+    def test_an_unknown_name(self, record: Record) -> None:
+        with pytest.raises(NameNotFoundError, match=r"no parameter 'case\.mas'.*Did you mean 'case\.mass'"):
+            calibrate(box(), record, ["case.mas"])
+
+    def test_a_derived_value_names_what_to_free_instead(self, record: Record) -> None:
+        with pytest.raises(DeckError, match=r"'heat\.power' is derived: 2\*power\. Free one of power instead"):
+            calibrate(box({"loads/heat/power": "2*power"}), record, ["heat.power"])
+
+    def test_a_bare_name_is_followed_to_its_value(self, record: Record) -> None:
+        found = calibrate(box(), record, ["heat.power"])
+        assert list(found.values.parameters) == ["power"]
+
+    def test_a_name_given_twice_is_one_unknown(self, record: Record) -> None:
+        assert list(calibrate(box(), record, [HTC, HTC]).values.parameters) == [HTC]
+
+
+class TestPriors:
+    def test_a_prior_is_met_in_the_fitted_form(self, record: Record) -> None:
+        problem = problem_for(Request(box(), (record,), (HTC,), priors={HTC: ("5 [W/(m^2 K)]", "0.5 [W/(m^2 K)]")}))
+        assert problem.unknowns[0].prior == Prior(math.log(5.0), 0.1)
+
+    def test_without_a_mean_the_start_stands_and_per_cent_are_relative(self, record: Record) -> None:
+        problem = problem_for(Request(box(), (record,), (HTC, MASS), priors={HTC: ("", "5 [%]"), MASS: ("2 [kg]", "10 [%]")}))
+        assert problem.unknowns[0].prior == Prior(math.log(6.0), pytest.approx(0.05))
+        assert problem.unknowns[1].prior == Prior(math.log(2.0), pytest.approx(0.1))
+
+    def test_a_prior_draws_the_value_by_its_weight(self) -> None:
+        # linear in the power when its minimum is zero: the mean of prior and data, each with its weight
+        model = box({"parameters/power/min": 0})
+        data = log(model, {"power": "3 [W]"}, {"T": "case"}, noise=0.5)
+        data = data.with_channels(replace(data["T"], noise=0.6))  # less scatter than stated, so that nothing is widened
+        start = {"initial.case": {"start": "24 [degC]", "sd": "0.001 [K]"}}
+        free = calibrate(model, data, ["power"], local=start)
+        sd = free["power"].error
+        both = calibrate(model, data, ["power"], local=start, priors={"power": ("3.1 [W]", f"{sd!r} [W]")})
+        assert both["power"].value == pytest.approx((free["power"].value + 3.1) / 2, rel=1e-6)
+        assert both["power"].error == pytest.approx(sd / math.sqrt(2), rel=1e-5)
+
+    @pytest.mark.parametrize(
+        ("priors", "error", "words"),
+        [
+            ({AREA: ("0.05 [m^2]", "0.01 [m^2]")}, IdentificationError, r"a prior is given for 'skin\.area', which is not free"),
+            ({"case.mas": ("1 [kg]", "1 [kg]")}, NameNotFoundError, r"Did you mean 'case\.mass'"),
+            ({MASS: ("1 [m]", "0.1 [m]")}, UnitError, r"priors\.case\.mass: '\[m\]' is a length; a mass \[kg\] is needed here"),
+            ({MASS: ("1 [kg]", "0.1 [W]")}, UnitError, r"a mass \[kg\] is needed here"),
+            ({MASS: ("1 [kg]", "0 [kg]")}, IdentificationError, r"a prior needs a standard deviation above zero"),
+            ({MASS: ("-1 [kg]", "1 [kg]")}, IdentificationError, r"a mean above zero for a positive quantity"),
+            ({MASS: ("1 [kg]", "nan [kg]")}, ThermidError, r"nan"),
+        ],
+    )
+    def test_refusals(self, record: Record, priors: dict[str, tuple[str, str]], error: type[Exception], words: str) -> None:
+        with pytest.raises(error, match=words):
+            calibrate(box(), record, [MASS], priors=priors)
+
+
+class TestTies:
+    def test_instances_of_one_definition_share_a_value(self) -> None:
+        stack = pair()
+        data = log(stack, {"a.case.mass": "1.2 [kg]", "b.case.mass": "1.2 [kg]"}, {"A": "a.case"}, boundary="room")
+        found = calibrate(stack, data, ["a.case.mass"])
+        assert found["a.case.mass"].value == pytest.approx(1.2, abs=4 * found["a.case.mass"].error)
+        fitted = found.fitted_model
+        assert fitted.at("a.case.mass").text == fitted.at("b.case.mass").text
+
+    def test_untie(self) -> None:
+        stack = pair()
+        data = log(stack, {"a.case.mass": "1.2 [kg]", "b.case.mass": "1.8 [kg]"}, {"A": "a.case", "B": "b.case"}, boundary="room")
+        free = ("a.case.mass", "b.case.mass")
+        tied = problem_for(Request(stack, (data,), free))
+        assert [u.name for u in tied.unknowns if u.kind == "parameter"] == ["a.case.mass"]
+        found = fit(Request(stack, (data,), free, untie=True))
+        for path, truth in zip(free, (1.2, 1.8), strict=True):
+            assert found[path].value == pytest.approx(truth, abs=4 * found[path].error)
+
+    def test_one_instance_is_cut(self) -> None:
+        stack = pair().cut("b")
+        data = log(stack, {"a.case.mass": "1.2 [kg]"}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=61)
+        found = calibrate(stack, data, ["a.case.mass", "a.skin.effective_htc"])
+        assert found["a.case.mass"].also == ()
+        assert found["a.case.mass"].value == pytest.approx(1.2, abs=4 * found["a.case.mass"].error)
+        assert "cut from its twins: b" in str(found)
+        both = calibrate(pair(), data, ["a.case.mass"])
+        assert both["a.case.mass"].also == ("b.case.mass",)
+        assert "a.case.mass: one value with b.case.mass" in str(both)
+
+    def test_an_instance_with_a_value_of_its_own_is_left_alone(self) -> None:
+        stack = model_from_dict({**_pair_deck(), "set": {"b.case.mass": "2 [kg]"}})
+        data = log(stack, {"a.case.mass": "1.2 [kg]"}, {"A": "a.case"}, boundary="room", samples=61)
+        problem = problem_for(Request(stack, (data,), ("a.case.mass",)))
+        assert [t.name for t in problem.unknowns[0].targets] == ["a.case.mass"]
+
+    def test_parts_of_two_definitions_are_apart(self) -> None:
+        stack = pair(second=box({"parameters/power/value": "1 [W]"}))
+        data = log(stack, {}, {"A": "a.case"}, boundary="room", samples=11)
+        problem = problem_for(Request(stack, (data,), ("a.case.mass",)))
+        assert [t.name for t in problem.unknowns[0].targets] == ["a.case.mass"]
+
+
+def _pair_deck() -> dict[str, Any]:
+    parts = {"a": {"use": box(), "bind": {"air": "room"}}, "b": {"use": box(), "bind": {"air": "room"}}}
+    return {**PAIR, "submodels": parts}
+
+
+class TestLocal:
+    def test_one_per_record(self) -> None:
+        model = box()
+        data = [log(model, {}, {"T": "case"}, name=n, seed=k, swing=0.0).select("T") for k, n in enumerate("ab")]
+        local = {"air": {"start": "23 [degC]", "sd": "2 [K]"}}
+        found = calibrate(model, data, [HTC], local=local)
+        rooms = {i.record: i for i in found.local if i.name == "air"}
+        assert set(rooms) == {"a", "b"}
+        for i in rooms.values():
+            assert i.value == pytest.approx(297.15, abs=4 * i.error)
+
+    def test_a_channel_may_give_the_start(self, record: Record) -> None:
+        problem = problem_for(Request(box(), (record,), (HTC,), local={"initial.case": LocalSpec("T", 1.0)}))
+        first = float(record["T"].values[0])
+        (start,) = (u for u in problem.unknowns if u.kind == "local")
+        assert (start.start, start.prior) == (first, Prior(first, 1.0))
+
+    def test_the_records_own_value_wins(self, record: Record) -> None:
+        stage, own = {"initial.case": LocalSpec("20 [degC]")}, {"bench": {"initial.case": LocalSpec("25 [degC]")}}
+        problem = problem_for(Request(box(), (record,), (HTC,), local=stage, record_local=own))
+        assert [u.start for u in problem.unknowns if u.kind == "local"] == [298.15]
+
+    @pytest.mark.parametrize(
+        ("local", "error", "words"),
+        [
+            ({"aire": "24 [degC]"}, NameNotFoundError, r"no node 'aire'.*Did you mean 'air'"),
+            ({"initial.cas": "24 [degC]"}, NameNotFoundError, r"no node 'cas'.*Did you mean 'case'"),
+            (
+                {"air": {"start": "24 [degC]", "spread": "1 [K]"}},
+                IdentificationError,
+                r"local\.air: a local value has start and sd, not spread",
+            ),
+            ({"air": {"sd": "1 [K]"}}, IdentificationError, r"local\.air: a local value needs a start"),
+            (
+                {"air": {"start": "24 [degC]", "sd": "0 [K]"}},
+                IdentificationError,
+                r"the standard deviation 0 \[K\] of a local value must be",
+            ),
+            ({"air": {"start": "24 [degC]", "sd": "-1 [K]"}}, IdentificationError, r"must be above zero"),
+            ({"air": {"start": "24 [degC]", "sd": "1 [W]"}}, UnitError, r"local\.air"),
+            (
+                {"air": {"start": "TT"}},
+                IdentificationError,
+                r"local\.air: 'TT' is no temperature and no channel of bench\. Did you mean 'T'",
+            ),
+        ],
+    )
+    def test_refusals(self, record: Record, local: dict[str, Any], error: type[Exception], words: str) -> None:
+        with pytest.raises(error, match=words):
+            calibrate(box(), record.select("T"), [HTC], local=local)
+
+
+class TestReadings:
+    """A temperature that stands on a channel's first reading, less the sensor's constant error, with an offset added."""
+
+    def test_offset_parameter(self) -> None:
+        model = box({"parameters/lift": {"value": "0 [K]", "min": -5, "max": 5}})
+        data = log(model, {}, {"T": "case"}, noise=None, start="26 [degC]", swing=0.0).select("T")
+        request = Request(
+            model, (data,), ("lift",), readings={"air": Reading("T", "lift"), "initial.case": Reading("T")}, window=0.0, name="r"
+        )
+        found = fit(request)
+        assert found["lift"].value == pytest.approx(-2.0, abs=0.01)
+
+    def test_bias_is_taken_off(self) -> None:
+        # with the bias known to 1 mK from a stage below the start is what it was, and not what the sensor said
+        model = box()
+        data = log(model, {}, {"T": "case"}, noise=1e-3, bias={"T": 1.0}, accuracy=0.5, swing=0.0)
+        state = State("sensor T", 1.0, False, "K", (-5.0, 5.0), Origin("fit", "below"), "sensor")
+        below = Store({"sensor T": state}, (Source("below:0", "data", Normal()),), np.array([[1e-3]]))
+        request = Request(model, (data,), (MASS,), readings={"initial.case": Reading("T")}, store=below)
+        found = fit(request)
+        assert found[MASS].value == pytest.approx(1.5, rel=2e-3)
+        assert found.sensors["T"].bias == pytest.approx(1.0, abs=3e-3)
+
+    def test_an_offset_is_added_to_a_reading_less_its_held_bias(self) -> None:
+        model = box({"parameters/lift": {"value": "0 [K]", "min": -5, "max": 5}})
+        data = log(model, {}, {"T": "case"}, noise=None, start="26 [degC]", bias={"T": 1.0}, swing=0.0).select("T")
+        readings = {"air": Reading("T", "lift"), "initial.case": Reading("T")}
+        found = fit(Request(model, (data,), ("lift",), readings=readings, held_bias={"T": 1.0}))
+        assert found["lift"].value == pytest.approx(-2.0, abs=0.01)
+
+    def test_held_bias_is_taken_off(self) -> None:
+        model = box()
+        data = log(model, {}, {"T": "case"}, noise=1e-3, bias={"T": 1.0}, swing=0.0)
+        held = fit(Request(model, (data,), (MASS,), readings={"initial.case": Reading("T")}, held_bias={"T": 1.0}))
+        assert held[MASS].value == pytest.approx(1.5, rel=2e-3)
+
+    def test_an_unknown_offset_or_one_of_another_dimension(self, record: Record) -> None:
+        with pytest.raises(NameNotFoundError, match=r"no parameter 'lift'"):
+            problem_for(Request(box(), (record,), (HTC,), readings={"initial.case": Reading("T", "lift")}))
+        with pytest.raises(UnitError, match=r"a temperature difference \[K\] is needed"):
+            problem_for(Request(box(), (record,), (HTC,), readings={"initial.case": Reading("T", "power")}))
+
+
+class TestWeights:
+    def test_a_weight_divides_the_noise(self) -> None:
+        stack = pair()
+        data = log(stack, {}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=11)
+        plain = problem_for(Request(stack, (data,), ("stack.contact_conductance",)))
+        half = problem_for(Request(stack, (data,), ("stack.contact_conductance",), weights={"B": 0.5}))
+        at = np.array([u.to_fitted(u.start) for u in plain.unknowns])
+        np.testing.assert_allclose(half.residuals(at), plain.residuals(at) * np.repeat([1.0, 0.5], 11), rtol=1e-12)
+
+    @pytest.mark.parametrize(
+        ("weights", "words"),
+        [
+            ({"TT": 1.0}, r"a weight is given for 'TT', which is no sensor here\. Did you mean 'T'"),
+            ({"T": 0.0}, r"the weight of 'T' must be above zero"),
+            ({"T": math.nan}, r"the weight of 'T' must be above zero"),
+        ],
+    )
+    def test_refusals(self, record: Record, weights: dict[str, float], words: str) -> None:
+        with pytest.raises(IdentificationError, match=words):
+            problem_for(Request(box(), (record,), (HTC,), weights=weights))
+
+
+def test_a_meters_error_scales_the_load() -> None:
+    # 2 % too much on the meter, known to 1e-5: the coefficient comes out right
+    model = box()
+    data = metered(log(model, {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, noise=1e-3), "heat", 4.0 * 1.02, accuracy=1.0)
+    found = calibrate(model, data, [MASS, HTC], priors={MASS: ("1.5 [kg]", "0.00001 [kg]")})
+    assert found["METER error"].value == pytest.approx(1 / 1.02, rel=1e-3)
+    assert found[HTC].value == pytest.approx(5.0, rel=1e-3)

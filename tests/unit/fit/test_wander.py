@@ -1,0 +1,191 @@
+"""Residuals that wander: found where they do, and the errors that follow are those that repeats show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thermid.fit.calibrate import calibrate, fit
+from thermid.fit.calibration import Calibration
+from thermid.fit.least_squares.solve import covariances, ended
+from thermid.fit.problem.known_before import known_before
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.uncertainty.wander import _beside, _leaning, binned, correlation
+from thermid.measure import Channel, Record
+from thermid.model.modelfile import load_model
+from thermid.simulation import simulate
+from thermid.simulation.scenario import Scenario
+from unit.fit.bench import HTC, MASS, box, log, room
+
+NOISE, SLOW, TIME = 0.05, 0.15, 900.0
+TRUTH = {HTC: 5.0, MASS: 1.7}
+
+
+def wandering(seed: int, slow: float = SLOW, samples: int = 301, gap: bool = False) -> Record:
+    """A log whose sensor errs by white noise and by a slow part with correlations exp(-dt / TIME)."""
+    rng = np.random.default_rng(seed)
+    times = np.linspace(0.0, 18000.0, samples)
+    if gap:
+        times = times[(times < 6000.0) | (times > 10000.0)]
+    hidden = box().with_values({HTC: "5 [W/(m^2 K)]", MASS: "1.7 [kg]"})
+    given = Scenario("bench", boundaries={"air": (times, room(times))}, start="24 [degC]", duration=float(times[-1]))
+    truth = simulate(hidden, given, times=times)["case"].kelvin
+    root = np.linalg.cholesky(np.exp(-np.abs(times[:, None] - times) / TIME) + 1e-12 * np.eye(times.size))
+    readings = truth + NOISE * rng.standard_normal(times.size) + slow * root @ rng.standard_normal(times.size)
+    case = Channel.of("T", readings, role="node", target="case", noise=NOISE)
+    return Record.from_arrays(f"r{seed}", times, {"T": case, "ROOM": Channel.of("ROOM", room(times), role="boundary", target="air")})
+
+
+def scores(**more: object) -> np.ndarray:
+    """Deviations from the truth in stated errors (draws, parameters)."""
+    out = []
+    for seed in range(24):
+        found = calibrate(box(), wandering(seed, **more), [HTC, MASS])  # type: ignore[arg-type]
+        out.append([np.log(found[p].value / v) * found[p].value / found[p].error for p, v in TRUTH.items()])
+    return np.array(out)
+
+
+def widening(found: Calibration) -> np.ndarray:
+    """Errors beside those that residuals of this size would give if they did not wander (unknowns,)."""
+    assert found.problem is not None
+    assert found.wander is not None
+    plain = covariances(ended(found.problem, np.array(list(found.fitted.values())), found.loss), found.wander.level)[2]
+    kept = [k for k, n in enumerate(found.fitted) if n in found.values]
+    return np.asarray(np.sqrt(np.diag(found.values.covariance) / np.diag(plain)[kept]))
+
+
+@pytest.mark.parametrize("gap", [False, True])
+def test_errors_are_the_scatter_of_repeats_where_residuals_wander(gap: bool) -> None:
+    squares = np.mean(scores(gap=gap) ** 2, axis=0)
+    # 24 draws of a chi-square: 1 +- 0.29; the width of the wandering is itself estimated from each log
+    assert np.all(squares < 1.8), squares
+    assert np.all(squares > 0.4), squares
+
+
+def test_as_they_were_the_errors_would_be_three_times_too_small() -> None:
+    found = fit(Request(box(), (wandering(1),), (HTC, MASS)))
+    ratio = widening(found)
+    assert np.all(ratio > 2.5)
+    told = found.sensors["T"]
+    assert told.samples == 301
+    # 18000 s hold n_eff = n / (1 + 2 sum rho) of the mean: about 10 of the slow part
+    assert 3 < told.effective_samples < 40
+    assert any("worth" in w and "the errors were widened accordingly" in w for w in found.warnings)
+    assert "independent samples" in str(found)
+
+
+def test_slow_directions_widen_more_than_fast_ones() -> None:
+    """A coefficient is read from the level of hours; the start from the first minutes."""
+    found = calibrate(box(), wandering(2, slow=0.05, samples=1801), [HTC, MASS])
+    plain = calibrate(box(), wandering(2, slow=0.0, samples=1801), [HTC, MASS])
+    assert widening(found).max() > 2.0
+    start = (found.local[0].error / plain.local[0].error, found[HTC].error / plain[HTC].error)
+    assert start[0] != pytest.approx(start[1], rel=0.05)
+
+
+def test_white_residuals_change_nothing() -> None:
+    same = 0
+    for seed in range(20):
+        found = calibrate(box(), log(box(), {}, {"T": "case"}, seed=seed), [HTC, MASS])
+        same += widening(found) == pytest.approx(1.0) and found.sensors["T"].effective_samples == 301
+    assert same >= 17  # one white trace in thirty is taken for one that wanders
+
+
+def test_readings_that_were_filtered_count_as_fewer() -> None:
+    data = log(box(), {}, {"T": "case"}, noise=0.05, samples=3001, seed=5)
+    plain = calibrate(box(), data, [HTC])
+    smooth = np.convolve(np.pad(data["T"].values, 10, mode="edge"), np.ones(21) / 21, mode="valid")
+    filtered = data.with_channels(replace(data["T"], values=smooth, noise=0.05 / np.sqrt(21)))
+    found = calibrate(box(), filtered, [HTC])
+    assert found[HTC].error == pytest.approx(plain[HTC].error, rel=0.35)
+    assert found.sensors["T"].effective_samples == pytest.approx(3001 / 21, rel=0.6)
+
+
+def test_a_short_record_says_nothing_about_wandering() -> None:
+    found = calibrate(box(), wandering(3, samples=9), [HTC])
+    assert found.sensors["T"].effective_samples == 9
+
+
+@pytest.fixture(scope="module")
+def biased() -> Calibration:
+    data = wandering(4)
+    return fit(Request(box(), (data.with_channels(replace(data["T"], accuracy=0.5)),), (HTC, MASS), name="below"))
+
+
+def test_the_prior_of_the_stage_above_is_the_whole_error_of_the_stage_below(biased: Calibration) -> None:
+    above = Request(box(), (wandering(5),), store=biased.store, prior=(HTC, MASS))
+    unknowns = [Unknown(p, v.kind, (), v.value, v.log) for p, v in biased.values.items()]
+    before = known_before(above, unknowns)
+    assert before.at.tolist() == [0, 1, 2]
+    assert before.root.T @ before.root == pytest.approx(np.linalg.inv(biased.values.covariance), rel=1e-6)
+    assert before.mean.tolist() == [u.to_fitted(v.value) for u, v in zip(unknowns, biased.values.values(), strict=True)]
+
+
+def test_a_massless_node_and_a_robust_loss_work_too() -> None:
+    from recovery.cases import STACK
+
+    model = load_model(STACK)
+    times = np.linspace(0.0, 18000.0, 201)
+    given = Scenario("s", boundaries={"cv": "24 [degC]"}, start="24 [degC]", duration=18000.0)
+    run = simulate(model, given, times=times)
+    rng = np.random.default_rng(3)
+    slow = 0.1 * np.cumsum(rng.standard_normal(201)) / 5.0
+    channels = {
+        s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(201) + slow, role="node", target=n, noise=0.05)
+        for s, n in (("T1", "proc.case"), ("MID", "cd"))
+    }
+    data = Record.from_arrays("bench", times, channels)
+    found = fit(Request(model, (data,), ("stack.contact_conductance",), {"*": Scenario("s", boundaries={"cv": "24 [degC]"})}, loss="huber"))
+    assert found.sensors["T1"].effective_samples < 60
+    assert widening(found).min() > 1.5
+
+
+def test_the_level_of_white_residuals_counts_what_the_fit_has_taken() -> None:
+    """With as few readings as 21 of 3 unknowns, samples in place of freedom would make the variance a seventh too small."""
+    found = fit(Request(box(), (wandering(2, slow=0.1, samples=21),), (HTC, MASS)))
+    assert found.wander is not None
+    assert not any(t.slow for t in found.wander.traces)
+    assert found.wander.level == pytest.approx(found.chi_square / (21 - len(found.fitted)), rel=1e-6)
+    assert found.wander.level > 1.5
+
+
+def test_the_score_of_white_residuals_is_standard_normal_beside_what_a_trace_decides() -> None:
+    rng = np.random.default_rng(0)
+    times = np.arange(60.0)
+    decided, free = _beside(rng.standard_normal((60, 3)) * 10.0)
+    assert decided.shape == (60, 3)
+    like = correlation(times, 8.0)
+    found = []
+    for _ in range(300):
+        y = free.T @ rng.standard_normal(60)
+        found.append(_leaning([like], decided, free @ y, float(y @ y) / free.shape[1])[0])
+    assert abs(np.mean(found)) < 4.0 / 300**0.5  # four standard errors
+    assert 0.7 < np.std(found) < 1.2  # the variance is estimated from the same residuals, which takes some of the scatter
+
+
+def test_a_trace_decides_a_direction_by_more_than_half_of_what_is_known() -> None:
+    """A singular value of 0.6 is a share of 0.36, one of 0.8 a share of 0.64."""
+    slopes = np.zeros((20, 2))
+    slopes[0, 0], slopes[1, 1] = 0.6, 0.8
+    decided, free = _beside(slopes)
+    assert decided.shape == (20, 1)
+    assert abs(decided[1, 0]) == pytest.approx(1.0)
+    assert free.shape == (20, 19)
+
+
+def test_stretches_of_a_robust_loss_hold_weighed_residuals() -> None:
+    record = wandering(3)
+    channel = record.channels["T"]
+    struck = np.array(channel.values)
+    struck[100] += 3.0
+    made = record.with_channels(replace(channel, values=struck))
+    found = fit(Request(box(), (made,), (HTC, MASS), loss="cauchy"))
+    assert found.problem is not None
+    at = np.array(list(found.fitted.values()))
+    (block,) = found.problem.blocks(at)
+    (piece,) = binned(found.problem, at, "cauchy", 1.0).values()
+    z = block.residuals / block.noise
+    assert float(piece.mean @ piece.count) == pytest.approx(float(np.sum(z / (1.0 + z**2))))

@@ -1,0 +1,84 @@
+"""Logs in every format that laboratories have: right times, values and units with no option, or refused with the remedy that works."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thermid.errors import ThermidError
+from thermid.measure import Record, read_record
+from thermid.measure.formats import FORMATS, log_cells
+
+from .samples import SAMPLES, Sample
+
+
+def made(make) -> Sample:
+    try:
+        return make()
+    except ImportError as error:
+        pytest.skip(f"not installed: {error.name}")
+
+
+def read(path: Path, sample: Sample, **options: object) -> Record:
+    channels = {name: sample.roles.get(name, {"node": name}) if "T" in name or name in sample.roles else name for name in sample.expected}
+    channels = {name: dict(each) if isinstance(each, dict) else each for name, each in channels.items()}
+    scale = options.pop("full_scale", None)
+    for name, role in sample.roles.items():
+        channels[name] = role | ({"full_scale": scale} if scale else {})
+    return read_record(path, channels, **options)
+
+
+@pytest.mark.parametrize("make", SAMPLES, ids=[make.__name__ for make in SAMPLES])
+def test_right_times_values_and_units_with_no_option_or_refused_with_a_remedy_that_works(log, make):
+    sample = made(make)
+    if sample.needs:
+        pytest.importorskip(sample.needs)
+    path = log(sample.data, sample.file)
+    if sample.refused:
+        with pytest.raises(ThermidError, match=sample.refused):
+            read(path, sample)
+    record = read(path, sample, **sample.remedy)
+    assert log_cells(path).layout.format == sample.format
+    assert [record.times[k] for k in (0, 1, -1)] == pytest.approx(sample.times, abs=1e-6)
+    if sample.start is not None:
+        assert record.origin.start == sample.start
+    for name, ends in sample.expected.items():
+        valid = record[name].values[record[name].valid]
+        assert (valid[0], valid[-1]) == pytest.approx(ends, abs=1e-9), name
+
+
+def test_samples_cover_the_formats() -> None:
+    formats = {make.__name__ for make in SAMPLES}
+    assert len(formats) == len(SAMPLES) >= 30
+    assert len(FORMATS) >= 12
+
+
+def test_every_sample_of_a_binary_format_is_refused_when_it_is_cut_short(log):
+    for make in SAMPLES:
+        sample = made(make)
+        if sample.format in ("NI TDMS", "MATLAB", "HDF5", "netCDF classic", "workbook"):
+            with pytest.raises(ThermidError):
+                read(log(sample.data[: len(sample.data) // 3], sample.file), sample)
+
+
+def test_a_package_that_is_missing_is_named_with_its_extra(log, monkeypatch):
+    from thermid.measure import binary
+
+    def absent(name: str) -> object:
+        raise ImportError(name)
+
+    monkeypatch.setattr(binary, "import_module", absent)
+    with pytest.raises(ThermidError, match=r"nptdms, which is not installed: pip install 'thermid\[readers\]'"):
+        read_record(log(b"TDSm" + bytes(40), "x.tdms"), {"a": "b"})
+
+
+def test_a_matlab_object_is_refused_with_the_lines_that_save_it(log):
+    from scipy.io.matlab import MatlabOpaque
+
+    from thermid.measure import binary
+
+    held = {"ts": MatlabOpaque(np.zeros((), dtype=[("s0", "O")]))}
+    with pytest.raises(ThermidError, match=r"t = ts.Time; T = ts.Data; save\('log.mat'"):
+        binary.of_variables(held, "x.mat")

@@ -1,0 +1,203 @@
+"""What was once read wrongly without a word: each is now read rightly, or refused with the option that decides."""
+
+from __future__ import annotations
+
+import pytest
+
+from thermid.errors import RecordError, ThermidError, UnitError
+from thermid.measure import read_record
+from thermid.measure.columns import name_and_unit
+
+ICE = 273.15
+
+
+def first(log, header: str, cell: str, **binding: object) -> float:
+    path = log(f"time [s];{header}\n0;{cell}\n10;{cell}\n")
+    record = read_record(path, {name_and_unit(header)[0]: {"node": "a", **binding}}, separator=";")
+    return float(next(iter(record.channels.values())).values[0])
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["T1 (°F)", "T1 [degF]", "T1 {F}", "T1 <°F>", "T1, °F", "T1 / °F", "T1/degF", "T1 (Deg F)", "T1 (Fahrenheit)", "T1_degF", "1 (F)- T1"],
+)
+def test_degrees_fahrenheit_are_not_read_as_celsius(log, header):
+    assert first(log, header, "75") == pytest.approx(75 / 1.8 + 459.67 / 1.8)
+
+
+@pytest.mark.parametrize("header", ["P (mW)", "P [mW]", "P, mW", "P/mW", "P_mW"])
+def test_milliwatts_are_not_read_as_watts(log, header):
+    path = log(f"time [s];{header}\n0;2000\n10;2000\n")
+    name = name_and_unit(header)[0]
+    assert read_record(path, {name: {"load": "q"}}, separator=";")[name].values.tolist() == [2.0, 2.0]
+
+
+@pytest.mark.parametrize("header", ["T1 (left)", "T1 [grd]", "T1 {x}", "T1 <spare>", "T1, °X"])
+def test_a_unit_that_nobody_knows_is_refused_and_never_dropped(log, header):
+    with pytest.raises(UnitError, match="is no unit that is known"):
+        first(log, header, "75")
+    assert first(log, header, "75", unit="degC") == pytest.approx(75 + ICE)
+
+
+@pytest.mark.parametrize("name", ["T1_F", "case_K"])
+def test_a_letter_that_may_be_a_unit_is_asked_about(log, name):
+    with pytest.raises(RecordError, match=rf"its name ends in '_{name[-1]}', and without a unit it would be read in degC. Give units="):
+        first(log, name, "75")
+    assert first(log, name, "75", unit="degC") == pytest.approx(75 + ICE)
+
+
+@pytest.mark.parametrize("header", ["Q1 (%)", "Q1 [%]", "Q1_pct", "duty", "PWM", "Q1, %"])
+def test_per_cent_are_never_taken_as_watts(log, header):
+    path = log(f"time [s];{header}\n0;80\n10;80\n")
+    name = name_and_unit(header)[0]
+    with pytest.raises(ThermidError, match=r"a load needs watts. Give full_scale"):
+        read_record(path, {name: {"load": "q"}}, separator=";")
+    record = read_record(path, {name: {"load": "q", "full_scale": "5 [W]"}}, separator=";")
+    assert (record[name].values.tolist(), record[name].quantity, record[name].unit) == ([4.0, 4.0], "power", "W")
+    assert record[name].held
+
+
+def test_levels_up_to_100_without_a_unit_are_asked_about(log):
+    path = log("t,Q1\n0,0\n10,100\n20,40\n")
+    with pytest.raises(RecordError, match=r"look like per cent of a heater.*full_scale"):
+        read_record(path, {"Q1": {"load": "q"}})
+    assert read_record(path, {"Q1": {"load": "q", "unit": "W"}})["Q1"].values.tolist() == [0, 100, 40]
+    assert read_record(path, {"Q1": {"load": "q", "full_scale": "10 [W]"}})["Q1"].values.tolist() == [0, 10, 4]
+
+
+@pytest.mark.parametrize(
+    ("binding", "words"),
+    [
+        ({"load": "q", "gain": "a", "full_scale": "5 [W]"}, "and no gain"),
+        ({"node": "q", "full_scale": "5 [W]"}, "needs load"),
+        ({"load": "q", "full_scale": "5 [K]"}, "a power"),
+        ({"load": "q", "full_scale": "0 [W]"}, "above zero"),
+        ({"load": "q", "unit": "W", "full_scale": "5 [W]"}, "Leave full_scale out"),
+    ],
+)
+def test_a_full_scale_is_the_power_of_a_load_in_per_cent(log, binding, words):
+    with pytest.raises(ThermidError, match=words):
+        read_record(log("t,Q1\n0,10\n10,20\n"), {"Q1": binding})
+
+
+@pytest.mark.parametrize(("factor", "name"), [(1, "s"), (1000, "ms"), (1_000_000, "us"), (1_000_000_000, "ns")])
+def test_times_since_1970_are_told_by_their_size(log, factor, name):
+    rows = "".join(f"{(1_700_000_000 + 10 * k) * factor},{20 + k}\n" for k in range(5))
+    record = read_record(log("timestamp,T1\n" + rows), {"T1": "T1"})
+    assert record.times.tolist() == [0, 10, 20, 30, 40]
+    assert record.origin.start == "2023-11-14T22:13:20+00:00"
+    assert any("since 1970" in step for step in record.steps) == (name != "s")
+
+
+def test_a_unit_that_puts_times_since_1970_elsewhere_is_asked_about(log):
+    path = log("time [s],T1\n1700000000000,20\n1700000010000,21\n")
+    with pytest.raises(RecordError, match=r"looks like ms since 1970. Give units=\{'time': 'ms'\}"):
+        read_record(path, {"T1": "T1"})
+    assert read_record(path, {"T1": "T1"}, units={"time": "ms"}).times.tolist() == [0, 10]
+    assert read_record(path, {"T1": "T1"}, units={"time": "s"}).times[0] == 1.7e12
+
+
+def test_a_step_that_no_test_of_heat_has_is_asked_about(log):
+    path = log("time,T1\n0,20\n100000,21\n200000,22\n")
+    with pytest.raises(RecordError, match=r"because it names no unit, it has a step of .*Give its unit"):
+        read_record(path, {"T1": "T1"})
+    assert read_record(path, {"T1": "T1"}, units={"time": "ms"}).times.tolist() == [0, 100, 200]
+    assert read_record(path, {"T1": "T1"}, units={"time": "s"}).times[-1] == 200000
+    slow = read_record(log("time,T1\n0,20\n1000,21\n2000,22\n"), {"T1": "T1"})
+    assert "'time' names no unit and was read in seconds" in slow.steps[0]
+    fast = read_record(log("time [s],T1\n0,20\n0.0001,21\n0.0002,22\n"), {"T1": "T1"})
+    assert "faster than temperatures change" in fast.steps[0]
+
+
+def test_a_long_table_is_not_one_channel(log):
+    rows = "".join(f"{s},{20 + n + k},2024-01-01T00:0{k}:00Z\n" for n, s in enumerate(("sensor.case", "sensor.air")) for k in range(3))
+    path = log("entity_id,state,last_changed\n" + rows)
+    with pytest.raises(ThermidError, match=r"no column 'state'; there are last_changed, sensor.case, sensor.air"):
+        read_record(path, {"case": "state"})
+    record = read_record(path, {"case": "sensor.case", "air": "sensor.air"})
+    assert record["air"].values.round(9).tolist() == [21 + ICE, 22 + ICE, 23 + ICE]
+    assert "a long table with 6 rows of 2 series: read as one column for each" in record.steps
+
+
+def test_a_series_with_two_readings_at_one_time_is_refused(log):
+    text = "sensor,time,value\n" + "a,0,20\na,10,21\na,10,25\nb,0,20\nb,10,21\n"
+    with pytest.raises(RecordError, match=r"bench.csv:4: 'a' has two readings at 10, 21 and 25"):
+        read_record(log(text), {"x": "a"})
+
+
+def test_rows_of_several_things_are_remarked_on(log):
+    record = read_record(log("t,sensor,T1,T2\n0,a,20,1\n1,b,21,1\n2,a,22,1\n3,b,23,1\n"), {"x": "T1"})
+    assert "'sensor' tells rows of 2 things apart (a, b): each column mixes their readings" in record.steps
+
+
+@pytest.mark.parametrize(
+    ("rows", "times"),
+    [
+        (["13/02/2024 10:00:00", "13/02/2024 10:00:10"], [0, 10]),
+        (["02/13/2024 10:00:00", "02/14/2024 10:00:00"], [0, 86400]),
+        (["05/06/2024 10:00:00", "05/06/2024 10:00:10"], [0, 10]),
+        (["11/06/2024 23:59:50", "12/06/2024 00:00:00", "12/06/2024 00:00:10"], [0, 10, 20]),
+        (["24/07/20 21:00", "24/08/01 21:00"], [0, 12 * 86400]),
+        (["1/2/2024 1:59:00 PM", "1/2/2024 2:00:00 PM"], [0, 60]),
+        (["1/2/2024 11:59:00 AM", "1/2/2024 12:00:00 PM", "1/2/2024 1:00:00 PM"], [0, 60, 3660]),
+        (["12:59:59 AM", "1:00:00 AM"], [0, 1]),
+        (["29.02.2024 10:00:00,500", "01.03.2024 10:00:00,750"], [0, 86400.25]),
+        (["21-Apr-2026 13:39:54", "21-Apr-2026 13:40:54"], [0, 60]),
+        (["3 mai 2024 10:00:00", "4 mai 2024 10:00:00"], [0, 86400]),
+        (["Mar 1, 2024 1:00 PM", "Mar 1, 2024 1:05 PM"], [0, 300]),
+        (["01/26/2009 08:07:12:237", "01/26/2009 08:07:22:237"], [0, 10]),
+    ],
+)
+def test_order_of_day_and_month_is_that_of_the_whole_column(log, rows, times):
+    record = read_record(log("time;T\n" + "".join(f"{row};20\n" for row in rows)), {"T": "T"})
+    assert record.times.tolist() == times
+    assert record.origin.start == rows[0]
+
+
+def test_day_and_month_that_the_column_leaves_open_are_asked_about(log):
+    path = log("time,T1\n05/06/2024 10:00,20\n06/06/2024 10:00,21\n08/06/2024 10:00,22\n")
+    with pytest.raises(RecordError, match=r"both fit and give different times. Give clock='%d/%m/%Y %H:%M' or clock='%m/%d/%Y %H:%M'"):
+        read_record(path, {"T1": "T1"})
+    assert read_record(path, {"T1": "T1"}, clock="%d/%m/%Y %H:%M").times.tolist() == [0, 86400, 3 * 86400]
+    assert read_record(path, {"T1": "T1"}, clock="%m/%d/%Y %H:%M").times[1] == 31 * 86400
+
+
+def test_the_clock_that_a_refusal_offers_reads_the_file(log):
+    for stamp in ("{}/06/2024 10:00:00 PM", "{}-06-24 10:00:00.125", "{}/06/2024 1:05:07,5"):
+        rows = [stamp.format(f"{d:02d}") for d in (5, 6, 8)]
+        path = log("time;T1\n" + "".join(f"{row};20\n" for row in rows))
+        with pytest.raises(RecordError, match="both fit") as caught:
+            read_record(path, {"T1": "T1"})
+        clock = str(caught.value).split("clock='")[1].split("'")[0]
+        assert read_record(path, {"T1": "T1"}, clock=clock).times.tolist() == [0, 86400, 3 * 86400]
+
+
+def test_a_day_without_rows_is_not_lost_between_date_and_time(log):
+    path = log("Date,Time,T1\n2024-05-01,10:00:00,20\n2024-05-04,10:00:00,21\n")
+    for option in ({}, {"time": "Time"}, {"time": "Date"}):
+        assert read_record(path, {"T1": "T1"}, **option).times.tolist() == [0, 3 * 86400]
+
+
+def test_cells_with_units_of_their_own(log):
+    path = log("time,T1,P\n0,24.0 °C,950 mW\n10,24.5 °C,1.2 W\n20,,1.1 W\n")
+    record = read_record(path, {"T1": {"node": "a"}, "P": {"load": "q"}})
+    assert record["P"].values.round(12).tolist() == [0.95, 1.2, 1.1]
+    assert record["T1"].valid.tolist() == [True, True, False]
+    with pytest.raises(RecordError, match=r"'24.5 °F' is in degF; the cells above are in degC"):
+        read_record(log("time,T1\n0,24.0 °C\n10,24.5 °F\n"), {"T1": {"node": "a"}})
+    with pytest.raises(RecordError, match=r"'24\.5' carries no unit; the cells above are in degC"):
+        read_record(log("time,T1\n0,24.0 °C\n10,24.5\n"), {"T1": {"node": "a"}})
+
+
+def test_a_preamble_and_a_row_of_units_are_said(log):
+    text = "Logger;X1\nSerial;4711\n\nTime;T1;P\nHH:MM:SS;°F;mW\n10:00:00;75;2000\n10:00:10;75;2000\n10:00:20;75;2000\n"
+    record = read_record(log(text), {"T1": {"node": "a"}, "P": {"load": "q"}})
+    assert record["T1"].values[0] == pytest.approx((75 + 459.67) / 1.8)
+    assert record["P"].values.tolist() == [2, 2, 2]
+    assert record.steps[:2] == ("3 lines above the header in line 4 passed over", "line 5: a row of units below the header")
+
+
+def test_what_no_unit_says_is_said(log):
+    text = read_record(log("t,T1,P [W]\n0,20,1\n10,21,1\n"), {"T1": {"node": "a"}, "P": {"load": "q"}}).summary()
+    assert text.count("no unit in the log, read in degC") == 1
+    assert "no unit in the log, read in W" not in text

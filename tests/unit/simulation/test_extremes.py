@@ -1,0 +1,229 @@
+"""Extremes, crossings and limits of a run hold between its stored samples: those of pulses that no sample meets too."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from oracle import Oracle, flatten, si
+from switched import switched
+from thermid.physics.constants import ICE_POINT
+from thermid.qualify.hold import hold
+from thermid.qualify.limit_checks import check_limits, check_readings
+from thermid.qualify.limits import Limits
+from thermid.qualify.margins import margins
+from thermid.simulation.extremes import first_above, resolved, signal_turnings
+from thermid.simulation.solution import Trace
+
+PEAK = 20.0 + 50.0 * (1.0 - np.exp(-1.2))
+"""End of a pulse: 50 W for 12 s into 10 J/K with 1 W/K to 20 degC. [degC]"""
+LIMIT = Limits("chip", "chip", (263.15, 45.0 + ICE_POINT))
+METHODS = ("modal", "integrator", "RKC2", "TR-BDF2")
+WITHIN = {"modal": 1e-6, "integrator": 1e-5, "RKC2": 0.02, "TR-BDF2": 0.02}
+"""Methods of large networks make errors of their own: `Options.large_tolerance`. [K]"""
+
+
+def pulsed(**more: Any) -> td.Model:
+    """A chip with pulses of 12 s every 10 minutes and a time constant of 10 s."""
+    load = {"into": "chip", "power": "50 [W]", "periodic": {"period": "10 [min]", "duty": "2 [%]"}}
+    deck = {
+        "title": "Pulsed",
+        "needs": ["air"],
+        "nodes": {"chip": {"capacitance": "10 [J/K]", "reference_point": True}},
+        "conductors": {"out": {"kind": "conduction", "between": ["chip", "air"], "conductance": "1 [W/K]"}},
+        "loads": {"q": load},
+    }
+    return td.model_from_dict(deck | more)
+
+
+def day(**more: Any) -> td.Scenario:
+    return td.Scenario(**({"title": "a day", "duration": "24 [h]", "boundaries": {"air": "20 [degC]"}, "start": "air"} | more))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_highest_of_pulses_was_that_of_the_samples(method: str) -> None:
+    """30.52 was said where the pulses reach 54.94 degC."""
+    trace = td.simulate(pulsed(), day(), options=td.Options(method=method))["chip"]
+    near = WITHIN[method]
+    assert trace.celsius.max() < 31.0
+    assert trace.highest == pytest.approx(PEAK, abs=near)
+    assert trace.maximum.time % 600.0 == pytest.approx(12.0, abs=0.05)
+    assert trace.maximum.tracked
+    assert trace.lowest == pytest.approx(20.0, abs=near)
+    assert trace.crossing(45.0) == pytest.approx(10.0 * np.log(2.0), abs=20.0 * near)
+    assert trace.crossing(55.5) is None
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_temperature_between_samples_was_on_a_straight_line(method: str) -> None:
+    """91.7 was said for 24.0 degC: straight lines between stored times."""
+    model = pulsed(loads={"q": {"into": "chip", "power": "100 [W]", "periodic": {"period": "1 [h]", "duty": "50 [%]"}}})
+    trace = td.simulate(model, day(duration="2 [h]"), every="30 [min]", options=td.Options(method=method))["chip"]
+    asked = np.array([[4.0, 1800.0, 1832.0], [3599.0, 3604.0, 5430.0]])
+    rise, fall = 1.0 - np.exp(-0.4), np.exp(-3.2)
+    want = 20.0 + 100.0 * np.array([[rise, 1.0, fall], [0.0, rise, np.exp(-3.0)]])
+    assert np.abs(trace.at(asked) - want).max() < max(WITHIN[method], 1e-5)
+    assert float(trace.at("1804 [s]")) == pytest.approx(20.0 + 100.0 * np.exp(-0.4), abs=max(WITHIN[method], 1e-5))
+
+
+def test_limits_passed_by_pulses_were_kept_with_14_5_kelvin_left() -> None:
+    """How often, when first and for how long, from the equation."""
+    (check,) = check_limits(td.simulate(pulsed(), day()), [LIMIT])
+    beyond = 12.0 - 10.0 * np.log(2.0) + 10.0 * np.log((PEAK - 20.0) / 25.0)
+    assert check.passed is False
+    assert check.room == pytest.approx(45.0 - PEAK, abs=1e-5)
+    (crossing,) = check.crossings
+    assert crossing.time == pytest.approx(10.0 * np.log(2.0), abs=1e-4)
+    assert crossing.worst - ICE_POINT == pytest.approx(PEAK, abs=1e-5)
+    assert crossing.outside == pytest.approx(144 * beyond, rel=1e-4)
+
+
+def test_a_unit_on_in_pulses_was_never_on_at_a_sample() -> None:
+    """Each state has its own extreme: on, the end of a pulse; off, what is left of it."""
+    run = td.simulate(pulsed(), day(), every="599 [s]")
+    limits = replace(LIMIT, loads=("q",), non_operating=(263.15, 343.15))
+    on, off = check_limits(run, [limits])
+    assert (on.state, on.passed, off.state, off.passed) == ("operating", False, "non-operating", True)
+    assert on.highest - ICE_POINT == pytest.approx(PEAK, abs=1e-4)
+    assert on.crossings[0].outside == pytest.approx(144 * (12.0 - 10.0 * np.log(2.0)), rel=1e-4)
+
+
+def test_hold_never_passed_a_limit_in_100_percent_that_pulses_pass_in_all() -> None:
+    runs = td.uncertain_runs(pulsed(), day(), spread={"out.conductance": "2 [%]"}, n=40, nodes=["chip"])
+    found = hold(runs, {"chip": "45 [degC]"})
+    assert found["chip"].never == 0.0
+    assert found["chip"].crossings.max() <= 12.0
+    kept = hold(runs, {"chip": "70 [degC]"})
+    assert kept["chip"].never == 1.0
+    assert runs.highest("chip").mean() == pytest.approx(PEAK, abs=0.2)
+
+
+def test_members_in_a_file_keep_their_pulses(tmp_path: Path) -> None:
+    given: dict[str, Any] = {"spread": {"out.conductance": "2 [%]"}, "n": 16, "nodes": ["chip"], "chunk": 8, "folder": tmp_path}
+    first, again = td.uncertain_runs(pulsed(), day(), **given), td.uncertain_runs(pulsed(), day(), **given)
+    assert again.reused == 16
+    assert np.array_equal(first.highest("chip"), again.highest("chip"))
+    assert again.highest("chip").min() > 50.0
+
+
+def test_margins_by_the_samples_missed_the_pulses() -> None:
+    seen = td.foresee(td.Known.of(pulsed()), day(), spread={"out.conductance": "2 [%]"})
+    hot = next(m for m in margins({"day": seen}, [LIMIT]) if m.side == "hot")
+    assert hot.predicted - ICE_POINT == pytest.approx(PEAK, abs=0.01)
+    assert hot.room < -9.9
+    assert hot.exceedance > 0.99
+
+
+def test_members_of_an_ensemble_agree_with_runs_of_their_own() -> None:
+    """Lanes of every instruction set, and members that the integrator runs, since a thermostat or a massless node is among them."""
+    from thermid import _kernel
+
+    values = np.linspace(0.8, 1.2, 11)
+    alone = [td.simulate(pulsed().with_values({"out.conductance": f"{x} [W/K]"}), day())["chip"] for x in values]
+    for simd in _kernel.instruction_sets():
+        many = td.ensemble(pulsed(), day(), {"out.conductance": values}, simd=simd)
+        assert np.abs(many.highest("chip") - [t.highest for t in alone]).max() < 1e-4
+        assert many.trace(3, "chip").maximum.time == pytest.approx(alone[3].maximum.time, abs=1e-3)
+    few = td.ensemble(pulsed(), day(), {"out.conductance": values}, quantiles=(0.5,))
+    assert np.abs(few.highest("chip") - [t.highest for t in alone]).max() < 1e-4
+    assert np.abs(few.lowest("chip") - 20.0).max() < 1e-4
+    lead = {"down": {"kind": "conduction", "between": ["chip", "mid"], "conductance": "1 [W/K]"}}
+    star = pulsed(
+        nodes={"chip": {"capacitance": "10 [J/K]"}, "mid": {}}, conductors=lead | {"up": lead["down"] | {"between": ["mid", "air"]}}
+    )
+    blind = td.ensemble(star, day(), {"initial.chip": np.full(3, 293.15)})
+    assert blind.turnings("mid") is None
+    assert "between them unknown" in str(blind.trace(0, "mid"))
+
+
+def test_eliminated_and_massless_nodes_and_boundaries_have_extremes() -> None:
+    lead = {"kind": "conduction", "conductance": "2 [W/K]"}
+    glow = {"kind": "radiation", "between": ["skin", "air"], "emissivity": 0.5, "area": "20 [cm^2]"}
+    conductors = {
+        "down": lead | {"between": ["chip", "mid"]},
+        "up": lead | {"between": ["mid", "air"]},
+        "tie": lead | {"between": ["chip", "skin"]},
+        "glow": glow,
+    }
+    model = pulsed(nodes={"chip": {"capacitance": "10 [J/K]"}, "mid": {}, "skin": {}}, conductors=conductors)
+    air = {"times": ["0 [h]", "1 [h]", "1.01 [h]", "24 [h]"], "values": ["20 [degC]", "20 [degC]", "27 [degC]", "15 [degC]"]}
+    run = td.simulate(model, day(boundaries={"air": air}))
+    fine = td.simulate(model, day(boundaries={"air": air}, duration="2 [h]"), every="1 [s]")
+    for name in ("chip", "mid", "skin"):
+        trace = run[name]
+        assert trace.maximum.kelvin >= fine[name].kelvin.max() - 1e-6
+        near = trace.at(trace.maximum.time + np.linspace(-5.0, 5.0, 2001)).max() + ICE_POINT
+        assert trace.maximum.kelvin == pytest.approx(near, abs=5e-3)
+    assert run["air"].highest == pytest.approx(27.0, abs=1e-9)
+    assert run["air"].maximum.time == pytest.approx(3636.0)
+
+
+def test_readings_and_untracked_runs_say_that_nothing_is_known_between_samples() -> None:
+    run = td.simulate(pulsed(), day(), options=td.Options(extremes=False))
+    (check,) = check_limits(run, [LIMIT])
+    assert "between samples unknown" in str(check)
+    assert "between these unknown" in str(run)
+    (read,) = check_readings([("chip", np.array([0.0, 300.0]), np.array([293.15, 300.0]))], [LIMIT], run)
+    assert "measured, between samples unknown" in str(read)
+    log = Trace("chip", np.array([0.0, 10.0]), np.array([293.15, 303.15]))
+    assert not log.maximum.tracked
+    assert float(log.at(5.0)) == pytest.approx(25.0)
+
+
+def test_the_extremes_of_a_signal() -> None:
+    wave = td.Scenario(title="w", duration="1 [h]", boundaries={"a": {"mean": "20 [degC]", "amplitude": "5 [K]", "period": "1 [h]"}})
+    found = signal_turnings(wave.boundaries["a"], 3600.0, 0.0)
+    assert found.times == pytest.approx([900.0, 2700.0])
+    assert found.kelvin - ICE_POINT == pytest.approx([25.0, 15.0])
+
+
+def test_a_crossing_is_found_to_the_dense_output() -> None:
+    times = np.array([0.0, 10.0])
+    assert first_above(times, np.array([-1.0, 1.0])) == pytest.approx(5.0)
+    assert first_above(times, np.array([-1.0, 99.0]), lambda t: t**2 - 1.0) == pytest.approx(1.0, abs=1e-4)
+    assert first_above(times, np.array([-1.0, -0.5])) is None
+    finer, above = resolved(times, np.array([-1.0, 99.0]), lambda t: t**2 - 1.0)
+    assert np.diff(finer)[np.flatnonzero(np.diff(np.sign(above)))[0]] < 1e-3
+
+
+def compared(seed: int) -> tuple[float, float]:
+    """Return how far the extremes of a random switched deck are off [K], and the ratio of processor times with and without tracking."""
+    deck, course = switched(seed)
+    model, scenario = td.model_from_dict(deck), td.Scenario(**course)
+    run = td.simulate(model, scenario)
+    want = Oracle(flatten(deck)[0], course).extremes(si(course["duration"]))
+    off = 0.0
+    for name, (lowest, low_time, highest, high_time) in want.items():
+        trace, dense = run[name], run[name].at(np.array([low_time, high_time])) + ICE_POINT
+        off = max(off, abs(trace.minimum.kelvin - lowest), abs(trace.maximum.kelvin - highest))
+        if name != "mid":  # massless: at a jump, the instant has two temperatures
+            off = max(off, float(np.abs(dense - (lowest, highest)).max()))
+
+    def cost(extremes: bool) -> float:
+        best = np.inf
+        for _ in range(3):
+            begin = time.process_time()
+            td.simulate(model, scenario, options=td.Options(extremes=extremes))
+            best = min(best, time.process_time() - begin)
+        return best
+
+    return off, cost(True) / cost(False)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 4, 7, 8, 9, 10, 11, 12, 19, 78])
+def test_extremes_against_an_independent_integrator(seed: int) -> None:
+    """Within 5 mK of scipy's at 1e-10, restarted at every switching, its dense output scanned at 1 ms."""
+    assert compared(seed)[0] < 5e-3
+
+
+@pytest.mark.campaign
+def test_extremes_of_200_random_models_and_what_they_cost() -> None:
+    found = np.array([compared(seed) for seed in range(200)])
+    assert found[:, 0].max() < 5e-3, np.flatnonzero(found[:, 0] >= 5e-3)
+    assert np.median(found[:, 1]) < 1.2
