@@ -93,7 +93,7 @@ def heat(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array
     curve : Curve or None       For tables.
     hot, cold : array (times,)  Temperatures of the first and the second end. [K]
     """
-    return _evaluated(form, coefficients, curve, hot, cold)[0]
+    return np.asarray(_evaluated(form, coefficients, curve, hot, cold)[0])
 
 
 def conductance(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array, cold: Array) -> Array:
