@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 import thermid as td
+from thermid.campaign.file import CampaignSource, read_campaign, scenario_of
+from thermid.campaign.joint import fit_jointly
+from thermid.campaign.staging import request_of
 from thermid.fit.calibrate import fit
 from thermid.fit.problem.request import Request
-from thermid.identify.campaignfile import CampaignSource, read_campaign, scenario_of
-from thermid.identify.joint import fit_jointly
-from thermid.identify.staging import request_of
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "levels.md"

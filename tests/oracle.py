@@ -127,8 +127,10 @@ class Signal:
 
 
 def _curve(table: dict[str, Any]) -> Callable[[float], float]:
-    """Monotone cubic through the points, flat beyond both ends."""
+    """Straight lines through the points, or a monotone cubic where that is asked for; flat beyond both ends."""
     x, y = (np.array([si(p[k]) for p in table["points"]]) for k in (0, 1))
+    if table.get("interpolation") != "smooth":
+        return lambda at: float(np.interp(at, x, y))
     slopes = PchipInterpolator(x, y).derivative()(x)
     slopes[[0, -1]] = 0.0
     spline = CubicHermiteSpline(x, y, slopes)

@@ -133,7 +133,7 @@ inline std::vector<Table> read_tables(const nb::list& tables) {
     std::vector<Table> out;
     for (nb::handle h : tables) {
         auto [x, y, d] = nb::cast<std::tuple<Reals, Reals, Reals>>(h);
-        need(x.size() > 0 && x.size() == y.size() && x.size() == d.size(), "tables: knots, values and slopes differ in length");
+        need(x.size() > 0 && x.size() == y.size() && (x.size() == d.size() || d.size() == 0), "tables: knots, values and slopes differ in length");
         for (size_t i = 1; i < x.size(); ++i) need(x(i) > x(i - 1), "tables: knots must increase");
         out.push_back({copy<double>(x), copy<double>(y), copy<double>(d)});
     }

@@ -10,7 +10,7 @@ namespace thermid {
 double Integrator::first_step(double span) const {
     double a = 0.0, b = 0.0;
     for (int i = 0; i < n_; ++i)
-        if (cap_[i] > -1e-3 * span * J0_[p_.pattern.diag[i]]) {
+        if (cap_[i] > -1e-3 * span * own_rate(i)) {
             a = std::max(a, std::fabs(d0_[i]));
             b = std::max(b, std::fabs(dd0_[i]));
         }
@@ -60,7 +60,7 @@ bool Integrator::attempt(Outputs& out, double& next) {
         if (t_ + next == t_ || next < 1e-14 * std::fabs(t_)) underflow(STEP_UNDERFLOW);
         return false;
     }
-    if (p_.knees && !clear_of_knees(next)) {
+    if (p_.knees() && !clear_of_knees(next)) {
         pending_ = -1;
         return false;
     }

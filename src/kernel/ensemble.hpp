@@ -72,6 +72,7 @@ class Group {
     std::vector<double> memory_;
     std::vector<char> quarter_, active_;
     std::vector<double> u_, slopes_, bends_, weights_, worst_;
+    std::vector<double> outer_;  // temperatures of boundaries at the start of the step (boundaries, LANES)
     std::vector<StepInput> in_;
     std::vector<int> hint_;
     std::vector<Cursor> cursor_;

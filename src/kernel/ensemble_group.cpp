@@ -89,28 +89,33 @@ bool Group::clear_of_knees(const double* tolerance, double& next) const {
     double most = 1.0, wanted = 0.0;
     for (int l = 0; l < LANES; ++l) {
         Knee knee;
-        auto inertia = [&](int node) { return g_.cap[node * LANES + l] + g_.h * std::fabs(g_.J0[node * LANES + l]); };
-        auto sweep = [&](int node) -> Sweep {
-            const int s = node * LANES + l;
-            if (node >= p.n) return {g_.T[s], g_.T[s], 0.0, 0.0};
+        auto sweep = [&](int i) -> Sweep {
+            const int s = i * LANES + l;
+            if (i >= p.n) {
+                const double t0 = outer_[s - p.n * LANES], move = g_.T[s] - t0;
+                return {t0, g_.T[s], move, move};
+            }
             return {g_.Tn[s], g_.T1[s], g_.h * g_.d0[s], g_.h * g_.icap[s] * last[s]};
         };
-        for (int r = 0; r < p.nloads; ++r) {
+        auto felt = [&](int i) {
+            const int s = i * LANES + l;
+            return i >= 0 && i < p.n ? g_.h / (g_.cap[s] + g_.h * std::fabs(g_.J0[s])) : 0.0;
+        };
+        auto c = [&](int k) { return g_.ceff[k * LANES + l]; };
+        for (int r : s_.p.bent_loads) {
             const LaneLoad& x = p.loads[r];
-            if (x.control != PROPORTIONAL || x.sensor >= p.n) continue;
-            auto c = [&](int k) { return g_.ceff[x.d[k] * LANES + l]; };
             double own[4];
-            for (int k = 0; k < 4; ++k) own[k] = g_.ceff[x.c[k] * LANES + l];
-            const double full = std::fabs(load<double>(x.kind, -1, g_.T[x.follows * LANES + l], 0.0, own, nullptr, Tables{s_.p.tables.data() + x.table}, true, false).p);
-            knee.heater(sweep(x.sensor), c(0), c(1), c(2), c(2) == 0.0 ? 0.0 : std::fabs(c(0) / c(2)) * full, g_.h, inertia(x.node));
+            for (int k = 0; k < 4; ++k) own[k] = c(x.c[k]);
+            const Table* tables = s_.p.tables.data() + x.table;
+            auto each = [&] { return felt(x.node); };
+            if (LOAD_LAWS[x.kind].tables) knee.table(sweep(x.follows), *tables, [&] { return std::fabs(own[0]) * each(); });
+            if (x.control != PROPORTIONAL) continue;
+            const double power = load<double>(x.kind, -1, g_.T[x.follows * LANES + l], 0.0, own, nullptr, Tables{tables}, true, false).p;
+            knee.heater(sweep(x.sensor), c(x.d[0]), c(x.d[1]), c(x.d[2]), power, each);
         }
-        for (int r = 0; r < p.kind_begin[CONDUCTOR_KINDS]; ++r) {
+        for (int r : s_.p.bent_conductors) {
             const LaneRow& x = p.rows[r];
-            if (!has_knee(x.kind)) continue;
-            const Sweep a = sweep(x.a), b = sweep(x.b);
-            const double gain = std::fabs(g_.ceff[x.c0 * LANES + l] * (a.t1 - b.t1));
-            for (int i : {x.from, x.to})
-                if (i >= 0) knee.pass(knee_of(x.kind, a, b), g_.ceff[x.c1 * LANES + l], gain, g_.h, inertia(i));
+            knee.conductor(x.kind, sweep(x.a), sweep(x.b), c(x.c0), c(x.c1), s_.p.tables.data() + x.table, [&] { return std::max(felt(x.from), felt(x.to)); });
         }
         if (!(knee.error > most * tolerance[l])) continue;
         most = knee.error / tolerance[l];
@@ -132,6 +137,7 @@ bool Group::attempt(double& next) {
         bends_[k] = sampled ? 2.0 * in_[k].p2 : 0.0;
     }
     code.start(g_);
+    if (s_.p.knees()) outer_.assign(g_.T + g_.plan->n * LANES, g_.T + (g_.plan->n + g_.plan->nb) * LANES);
     if (g_.bad) {
         drop(g_.bad);
         return false;
@@ -169,7 +175,7 @@ bool Group::attempt(double& next) {
         err = e <= err ? err : e;
     }
     if (guilty) return failed(guilty, next, std::isfinite(err) ? std::max(0.2, 0.9 * std::pow(err, -0.25)) : 0.2);
-    if (s_.p.knees && !clear_of_knees(tolerance, next)) return false;
+    if (s_.p.knees() && !clear_of_knees(tolerance, next)) return false;
     if (leftover_) code.improve(g_);
     if (const unsigned bad = check_state()) {
         drop(bad);

@@ -25,47 +25,54 @@ double Integrator::error() {
     return std::max(worst / tolerance(), np_ > 0 ? sensitivity_error() : 0.0);
 }
 
-// Whether the step passes no knee of a proportional heater or of a table that moves, or is short enough for it; else `next` is the length to try.
-bool Integrator::clear_of_knees(double& next) const {
+// By how much the end of the step is off for one watt of heat from node `from` to node `to`, as far as they are unknown, all along the
+// step [K/W]. What a massless node gets goes to its neighbours at once.
+double Integrator::felt(int from, int to) {
+    std::fill(felt_.begin(), felt_.end(), 0.0);
+    for (int i : {from, to})
+        if (i >= 0 && i < n_) felt_[i] += (i == to ? h_ : -h_);
+    lu_.solve(felt_.data());
+    double worst = 0.0;
+    for (int i = 0; i < n_; ++i)
+        if (cap_[i] > 0.0) worst = std::max(worst, std::fabs(felt_[i]));
+    return worst;
+}
+
+// Whether the step passes no knee of a proportional heater or of a table, or is short enough for it; else `next` is the length to try.
+bool Integrator::clear_of_knees(double& next) {
     const double* last = F_.data() + static_cast<size_t>(STAGES - 1) * n_;
     Knee knee;
-    double steepest = 0.0;
+    auto before = [&](int c) { return c < p_.nc && p_.coef_input[c] >= 0 ? coef_[c] * u0_[p_.coef_input[c]] : e_.ceff[c]; };
     auto sweep = [&](int i) -> Sweep {
-        if (i >= n_) return {e_.t[i], e_.t[i], 0.0, 0.0};
+        if (i >= n_) {
+            const double t0 = before(p_.gain[i - n_]) + before(p_.offset[i - n_]), move = e_.t[i] - t0;
+            return {t0, e_.t[i], move, move};
+        }
         const double move = T1_[i] - T_[i], c = inv_cap_[i] * h_;
         return {T_[i], T1_[i], c > 0.0 ? c * F_[i] : move, c > 0.0 ? c * last[i] : move};
     };
-    auto meets = [&](int i, double gain, auto pass) {
-        if (i >= n_ || cap_[i] == 0.0) return;
-        const double inertia = cap_[i] + h_ * std::fabs(J0_[p_.pattern.diag[i]]), before = knee.error;
-        pass(inertia);
-        if (knee.error > before) steepest = std::max(steepest, gain * h_ / inertia);
-    };
-    auto uncontrolled = [&](int l) {  // power without the control
-        double c[4];
-        for (int k = 0; k < 4; ++k) c[k] = e_.ceff[p_.load.c[k][l]];
-        return std::fabs(load<double>(p_.load.kind[l], -1, e_.t[p_.load.sensor[l]], 0.0, c, nullptr, Tables{p_.tables.data() + p_.load.table[l]}, true, false).p);
-    };
-    for (int l = 0; l < p_.load.size(); ++l) {
-        const int j = p_.load.control[l], s = j < 0 ? n_ : p_.control.sensor[j];
-        if (j < 0 || p_.control.kind[j] != PROPORTIONAL || s >= n_) continue;
+    const Loads& l = p_.load;
+    for (int r : p_.bent_loads) {
+        double own[4];
+        for (int k = 0; k < 4; ++k) own[k] = e_.ceff[l.c[k][r]];
+        const Table* tables = p_.tables.data() + l.table[r];
+        auto each = [&] { return felt(-1, l.node[r]); };
+        if (LOAD_LAWS[l.kind[r]].tables) knee.table(sweep(l.sensor[r]), *tables, [&] { return std::fabs(own[0]) * each(); });
+        const int j = l.control[r];
+        if (j < 0 || p_.control.kind[j] != PROPORTIONAL) continue;
+        const double power = load<double>(l.kind[r], -1, e_.t[l.sensor[r]], 0.0, own, nullptr, Tables{tables}, true, false).p;
         auto c = [&](int k) { return e_.ceff[p_.control.c[k][j]]; };
-        const double bend = c(2) == 0.0 ? 0.0 : std::fabs(c(0) / c(2)) * uncontrolled(l);
-        meets(p_.load.node[l], bend, [&](double inertia) { knee.heater(sweep(s), c(0), c(1), c(2), bend, h_, inertia); });
+        knee.heater(sweep(p_.control.sensor[j]), c(0), c(1), c(2), power, each);
     }
     const Conductors& c = p_.con;
-    for (int r = 0; r < c.size(); ++r) {
-        if (!has_knee(c.kind[r])) continue;
-        const Sweep a = sweep(c.a[r]), b = sweep(c.b[r]);
-        const Sweep seen = knee_of(c.kind[r], a, b);
-        const double gain = std::fabs(e_.ceff[c.c0[r]] * (a.t1 - b.t1));
-        for (int i : {c.a[r], c.b[r]})
-            meets(i, gain, [&](double inertia) { knee.pass(seen, e_.ceff[c.c1[r]], gain, h_, inertia); });
+    for (int r : p_.bent_conductors) {
+        knee.conductor(c.kind[r], sweep(c.a[r]), sweep(c.b[r]), e_.ceff[c.c0[r]], e_.ceff[c.c1[r]], p_.tables.data() + c.table[r],
+                       [&] { return felt(c.a[r], c.b[r]); });
     }
     double allowed = slack_ * tolerance();
     // A knee does not move with the end of a step, so sensitivities err in proportion to its length.
-    if (np_ > 0 && steepest > 0.0) {
-        const double ratio = 0.1 * slack_ * slope_tolerance() / (0.25 * steepest);
+    if (np_ > 0 && knee.steepest > 0.0) {
+        const double ratio = 0.1 * slack_ * slope_tolerance() / (0.25 * knee.steepest);
         if (ratio < 1.0) allowed = std::min(allowed, knee.least * ratio * ratio);
         if (ratio < 1.0) knee.error = std::max(knee.error, 2.0 * allowed);
     }

@@ -38,7 +38,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
             inv_cap_[i] = 1.0 / cap_[i];
             if (d.any(p.capacity[i])) sought_.push_back(i);
         }
-    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &bend_, &drift_, &drift_next_, &guess_, &err_, &shed_[0], &shed_[1], &g_, &dir_, &bb_, &xa_, &weight_}) v->assign(n, 0.0);
+    for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &bend_, &drift_, &drift_next_, &guess_, &err_, &shed_[0], &shed_[1], &g_, &dir_, &bb_, &xa_, &felt_}) v->assign(n, 0.0);
     for (auto* v : {&S_, &S1_, &CS_, &comb_, &sd0_, &sd1_, &sdd0_, &sdd1_, &G_, &dirS_, &fp_, &SO_}) v->assign(m, 0.0);
     delta_.assign(p.nodes(), 0.0);  // boundaries stay where they are
     for (auto* v : {&F_, &beyond_}) v->assign(STAGES * n, 0.0);
@@ -57,15 +57,20 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         for (auto* v : {&noise_[k].sb, &noise_[k].sc}) v->assign(m, 0.0);
     }
     lu_.resize(p.pattern, p.elimination);
-    for (auto* v : {&cap_at_, &free_at_}) v->assign(p.pattern.size(), 0.0);
-    for (int i = 0; i < n_; ++i) {
-        if (cap_[i] > 0.0) std::fill(free_at_.begin() + p.pattern.begin[i], free_at_.begin() + p.pattern.begin[i + 1], 1.0);
-        cap_at_[p.pattern.diag[i]] = cap_[i];
-    }
+    cap_at_.assign(p.pattern.size(), 0.0);
+    for (int i = 0; i < n_; ++i) cap_at_[p.pattern.diag[i]] = cap_[i];
     for (auto* v : {&acc_con_, &E_con_}) v->assign(rows, 0.0);
     for (auto* v : {&acc_load_, &E_load_}) v->assign(loads, 0.0);
     when_.assign(np, 0.0);
     massless_.nodes = p.massless;
+    massless_begin_.assign(1, 0);
+    for (int i = 0; i < n_; ++i) {
+        for (int k = p.pattern.begin[i]; cap_[i] > 0.0 && k < p.pattern.begin[i + 1]; ++k) {
+            const int m = p.pattern.col[k], back = cap_[m] == 0.0 ? p.pattern.at(m, i) : p.pattern.size();
+            if (back < p.pattern.size()) massless_at_.insert(massless_at_.end(), {k, back, p.pattern.diag[m]});
+        }
+        massless_begin_.push_back(static_cast<int>(massless_at_.size()));
+    }
     index_slaved(massless_);
     for (int l : p.thermostats) {
         sensor_boundary_ = sensor_boundary_ || p.control.sensor[l] >= n_;

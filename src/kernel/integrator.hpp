@@ -50,7 +50,10 @@ struct Slaved {
     std::vector<int> place;  // of a node among them
     std::vector<int> tied;   // fast ones that do not follow: only they and their like determine each other
     Scatter parameters;
-    Lu lu;
+    Pattern pattern;         // their block of the Jacobian
+    Elimination elimination;
+    std::vector<int> from;   // place of each of its entries among all
+    SparseLu lu;
     bool factored = false;
 };
 
@@ -81,7 +84,7 @@ class Integrator {
     std::vector<Entry> other_u_;         // those of conductors that are not of boundaries
     std::vector<Push> pushes_;           // and what the boundaries' become
     std::vector<double> cap_, inv_cap_;      // 0 for massless nodes
-    std::vector<double> cap_at_, free_at_, weight_;  // by places of the pattern: capacities, 1 in rows that have one; h gamma or 1
+    std::vector<double> cap_at_;             // capacities by places of the pattern
     Evaluation e_, eo_;  // for the stages; for the outputs
     SecondOrder second_;
 
@@ -101,8 +104,9 @@ class Integrator {
     // fast_: solved at outputs, since rounding would show in their dT/dt (1e-8 of the step), or the left-over of an input
     // reaches them undelayed (1e-4). quick_: slaved in second derivatives (1e-2: unsettled, they would spoil those of their neighbours).
     Slaved massless_, fast_, quick_;
-    std::vector<int> group_, place_;
-    Lu trial_;
+    std::vector<int> group_;
+    Slaved trial_;
+    std::vector<int> massless_begin_, massless_at_;  // of each node: places of J(i, m) and J(m, i) of massless neighbours m, and of J(m, m)
     std::vector<double> shed_[2];  // error estimates, filtered again
     std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
     std::vector<double> xa_, fp_, row_, lag_, lag_s_, reach_, peak_;
@@ -129,7 +133,9 @@ class Integrator {
 
     // errors.cpp
     double error();
-    bool clear_of_knees(double& next) const;
+    bool clear_of_knees(double& next);
+    double felt(int from, int to);
+    std::vector<double> felt_;
     double slope_tolerance() const;
     double sensitivity_error();
     void filter_sensitivity(const double* e, double* G);
@@ -139,8 +145,9 @@ class Integrator {
     // slaved.cpp
     void make_slaved(Slaved& s, double small);
     void index_slaved(Slaved& s);
+    void block_of(Slaved& s) const;
+    double own_rate(int i) const;
     void factor_slaved(Slaved& s, const double* j);
-    void fill_block(const std::vector<int>& nodes, const std::vector<int>& place, const double* j, double* to) const;
     void solve_slaved(Slaved& s, Evaluation& e, const double* heat = nullptr);
     void slaved_rows(const Slaved& s, Evaluation& e) const;
     void slaved_jacobian(const Slaved& s, const Evaluation& e, double* j) const;
@@ -171,7 +178,7 @@ class Integrator {
     void dense_start();
     void slope_sensitivity(int stage, const std::vector<double>& slope, std::vector<double>& out);
     // Second derivatives serve the dense output; of a stiff node they would only amplify its error.
-    bool gentle(int i) const { return cap_[i] > -0.1 * h_ * J0_[p_.pattern.diag[i]]; }
+    bool gentle(int i) const { return cap_[i] > -0.1 * h_ * own_rate(i); }
 
     // outputs.cpp
     struct Outputs { const double* t; long n, next; const int* obs; int nobs; };

@@ -14,23 +14,27 @@
 
 namespace thermid {
 
-// Cubic Hermite table g(x): knots, values, slopes; constant outside. Knots may lie as close together as a law needs them; equal buckets
+// Table g(x): straight lines between knots, or cubic Hermite where slopes are given; constant outside. Knots may lie as close together as a law needs them; equal buckets
 // lead to them, most of which hold at most one, so that a look-up costs about as much as a power.
 struct Table {
     std::vector<double> x, y, d;
+    struct Bend { double x, jump; };  // a knot where the slope jumps, and by how much
+    std::vector<Bend> bends;
 
     Table(std::vector<double> knots, std::vector<double> values, std::vector<double> slopes)
         : x(std::move(knots)), y(std::move(values)), d(std::move(slopes)) {
         const int m = static_cast<int>(x.size()), buckets = std::min(2 * m, 4096);
-        if (m < 1 || y.size() != x.size() || d.size() != x.size()) throw std::invalid_argument("tables: knots, values and slopes differ in length");
+        if (m < 1 || y.size() != x.size() || (!d.empty() && d.size() != x.size())) throw std::invalid_argument("tables: knots, values and slopes differ in length");
         if (!std::isfinite(x.back() - x.front())) throw std::invalid_argument("tables: knots must be finite");
         for (int i = 1; i < m; ++i) {
             if (!(x[i] > x[i - 1])) throw std::invalid_argument("tables: knots must increase");
             const double w = x[i] - x[i - 1], jump = (y[i] - y[i - 1]) / w;
-            pieces_.push_back({x[i - 1], y[i - 1], d[i - 1], (3.0 * jump - 2.0 * d[i - 1] - d[i]) / w, (d[i - 1] + d[i] - 2.0 * jump) / (w * w)});
+            if (d.empty()) pieces_.push_back({x[i - 1], y[i - 1], jump, 0.0, 0.0});
+            else pieces_.push_back({x[i - 1], y[i - 1], d[i - 1], (3.0 * jump - 2.0 * d[i - 1] - d[i]) / w, (d[i - 1] + d[i] - 2.0 * jump) / (w * w)});
         }
         pieces_.push_back({x.back(), y.back(), 0.0, 0.0, 0.0});  // beyond the last knot, and before the first
         pieces_.push_back({x.front(), y.front(), 0.0, 0.0, 0.0});
+        find_bends();
         if (m > 1) per_kelvin_ = buckets / (x.back() - x.front());
         if (!std::isfinite(per_kelvin_)) per_kelvin_ = 0.0;  // knots so close that one bucket serves
         first_.assign(buckets + 2, 0);
@@ -44,7 +48,7 @@ struct Table {
 
     void eval(double at, double& g, double& g1, double& g2) const {
         g1 = g2 = 0.0;
-        if (!(at > x.front())) { g = y.front(); return; }
+        if (!(at >= x.front())) { g = y.front(); return; }  // at a knot stands the piece after it
         if (at >= x.back()) { g = y.back(); return; }
         const LanePiece& p = pieces_[find(at)];
         const double t = at - p.x;
@@ -75,6 +79,20 @@ struct Table {
     std::vector<LanePiece> pieces_;
     std::vector<int> first_;  // bucket -> knots in the buckets before it
     double per_kelvin_ = 0.0;
+
+    // Where a table has no values it has no bends. Rounding of cubic pieces leaves a little of a jump.
+    void find_bends() {
+        const int m = static_cast<int>(x.size());
+        auto slope = [&](int piece, double at) {
+            const LanePiece& p = pieces_[piece];
+            const double t = at - p.x;
+            return p.c1 + t * (2.0 * p.c2 + 3.0 * t * p.c3);
+        };
+        for (int i = 0; i < m; ++i) {
+            const double before = i > 0 ? slope(i - 1, x[i]) : 0.0, after = i < m - 1 ? slope(i, x[i]) : 0.0;
+            if (std::fabs(after - before) > 1e-9 * (std::fabs(before) + std::fabs(after))) bends.push_back({x[i], after - before});
+        }
+    }
 
     int find(double at) const {  // between the first knot and the last
         const int k = bucket(at);
@@ -225,8 +243,9 @@ struct Potential {  // each end has a table: integrals of k over temperature, or
     }
 };
 
-// How a conductor stands in a network: linear in temperatures; heat to its second end only; a knee where what it is over passes c1.
-enum ConductorTrait { PLAIN = 0, STRAIGHT = 1, ONE_WAY = 2, KNEE_OF_MEAN = 4, KNEE_OF_DIFFERENCE = 8 };
+// How a conductor stands in a network: linear in temperatures; heat to its second end only; a knee where what it is over passes c1, or a
+// point of its table where straight lines meet.
+enum ConductorTrait { PLAIN = 0, STRAIGHT = 1, ONE_WAY = 2, KNEE_OF_MEAN = 4, KNEE_OF_DIFFERENCE = 8, KNEE_OF_ENDS = 16 };
 
 // One row for each law: its number, function, name, coefficients, tables and traits. Rows of one law stand together, in this order.
 #define THERMID_CONDUCTORS(ROW)                                                          \
@@ -234,11 +253,11 @@ enum ConductorTrait { PLAIN = 0, STRAIGHT = 1, ONE_WAY = 2, KNEE_OF_MEAN = 4, KN
     ROW(POWER, Power, "power", 2, 0, PLAIN)                                              \
     ROW(RADIATION, Radiation, "radiation", 1, 0, PLAIN)                                  \
     ROW(FLOW, Linear, "flow", 1, 0, STRAIGHT | ONE_WAY)                                  \
-    ROW(TABLE_MEAN, Tabulated<Mean>, "table", 1, 1, PLAIN)                               \
-    ROW(TABLE_DIFF, Tabulated<Difference>, "table of difference", 1, 1, PLAIN)           \
+    ROW(TABLE_MEAN, Tabulated<Mean>, "table", 1, 1, KNEE_OF_MEAN)                        \
+    ROW(TABLE_DIFF, Tabulated<Difference>, "table of difference", 1, 1, KNEE_OF_DIFFERENCE) \
     ROW(GAS, Gas, "gas", 2, 1, PLAIN)                                                    \
     ROW(NATURAL, Natural, "natural", 2, 3, PLAIN)                                        \
-    ROW(POTENTIAL, Potential, "potential", 1, 2, PLAIN)                                  \
+    ROW(POTENTIAL, Potential, "potential", 1, 2, KNEE_OF_ENDS)                           \
     ROW(HINGE_MEAN, Hinge<Mean>, "hinge", 2, 0, KNEE_OF_MEAN)                            \
     ROW(HINGE_DIFF, Hinge<Difference>, "hinge of difference", 2, 0, KNEE_OF_DIFFERENCE)
 
@@ -339,7 +358,7 @@ constexpr int MOST_TABLES = 3;  // of one law
 constexpr bool has_second(int kind) { return CONDUCTOR_LAWS[kind].coefficients > 1; }
 constexpr int tables_of(int kind) { return CONDUCTOR_LAWS[kind].tables; }
 constexpr bool is(int kind, int trait) { return (CONDUCTOR_LAWS[kind].traits & trait) != 0; }
-constexpr bool has_knee(int kind) { return is(kind, KNEE_OF_MEAN | KNEE_OF_DIFFERENCE); }
+constexpr bool has_knee(int kind) { return is(kind, KNEE_OF_MEAN | KNEE_OF_DIFFERENCE | KNEE_OF_ENDS); }
 
 // Calls f with the law of a kind.
 #define THERMID_CASE(KIND, LAW, ...) case KIND: f(LAW{}); return;

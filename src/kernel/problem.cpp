@@ -43,7 +43,6 @@ void Problem::prepare() {
         slot(con.c0[r], nc, where);
         slot(con.c1[r], nc, where);
         con.table[r] = std::max(con.table[r], 0);
-        knees = knees || has_knee(con.kind[r]);
     }
     std::vector<int> order(m);
     std::iota(order.begin(), order.end(), 0);
@@ -59,6 +58,12 @@ void Problem::prepare() {
     for (int r = 0; r < m; ++r) con.place.push_back(con.place[r] + tables_of(con.kind[r]));
     for (int k = 0; k <= CONDUCTOR_KINDS; ++k)
         kind_begin[k] = static_cast<int>(std::lower_bound(con.kind.begin(), con.kind.end(), k) - con.kind.begin());
+
+    for (int r = 0; r < m; ++r) {
+        const int count = tables_of(con.kind[r]);
+        auto bent = [&](int k) { return !tables[con.table[r] + k].bends.empty(); };
+        if (has_knee(con.kind[r]) && (count == 0 || bent(0) || (count > 1 && bent(1)))) bent_conductors.push_back(r);
+    }
 
     // Rows that meet at each node, in the order of rows: counted, then filled.
     auto meets = [&](int r, int i) { return i < n && (con.b[r] == i || !is(con.kind[r], ONE_WAY)); };
@@ -93,7 +98,6 @@ void Problem::prepare() {
         require(control.sensor[j] >= 0 && control.sensor[j] < nodes(), where + ": no such sensor node");
         for (int k = 0; k < 3; ++k) slot(control.c[k][j], nc, where);
         if (control.kind[j] == THERMOSTAT) thermostats.push_back(j);
-        knees = knees || control.kind[j] == PROPORTIONAL;
     }
     for (int r = 0; r < load.size(); ++r) {
         const std::string where = at("load", r);
@@ -109,6 +113,7 @@ void Problem::prepare() {
         boundary_entries(load_entry, r, load.sensor[r], 4);
         const int j = load.control[r];
         require(j >= -1 && j < control.size(), where + ": no such control");
+        if ((j >= 0 && control.kind[j] == PROPORTIONAL) || (LOAD_LAWS[load.kind[r]].tables && !tables[load.table[r]].bends.empty())) bent_loads.push_back(r);
         if (j < 0) continue;
         if (control.node[j] < 0) control.node[j] = load.node[r];
         boundary_entries(load_entry, r, control.sensor[j], 5);

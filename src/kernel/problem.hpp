@@ -45,7 +45,8 @@ struct Problem {
     // Derived: where coefficients enter, which coefficients follow an input, nodes without capacity and their rows.
     std::vector<Entry> con_entry, load_entry;
     std::vector<int> timed, massless, thermostats;  // thermostats: which controls are
-    bool knees = false;                          // of some proportional heater or some table that moves
+    std::vector<int> bent_conductors, bent_loads;  // tables with knees, and proportional heaters
+    bool knees() const { return !bent_conductors.empty() || !bent_loads.empty(); }
     std::vector<int> moving, moved;              // inputs that are not constant, and the coefficients that follow these
     int kind_begin[CONDUCTOR_KINDS + 1] = {};  // conductors of a kind stand together
     // Conductors that bring heat to a node (r), or take it away (their number + r: the place of -q in Evaluation::q).

@@ -6,13 +6,13 @@
 
 namespace thermid {
 
+namespace {
+constexpr int SMALL = 16;  // so many nodes are eliminated as a full block
+}
+
 void Integrator::index_slaved(Slaved& s) {
     s.is.assign(p_.nodes(), 0);
-    s.place.assign(p_.nodes(), -1);
-    for (size_t k = 0; k < s.nodes.size(); ++k) {
-        s.is[s.nodes[k]] = 1;
-        s.place[s.nodes[k]] = static_cast<int>(k);
-    }
+    for (int i : s.nodes) s.is[i] = 1;
     s.con_rows.clear();
     s.load_rows.clear();
     s.parameters.con.clear();
@@ -26,8 +26,37 @@ void Integrator::index_slaved(Slaved& s) {
     for (const Entry& e : parameters_.load)
         if (s.is[p_.load.node[e.row]]) s.parameters.load.push_back(e);
     s.parameters.build(p_, d_);
-    s.lu.resize(static_cast<int>(s.nodes.size()));
+    block_of(s);
+}
+
+// The pattern of their block, and the order in which it is eliminated: heat that lumps store is a block of its own as large as the network.
+void Integrator::block_of(Slaved& s) const {
+    const int m = static_cast<int>(s.nodes.size());
+    s.place.assign(p_.nodes(), -1);
+    for (int k = 0; k < m; ++k) s.place[s.nodes[k]] = k;
+    std::vector<std::vector<int>> columns(m);
+    for (int x = 0; x < m; ++x)
+        for (int k = p_.pattern.begin[s.nodes[x]]; k < p_.pattern.begin[s.nodes[x] + 1]; ++k)
+            if (const int y = s.place[p_.pattern.col[k]]; y >= 0) columns[x].push_back(y);
+    s.pattern.build(m, std::move(columns));
+    s.elimination = Elimination();
+    if (m > SMALL) s.elimination.build(s.pattern);
+    else s.elimination.full = true;
+    s.from.resize(s.pattern.size());
+    for (int x = 0; x < m; ++x)
+        for (int k = s.pattern.begin[x]; k < s.pattern.begin[x + 1]; ++k) s.from[k] = p_.pattern.at(s.nodes[x], s.nodes[s.pattern.col[k]]);
+    s.lu.resize(s.pattern, s.elimination);
     s.factored = false;
+}
+
+// How fast a node follows the others for its capacity, its massless neighbours following it [W/K].
+double Integrator::own_rate(int i) const {
+    double j = J0_[p_.pattern.diag[i]];
+    for (int k = massless_begin_[i]; k < massless_begin_[i + 1]; k += 3) {
+        const double pivot = J0_[massless_at_[k + 2]];
+        if (pivot != 0.0) j -= J0_[massless_at_[k]] * J0_[massless_at_[k + 1]] / pivot;
+    }
+    return j;
 }
 
 // Massless nodes, and those whose time constant is below a small part of the step, as far as the others determine them: as a group, too, they
@@ -38,16 +67,17 @@ void Integrator::make_slaved(Slaved& s, double small) {
     group.clear();
     s.tied.clear();
     for (int i = 0; i < n_; ++i)
-        if (cap_[i] == 0.0 || cap_[i] < -small * h_ * J0_[p_.pattern.diag[i]]) group.push_back(i);
+        if (cap_[i] == 0.0 || cap_[i] < -small * h_ * own_rate(i)) group.push_back(i);
     while (group.size() > massless_.nodes.size()) {
         const size_t m = group.size();
-        place_.assign(n_, -1);
-        for (size_t x = 0; x < m; ++x) place_[group[x]] = static_cast<int>(x);
-        trial_.resize(static_cast<int>(m));
-        fill_block(group, place_, J0_.data(), trial_.data());
+        if (trial_.nodes != group) {
+            trial_.nodes = group;
+            block_of(trial_);
+        }
+        for (int k = 0; k < trial_.pattern.size(); ++k) trial_.lu.data()[k] = J0_[trial_.from[k]];
         for (size_t x = 0; x < m; ++x) xa_[x] = cap_[group[x]];
-        const bool determined = trial_.factor() < 0;
-        if (determined) trial_.solve(xa_.data());
+        const bool determined = trial_.lu.factor() < 0;
+        if (determined) trial_.lu.solve(xa_.data());
         auto late = [&](size_t x) { return cap_[group[x]] > 0.0 && !(determined && std::fabs(xa_[x]) <= 10.0 * small * h_); };
         double heaviest = 0.0;
         for (size_t x = 0; x < m; ++x)
@@ -69,19 +99,10 @@ void Integrator::make_slaved(Slaved& s, double small) {
 void Integrator::factor_slaved(Slaved& s, const double* j) {
     const int m = static_cast<int>(s.nodes.size());
     if (m == 0) return;
-    fill_block(s.nodes, s.place, j, s.lu.data());
+    for (int k = 0; k < s.pattern.size(); ++k) s.lu.data()[k] = j[s.from[k]];
     const int bad = s.lu.factor();
     s.factored = true;
     if (bad >= 0) throw Failure{SINGULAR_NODE, s.nodes[bad]};
-}
-
-// Their block of the Jacobian, to be factorised; place: of a node among them, or -1.
-void Integrator::fill_block(const std::vector<int>& nodes, const std::vector<int>& place, const double* j, double* to) const {
-    const size_t m = nodes.size();
-    std::fill(to, to + m * m, 0.0);
-    for (size_t x = 0; x < m; ++x)
-        for (int k = p_.pattern.begin[nodes[x]]; k < p_.pattern.begin[nodes[x] + 1]; ++k)
-            if (const int y = place[p_.pattern.col[k]]; y >= 0) to[x * m + y] = j[k];
 }
 
 // Rows that touch slaved nodes only; e.f is right for those nodes alone.
@@ -133,8 +154,10 @@ void Integrator::solve_slaved(Slaved& s, Evaluation& e, const double* heat) {
         if (!std::isfinite(size)) throw Failure{NON_FINITE, s.nodes[0]};
         if (size > 100.0) damp *= 100.0 / size;  // far from the solution T^4 overshoots
         for (int k = 0; k < m; ++k) e.t[s.nodes[k]] -= damp * xa_[k];
-        // The next change would be below 1e-9 K.
-        if (size < 1e-9 || (size < 1e-6 && size < 1e-3 * last)) return;
+        // The next change would be below 1e-12 K, or rounding is all that is left: a node tied closely to one that holds its heat turns a
+        // millionth of a kelvin into watts.
+        const double rate = it > 0 ? size / last : 1.0;
+        if (size * rate < 1e-12 || (size < 1e-9 && rate > 0.5)) return;
         if (size > 1e-2 * last || size > 10.0) s.factored = false;  // factored again where the rows stand next
         last = size;
     }

@@ -12,17 +12,16 @@ namespace {
 constexpr double BEYOND[STAGES][STAGES] = {{0.0}, {0.0}, {0.0, 0.440896}, {0.0, 2.636, -2.4911}, {0.0, 0.0, -5.2349, 3.3805}, {0.0, 0.0, 0.0, -1.6966, 2.2859}};
 }
 
-// a = capacities on the diagonal - (length where a row has one, else 1) j
-THERMID_CLONES static void shifted(double* THERMID_RESTRICT a, const double* THERMID_RESTRICT cap, const double* THERMID_RESTRICT free, double length,
-                                   const double* THERMID_RESTRICT j, int m) {
-    for (int k = 0; k < m; ++k) a[k] = cap[k] - (free[k] * length + (1.0 - free[k])) * j[k];
+// a = capacities on the diagonal - length j; rows without a capacity are of the same size then, which LU without pivoting needs.
+THERMID_CLONES static void shifted(double* THERMID_RESTRICT a, const double* THERMID_RESTRICT cap, double length, const double* THERMID_RESTRICT j, int m) {
+    for (int k = 0; k < m; ++k) a[k] = cap[k] - length * j[k];
 }
 
-// What a stage leaves to be solved for: cap (t - t0) - base - weight f.
+// What a stage leaves to be solved for: cap (t - t0) - base - h gamma f.
 THERMID_CLONES static void residual(double* THERMID_RESTRICT r, const double* THERMID_RESTRICT cap, const double* THERMID_RESTRICT t,
-                                    const double* THERMID_RESTRICT t0, const double* THERMID_RESTRICT base, const double* THERMID_RESTRICT weight,
+                                    const double* THERMID_RESTRICT t0, const double* THERMID_RESTRICT base, double weight,
                                     const double* THERMID_RESTRICT f, int n) {
-    for (int i = 0; i < n; ++i) r[i] = cap[i] * (t[i] - t0[i]) - base[i] - weight[i] * f[i];
+    for (int i = 0; i < n; ++i) r[i] = cap[i] * (t[i] - t0[i]) - base[i] - weight * f[i];
 }
 
 // The heats that a stage has found; none into nodes without capacity.
@@ -92,7 +91,7 @@ void Integrator::heat_sensitivity(const double* j, const double* S, double* fs) 
 }
 
 void Integrator::iteration_matrix(const double* j) {
-    shifted(lu_.data(), cap_at_.data(), free_at_.data(), h_ * GAMMA, j, p_.pattern.size());
+    shifted(lu_.data(), cap_at_.data(), h_ * GAMMA, j, p_.pattern.size());
     ++r_->factorisations;
     const int bad = lu_.factor();
     if (bad >= 0) throw Failure{cap_[bad] > 0.0 ? NEWTON_FAILED : SINGULAR_NODE, bad};
@@ -109,7 +108,7 @@ void Integrator::guess(int s) {
     std::copy(beyond, beyond + n, guess_.begin());
     for (int k : p_.moving)
         if (const double du = e_.u[k] - u0_[k]; du != 0.0) axpy(guess_.data(), du, fu_.data() + k * n, n_);
-    for (int i = 0; i < n_; ++i) guess_[i] = base_[i] + weight_[i] * (F_[i] + guess_[i]);
+    for (int i = 0; i < n_; ++i) guess_[i] = base_[i] + h_ * GAMMA * (F_[i] + guess_[i]);
     lu_.solve(guess_.data());
     for (int i = 0; i < n_; ++i) e_.t[i] = T_[i] + guess_[i];
 }
@@ -124,11 +123,11 @@ bool Integrator::newton(int s) {
         e_.rows();
         ++r_->newton;
         double check = 0.0;
-        residual(delta_.data(), cap_.data(), e_.t.data(), T_.data(), base_.data(), weight_.data(), f, n_);
+        residual(delta_.data(), cap_.data(), e_.t.data(), T_.data(), base_.data(), h_ * GAMMA, f, n_);
         for (int i = 0; i < n_; ++i) check += delta_[i];
         if (!std::isfinite(check)) return false;
         if (it == 0)
-            for (int i = 0; i < n_; ++i) beyond[i] -= delta_[i] / weight_[i];
+            for (int i = 0; i < n_; ++i) beyond[i] -= delta_[i] / (h_ * GAMMA);
         if (fresh) {
             e_.slopes(J1_.data());
             iteration_matrix(J1_.data());
@@ -183,8 +182,6 @@ void Integrator::stage_sensitivity(int s) {
     S1_ = comb_;
     for (int i : massless_.nodes) std::fill(S1_.begin() + i * np, S1_.begin() + (i + 1) * np, 0.0);
     e_.add_parameters(parameters_, S1_.data(), hg);
-    for (int i : massless_.nodes)
-        for (size_t q = 0; q < np; ++q) S1_[i * np + q] /= hg;
     lu_.solve_many(S1_.data(), np_);
     double* fs = FS_.data() + s * m;
     for (int i = 0; i < n_; ++i) {
@@ -200,7 +197,6 @@ bool Integrator::stages() {
     std::fill(acc_load_.begin(), acc_load_.end(), 0.0);
     if (o_.energy) add_energy(0, false);
     iteration_matrix(J0_.data());
-    for (int i = 0; i < n_; ++i) weight_[i] = cap_[i] > 0.0 ? h_ * GAMMA : 1.0;
     for (int s = 1; s < STAGES; ++s) {
         const double* from[STAGES];
         double w[STAGES];

@@ -9,6 +9,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from thermid.campaign.credibility import CredibilityRecord as CredibilityRecord
+    from thermid.campaign.credibility import credibility as credibility
+    from thermid.campaign.stages import Campaign as Campaign
+    from thermid.campaign.stages import joint as joint
+    from thermid.campaign.stages import run_stages as run_stages
+    from thermid.campaign.study.file import load_study as load_study
+    from thermid.campaign.study.study import Study as Study
+    from thermid.campaign.swap.retune_plan import RetunePlan as RetunePlan
+    from thermid.campaign.swap.swap import plan_retune as plan_retune
     from thermid.design.actions import Action as Action
     from thermid.design.actions import Aim as Aim
     from thermid.design.next_test import next_test as next_test
@@ -27,25 +36,16 @@ if TYPE_CHECKING:
     from thermid.fit.clocks.alignment import align as align
     from thermid.fit.discrepancy import Discrepancy as Discrepancy
     from thermid.fit.discrepancy import discrepancy as discrepancy
-    from thermid.identify.credibility import CredibilityRecord as CredibilityRecord
-    from thermid.identify.credibility import credibility as credibility
-    from thermid.identify.identifiability import Identifiability as Identifiability
-    from thermid.identify.identifiability import identifiability as identifiability
-    from thermid.identify.posterior import Evidence as Evidence
-    from thermid.identify.posterior import Posterior as Posterior
-    from thermid.identify.posterior import evidence as evidence
-    from thermid.identify.posterior import posterior as posterior
-    from thermid.identify.profile import Profile as Profile
-    from thermid.identify.profile import profile as profile
-    from thermid.identify.retune_plan import RetunePlan as RetunePlan
-    from thermid.identify.stages import Campaign as Campaign
-    from thermid.identify.stages import joint as joint
-    from thermid.identify.stages import run_stages as run_stages
-    from thermid.identify.study import Study as Study
-    from thermid.identify.study_file import load_study as load_study
-    from thermid.identify.swap import plan_retune as plan_retune
-    from thermid.identify.valley import Valley as Valley
-    from thermid.identify.valley import valley as valley
+    from thermid.inference.identifiability import Identifiability as Identifiability
+    from thermid.inference.identifiability import identifiability as identifiability
+    from thermid.inference.posterior import Evidence as Evidence
+    from thermid.inference.posterior import Posterior as Posterior
+    from thermid.inference.posterior import evidence as evidence
+    from thermid.inference.posterior import posterior as posterior
+    from thermid.inference.profile import Profile as Profile
+    from thermid.inference.profile import profile as profile
+    from thermid.inference.valley import Valley as Valley
+    from thermid.inference.valley import valley as valley
     from thermid.interop.equations import Equations as Equations
     from thermid.interop.equations import equations as equations
     from thermid.interop.initfcn import InitFcn as InitFcn
@@ -233,12 +233,12 @@ _PUBLIC = {
     "Split": "prediction.split_surface",
     "energy_balance": "explain.balance",
     "EnergyBalance": "explain.balance",
-    "identifiability": "identify.identifiability",
-    "Identifiability": "identify.identifiability",
-    "profile": "identify.profile",
-    "Profile": "identify.profile",
-    "valley": "identify.valley",
-    "Valley": "identify.valley",
+    "identifiability": "inference.identifiability",
+    "Identifiability": "inference.identifiability",
+    "profile": "inference.profile",
+    "Profile": "inference.profile",
+    "valley": "inference.valley",
+    "Valley": "inference.valley",
     "criticise": "explain.criticism",
     "Criticism": "explain.criticism",
     "plausibility": "explain.plausibility",
@@ -251,30 +251,30 @@ _PUBLIC = {
     "power_history": "power.inverse",
     "PowerHistory": "power.history",
     "PowerLaw": "power.laws",
-    "posterior": "identify.posterior",
-    "Posterior": "identify.posterior",
-    "evidence": "identify.posterior",
-    "Evidence": "identify.posterior",
-    "Campaign": "identify.stages",
-    "run_stages": "identify.stages",
-    "joint": "identify.stages",
+    "posterior": "inference.posterior",
+    "Posterior": "inference.posterior",
+    "evidence": "inference.posterior",
+    "Evidence": "inference.posterior",
+    "Campaign": "campaign.stages",
+    "run_stages": "campaign.stages",
+    "joint": "campaign.stages",
     "predict": "prediction.predict",
     "discrepancy": "fit.discrepancy",
     "Discrepancy": "fit.discrepancy",
     "Prediction": "prediction.prediction",
     "Spread": "prediction.spread",
-    "plan_retune": "identify.swap",
-    "RetunePlan": "identify.retune_plan",
-    "credibility": "identify.credibility",
-    "CredibilityRecord": "identify.credibility",
+    "plan_retune": "campaign.swap.swap",
+    "RetunePlan": "campaign.swap.retune_plan",
+    "credibility": "campaign.credibility",
+    "CredibilityRecord": "campaign.credibility",
     "difference": "judge.difference",
     "Difference": "judge.difference",
     "Criteria": "judge.validate",
     "Standing": "knowledge.standing",
     "validate": "judge.validate",
     "Verdict": "judge.validate",
-    "load_study": "identify.study_file",
-    "Study": "identify.study",
+    "load_study": "campaign.study.file",
+    "Study": "campaign.study.study",
     "macro_model": "qualify.macro",
     "assumed": "qualify.macro",
     "profile_of": "qualify.standards",

@@ -63,8 +63,16 @@ def conductor_lanes(
     kind: int, hot: _Reals, cold: _Reals, coefficients: _Reals, tables: Sequence[tuple[_Reals, _Reals, _Reals]], simd: str = ...
 ) -> _Reals: ...
 def modal(
-    problem: Problem, coef: _Reals, T0: _Reals, t0: float, t_end: float, output_times: _Reals, output_nodes: _Ints
-) -> tuple[int, int, float, int, _Reals, _Reals, _Reals, _Reals]: ...
+    problem: Problem,
+    coef: _Reals,
+    T0: _Reals,
+    t0: float,
+    t_end: float,
+    output_times: _Reals,
+    output_nodes: _Ints,
+    turnings: bool = False,
+    sums: tuple[_Ints, _Ints, _Reals] | None = None,
+) -> tuple[int, int, float, int, _Reals, _Reals, _Reals, _Reals, tuple[_Ints, _Reals, _Reals]]: ...
 def tableau() -> tuple[_Reals, _Reals, _Reals, _Reals]: ...
 
 class Result:
@@ -106,6 +114,8 @@ class Result:
     def boundary_energy(self) -> _Reals: ...
     @property
     def conductor_energy(self) -> _Reals: ...
+    @property
+    def turnings(self) -> tuple[_Ints, _Reals, _Reals]: ...
 
 class Problem:
     def __init__(
@@ -156,6 +166,8 @@ class Problem:
         breaks: _Reals | None = None,
         energy: bool = True,
         on: _Ints | None = None,
+        turnings: bool = False,
+        sums: tuple[_Ints, _Ints, _Reals] | None = None,
     ) -> Result: ...
     def rhs(
         self, coef: _Reals, T: _Reals, t: float, dcoef: _Csr | None = None, on: _Ints | None = None
@@ -180,6 +192,7 @@ class Ensemble:
         max_step: float = ...,
         max_steps: int = ...,
         breaks: _Reals | None = ...,
+        turnings: bool = False,
         simd: str = ...,
     ) -> None: ...
     def advance(self, rows: int, threads: int = ...) -> _Reals: ...
@@ -197,6 +210,8 @@ class Ensemble:
     def rejected(self) -> int: ...
     @property
     def simd(self) -> str: ...
+    @property
+    def turnings(self) -> tuple[_Ints, _Ints, _Reals, _Reals]: ...
 
 def instruction_sets() -> list[str]: ...
 
@@ -236,6 +251,8 @@ class LargeResult:
     def load_energy(self) -> _Reals: ...
     @property
     def boundary_energy(self) -> _Reals: ...
+    @property
+    def turnings(self) -> tuple[_Ints, _Reals, _Reals]: ...
 
 class LargeProblem:
     def __init__(
@@ -275,6 +292,7 @@ class LargeProblem:
         max_step: float = ...,
         max_steps: int = ...,
         breaks: _Reals,
+        turnings: bool = False,
     ) -> LargeResult: ...
     def heat(self, T: _Reals, t: float) -> tuple[_Reals, _Reals, _Reals, _Reals, _Reals]: ...
 

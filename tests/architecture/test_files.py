@@ -39,7 +39,7 @@ NO_INPUT = {
     "thermid.seals": "what is there already is looked at, not used",
     "thermid.acquire.sensormap": "the map is changed in its place",
     "thermid.acquire.store": "the log is continued",
-    "thermid.identify.cache": "results of its own, and the code",
+    "thermid.campaign.cache": "results of its own, and the code",
     "thermid.judge.looks": "verdicts of its own",
     "thermid.model.save": "a deck may be changed in its place",
     "thermid.cli.deliver": "the delivery of this command",

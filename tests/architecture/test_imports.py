@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 import graphlib
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterable
 
 import pytest
+
+import thermid
 
 from .source import Module, room_of, within
 
@@ -57,9 +61,6 @@ ARROWS |= {
     "acquire": FOUNDATION | {"measure"},
     "interop": FOUNDATION | {"physics", "model", "network", "simulation"},
 }
-ARROWS["identify"] = LOW | FIT | ABOVE_FIT | CAMPAIGN
-for _room in ("prediction", "qualify", "reporting"):
-    ARROWS[_room] = ARROWS[_room] | {"identify"}
 TOP = {"cli", "studio", "__main__"}
 ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}
 
@@ -129,6 +130,39 @@ def test_imports_point_one_way(modules: dict[str, Module]) -> None:
     assert not problems, "\n" + "\n".join(problems)
 
 
+def stated_rooms(text: str) -> set[str]:
+    """Rooms that a package's docstring says it may import, beside "the rooms below a fit"."""
+    _, mark, line = text.partition("May import:")
+    assert mark
+    assert "the rooms below a fit" in line
+    return set(re.findall(r"`([a-z_.]+)`", line))
+
+
+def allowed_rooms(package: str) -> set[str]:
+    """The same by the contract; a room stands for the packages in it."""
+    rooms = ARROWS[package] - LOW
+    return {room for room in rooms if room.rpartition(".")[0] not in rooms}
+
+
+@pytest.mark.parametrize("package", sorted(FIT | CAMPAIGN | ABOVE_FIT))
+def test_a_package_says_what_it_may_import(modules: dict[str, Module], package: str) -> None:
+    """What it is for in a line, what comes in, what goes out, and the contract, in at most six lines."""
+    text = ast.get_docstring(modules[f"thermid.{package}"].tree) or ""
+    assert "In: " in text
+    assert " Out: " in text
+    assert len(text.splitlines()) <= 7
+    assert stated_rooms(text) == allowed_rooms(package)
+
+
+def test_a_docstring_against_the_contract_is_seen() -> None:
+    assert stated_rooms("X.\n\nMay import: `fit`, `qualify` and the rooms below a fit.") != allowed_rooms("judge")
+
+
+def test_no_package_has_the_name_of_a_public_function(modules: dict[str, Module]) -> None:
+    """Importing it would replace the function (decision 011)."""
+    assert not {m.name.partition(".")[2] for m in modules.values() if m.package} & set(thermid.__all__)
+
+
 def test_no_module_needs_itself_to_load(modules: dict[str, Module]) -> None:
     assert import_circle(modules) == []
 
@@ -139,12 +173,15 @@ def test_no_module_needs_itself_to_load(modules: dict[str, Module]) -> None:
         ("thermid.physics.x", "from thermid.model.model import Model", "may not import 'model'"),
         ("thermid.measure.x", "def f():\n    import thermid.model.kinds", "may not import 'model'"),
         ("thermid.model.x", "from .. import simulation", "may not import 'simulation'"),
-        ("thermid.identify.x", "from thermid import _kernel", "may not import '_kernel'"),
-        ("thermid.identify.x", "import thermid as td", "may not import 'thermid'"),
+        ("thermid.inference.x", "from thermid import _kernel", "may not import '_kernel'"),
+        ("thermid.explain.x", "import thermid as td", "may not import 'thermid'"),
         ("thermid.reporting.x", "import importlib\nimportlib.import_module('thermid.cli')", "may not import 'cli'"),
         ("thermid.units", "if TYPE_CHECKING:\n    from thermid.expression import Expression", "may not import 'expression'"),
         ("thermid.simulation.x", "from thermid.measure import Record", "only "),
         ("thermid.kitchen.x", "", "no line in ARROWS"),
+        ("thermid.fit.problem.x", "if TYPE_CHECKING:\n    from thermid.fit.calibration import Calibration", "may not import 'fit'"),
+        ("thermid.fit.x", "from thermid.campaign.swap.swap import plan_retune", "may not import 'campaign.swap'"),
+        ("thermid.campaign.x", "def f():\n    from thermid.campaign.swap import swap", "may not import 'campaign.swap'"),
     ],
 )
 def test_an_import_against_the_arrows_is_seen(modules: dict[str, Module], name: str, text: str, word: str) -> None:

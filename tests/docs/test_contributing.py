@@ -140,7 +140,7 @@ def test_the_reading_path_is_as_long_as_it_says(capsys: pytest.CaptureFixture[st
     path = codes(section)
     stated = re.search(r"about (\d+) lines", section)
     assert stated
-    assert (path[0], path[-1]) == ("__init__", "identify/stages")
+    assert (path[0], path[-1]) == ("__init__", "campaign/stages")
     counts = {module: lines(module) for module in path}
     total = sum(counts.values())
     below = ["errors", "units", "expression", "dual"]

@@ -15,7 +15,8 @@ from pydantic import BaseModel
 
 import thermid as td
 from thermid import errors
-from thermid.identify import campaign_schema, study_schema
+from thermid.campaign import schema as campaign_schema
+from thermid.campaign.study import schema as study_schema
 from thermid.judge.validate import Criteria
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure.bindings import _KEYS as CHANNEL_KEYS
@@ -47,6 +48,7 @@ SURFACE_SLOTS = {k: v for kind in ("convection", "effective", "radiation") for k
 JOINT_SLOTS = {k: v for kind in ("contact", "conduction") for k, v in KINDS[kind].slots.items() if k != "gap"}
 SCENARIO_UNITS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ANY}
 SCENARIO_UNITS |= {"start": TEMPERATURE, "initial": TEMPERATURE, "duration": "s"}
+MADE_IN_UNITS = {"pressure": "Pa", "gravity": "m/s^2", "wind": "m/s"}
 GAS_UNITS = {"pressure": "Pa", "humidity": "1", "gravity": "m/s^2", "wind": "m/s", "time_constant": "s"}
 IRRADIATION_UNITS = dict.fromkeys(("direct", "diffuse", "albedo", "total", "infrared", "stream"), "W/m^2")
 IRRADIATION_UNITS |= {"sky": TEMPERATURE, "sky_view": "1"}
@@ -132,6 +134,8 @@ def by_heading() -> dict[str, Names]:
         "Thermostat": _model(schema.Thermostat, _group("thermostat", LOAD_SLOTS)),
         "Proportional heater": _model(schema.Proportional, _group("proportional", LOAD_SLOTS)),
         "Submodel": _model(schema.SubmodelTable),
+        "Air and walls apart": _model(schema.AirAndSees),
+        "State of a gas that a reduced deck was made in": _model(schema.MadeInTable, MADE_IN_UNITS),
         "Scenario": _of(_plain(dataclasses.fields(td.Scenario)), SCENARIO_UNITS),
         "Gas": _of(_plain(dataclasses.fields(td.Environment)), GAS_UNITS),
         "Irradiation": _of(_plain(dataclasses.fields(td.Irradiation)), IRRADIATION_UNITS),

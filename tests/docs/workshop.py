@@ -20,8 +20,8 @@ from unittest import mock
 import thermid as td
 from thermid.acquire.programme import load_programme
 from thermid.acquire.sensormap import load_sensors
+from thermid.campaign.file import read_campaign
 from thermid.cli import main
-from thermid.identify.campaignfile import read_campaign
 
 from .formulas import disagreement
 from .pages import ROOT, Block, blocks, differences, near

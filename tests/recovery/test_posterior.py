@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError
-from thermid.identify.posterior import _Density
+from thermid.inference.posterior import _Density
 from unit.fit.test_search import BENCH, case, log
 
 pytestmark = pytest.mark.recovery

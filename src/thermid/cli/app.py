@@ -17,8 +17,8 @@ from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from thermid.campaign.stages import Campaign
     from thermid.errors import ThermidError
-    from thermid.identify.stages import Campaign
     from thermid.model.model import Model
     from thermid.simulation.scenario import Scenario
 
@@ -149,7 +149,7 @@ def check(deck: Deck, as_json: Json = False) -> None:
 
     content, _ = read_toml(deck)
     if "stages" in content:
-        from thermid.identify.campaignfile import read_campaign
+        from thermid.campaign.file import read_campaign
 
         source = read_campaign(deck)
         files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(source.content.stages)}
@@ -294,10 +294,10 @@ class _Progress:
 
 def _campaign(path: Path, data: Path | None, to: Path | None, fresh: bool, accept: list[str] | None) -> tuple[Campaign, list[Path]]:
     """Run a campaign with progress, taking finished stages from the results folder."""
+    from thermid.campaign.cache import file_name
+    from thermid.campaign.file import read_campaign
+    from thermid.campaign.stages import run_stages
     from thermid.files import VALUES, may_write
-    from thermid.identify.cache import file_name
-    from thermid.identify.campaignfile import read_campaign
-    from thermid.identify.stages import run_stages
 
     folder = to if to is not None else path.parent / "results"
     for stage in read_campaign(path).content.stages if folder.is_dir() else ():
@@ -374,7 +374,7 @@ def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck
     from thermid.errors import DeckError, nearest
 
     makers: dict[str, Callable[[], dict[str, Any]]] = {}
-    from thermid.identify.campaign_schema import json_schema as campaign_schema
+    from thermid.campaign.schema import json_schema as campaign_schema
     from thermid.model.schema import json_schema as deck_schema
 
     makers |= {"deck": deck_schema, "campaign": campaign_schema}

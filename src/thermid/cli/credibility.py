@@ -27,10 +27,10 @@ def credibility(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say of every value its source, state, level, tests, date, range and origin."""
+    from thermid.campaign.credibility import credibility as recorded
+    from thermid.campaign.stages import run_stages
     from thermid.cli.output import clean
     from thermid.files import CREDIBILITY, may_write
-    from thermid.identify.credibility import credibility as recorded
-    from thermid.identify.stages import run_stages
 
     folder = results if results is not None else campaign.parent / "results"
     if to is not None:

@@ -33,8 +33,8 @@ def deliver(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Write decks, values, a reduced deck and what must come out into a folder, and check it from there."""
+    from thermid.campaign.filed import filed
     from thermid.errors import DeckError
-    from thermid.identify.filed import filed
     from thermid.knowledge.standing import of_model
     from thermid.model.modelfile import load_model
     from thermid.qualify.deliver import check_delivery

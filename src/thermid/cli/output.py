@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
+    from thermid.campaign.stages import Campaign
     from thermid.fit.calibration import Calibration
     from thermid.fit.problem.statistics import SensorStatistics
     from thermid.fit.uncertainty.moves import Moves
-    from thermid.identify.stages import Campaign
     from thermid.judge.validate import Verdict
     from thermid.simulation.solution import Solution
 

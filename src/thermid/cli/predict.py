@@ -39,10 +39,10 @@ def predict(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."""
+    from thermid.campaign.stages import run_stages
     from thermid.cli.app import _with_unit
     from thermid.errors import ScenarioError
     from thermid.files import TABLE, may_write
-    from thermid.identify.stages import run_stages
     from thermid.model.signal import literal
     from thermid.prediction.predict import predict as run
     from thermid.simulation.scenario import load_scenario

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 if TYPE_CHECKING:
-    from thermid.identify.filed import Filed
+    from thermid.campaign.filed import Filed
     from thermid.knowledge.standing import Standing
     from thermid.model.model import Model
 
@@ -39,7 +39,7 @@ def with_fitted(model: Model, file: Path | None, keep: bool = False) -> Model:
     """
     if file is None:
         return model
-    from thermid.identify.filed import filed
+    from thermid.campaign.filed import filed
 
     found = filed(file, model, keep=keep)
     say_first(found, file)

@@ -27,9 +27,9 @@ def identify(
     as_json: Json = False,
 ) -> None:
     """Say what the logs of each stage can tell of the parameters that it frees, what they cannot, and what would help."""
+    from thermid.campaign.survey import survey
     from thermid.cli.app import _Progress
     from thermid.cli.output import clean
-    from thermid.identify.survey import survey
 
     progress = _Progress()
     try:

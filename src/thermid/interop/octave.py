@@ -12,7 +12,8 @@ from thermid.errors import DeckError
 from thermid.files import EXPORT, write_text
 from thermid.interop.formula import Formula, Text, number_text
 from thermid.interop.units_of import si_unit
-from thermid.interop.wired import Wired, identifiers, one_line, refuse_crooked, wired
+from thermid.interop.wired import Wired, identifiers, one_line, refuse_crooked, table_points, wired
+from thermid.model.curves import Curve
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Sine, Table
 from thermid.network.rows import SMOOTHING, ConductorRow
@@ -66,6 +67,28 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     return text
 
 
+LINES = (
+    "",
+    "function v = lines(u, table)",
+    "  % Straight lines between the points of a table; outside, its last value, or none where it is refused.",
+    "  [x, y, held] = table();",
+    "  if held, u = min(max(u, x(1)), x(end)); end",
+    "  v = interp1(x, y, u);",
+    "end",
+)
+AREA = (
+    "",
+    "function v = area(u, table)",
+    "  % Integral of a table of straight lines from its first point on.",
+    "  [x, y, held] = table();",
+    "  k = min(max(sum(u >= x), 1), numel(x) - 1);",
+    "  s = u - x(k);",
+    "  v = sum(diff(x(1:k)).*(y(1:k - 1) + y(2:k)))/2 + s*(y(k) + s*(y(k + 1) - y(k))/(x(k + 1) - x(k))/2);",
+    "  if ~held && (u < x(1) || u > x(end)), v = NaN; end",
+    "end",
+)
+
+
 class _Writer:
     """Writes one file."""
 
@@ -77,6 +100,7 @@ class _Writer:
         self.fields = {p: f"{n}_" if n in KEYWORDS else n for p, n in short.items()}
         self.nodes = identifiers((*w.network.nodes, *w.network.boundaries))
         self.rows = identifiers(label for label, _ in w.conductors)
+        self.curves: dict[Curve, int] = {}
         self.text = Text(lambda path: f"p.{self.fields[path]}")
 
     def _used(self) -> list[str]:
@@ -103,6 +127,7 @@ class _Writer:
             yield from ("", f"function y = {name}(t)", f"  % {unit}")
             yield from (f"  {line}" for line in _signal_lines(signal))
             yield "end"
+        yield from self._tables()
 
     def _head(self) -> Iterator[str]:
         from importlib.metadata import version
@@ -193,6 +218,8 @@ class _Writer:
             power = self.text.of(source.power, 2)
             if source.signal != Constant(1.0):
                 power = f"input_{k}(t)" if power == "1" else f"{power}*input_{k}(t)"
+            if source.curve is not None:
+                power = f"{power}*{self._read(source.curve, f'T_{name[source.sensor]}')}"
             yield f"  Q_{k} = {power};  % {source.load}"
             heat.setdefault(source.node, []).append(f"Q_{k}")
         yield "  % Conductances. [W/K]"
@@ -206,6 +233,10 @@ class _Writer:
         yield "  % Heat flows. [W]"
         for label, row in w.conductors:
             a, b = (name[end] for end in row.ends)
+            if row.form == "potential" and row.curve is not None:
+                areas = (self._read(row.curve, f"T_{end}", "area") for end in (a, b))
+                yield f"  q_{self.rows[label]} = G_{self.rows[label]}*({' - '.join(areas)});"
+                continue
             yield f"  q_{self.rows[label]} = G_{self.rows[label]}*(T_{a} - T_{b});"
         yield "  % Differential equations. [K/s]"
         for node in w.massive:
@@ -220,7 +251,30 @@ class _Writer:
             first += f"*(({a} - {b})^2 + {SMOOTHING}^2)^({rest[0]}/2)"
         elif row.form == "radiation":
             first += f"*({a}^2 + {b}^2)*({a} + {b})"
+        elif row.form == "table" and row.curve is not None:
+            at = f"{a} - {b}" if row.curve.over == "difference" else f"({a} + {b})/2"
+            first += f"*{self._read(row.curve, at)}"
         return f"{first}*{_gas(row.signal)}(t)" if row.signal else first
+
+    def _read(self, curve: Curve, at: str, what: str = "lines") -> str:
+        """Return the text that reads a table, or its integral (`what` is 'area'), and keep the table for the end of the file."""
+        self.curves.setdefault(curve, len(self.curves) + 1)
+        return f"{what}({at}, @table_{self.curves[curve]})"
+
+    def _tables(self) -> Iterator[str]:
+        """Yield the tables, and the functions that read them: straight lines between their points."""
+        for curve, k in self.curves.items():
+            x, y, held = table_points(curve)
+            yield from (
+                "",
+                f"function [x, y, held] = table_{k}()",
+                f"  % Over {'a' if curve.over == 'difference' else 'the'} {curve.over}. [K] and [SI]",
+            )
+            yield from _listed("  x = ", x, column=True)
+            yield from _listed("  y = ", y, column=True)
+            yield from (f"  held = {str(held).lower()};", "end")
+        if self.curves:
+            yield from (*LINES, *AREA)
 
     def _balance(self, node: str, heat: dict[str, list[str]]) -> str:
         """Return the heat into a node."""

@@ -11,7 +11,8 @@ from thermid.dual import value_of
 from thermid.errors import DeckError
 from thermid.files import EXPORT, write_text
 from thermid.interop.formula import number_text
-from thermid.interop.wired import Wired, identifiers, one_line, wired
+from thermid.interop.wired import Source, Wired, identifiers, one_line, table_points, wired
+from thermid.model.curves import FAR, Curve
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Sine, Table
 from thermid.network.rows import SMOOTHING, ConductorRow
@@ -74,6 +75,9 @@ class _Netlist:
             yield self._conductor(label, row)
         for k, source in enumerate(w.sources, 1):
             yield f"* load {source.load}"
+            if source.curve is not None:
+                yield self._dependent(k, source)
+                continue
             yield from self._source(f"I_{k} 0 {self.nodes[source.node]}", source.signal, float(source.power), 0.0)
         yield ".options reltol=1e-7 abstol=1e-12 vntol=1e-9"
         largest = number_text(self.end / STEPS)
@@ -99,7 +103,28 @@ class _Netlist:
         if row.form == "radiation":
             one, two = f"(V({a})+{ICE_POINT})", f"(V({b})+{ICE_POINT})"
             return f"B_{name} {a} {b} I={text}*({one}^4-{two}^4)"
+        if row.form == "table" and row.curve is not None:
+            mean = f"(V({a})+V({b}))/2+{ICE_POINT}"
+            return f"B_{name} {a} {b} I={text}*V({a},{b})*{self._pwl(row.curve, f'V({a},{b})' if row.curve.over == 'difference' else mean)}"
         raise DeckError(f"'{label}' is of a form that is not written to SPICE: {row.form}.", self.w.network.title)
+
+    def _dependent(self, k: int, source: Source) -> str:
+        """Return a load whose power is a table over a temperature."""
+        if source.signal != Constant(1.0):
+            raise DeckError(
+                f"the load '{source.load}' is a table that changes in time, which is not written to SPICE.", self.w.network.title
+            )
+        assert source.curve is not None
+        at = f"V({self.nodes[source.sensor]})+{ICE_POINT}"
+        return f"B_load_{k} 0 {self.nodes[source.node]} I={number_text(float(source.power))}*{self._pwl(source.curve, at)}"
+
+    def _pwl(self, curve: Curve, at: str) -> str:
+        """Return a table of straight lines as SPICE has it; it goes on as a line there, so that points far out hold the last value."""
+        x, y, held = table_points(curve)
+        if not held:
+            raise DeckError("a table that is refused outside its points is not written to SPICE, which would go on.", self.w.network.title)
+        x, y = [x[0] - FAR, *x, x[-1] + FAR], [y[0], *y, y[-1]]
+        return f"pwl({at}, {', '.join(f'{number_text(a)}, {number_text(b)}' for a, b in zip(x, y, strict=True))})"
 
     def _source(self, start: str, signal: Signal, factor: float, zero: float) -> Iterator[str]:
         """Yield a source: a number, a sine or a line of points; `zero` is where its scale begins."""

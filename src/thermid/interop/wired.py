@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
 from thermid.interop.formula import Formula, with_formulas
+from thermid.model.curves import Curve, slopes, whole
 from thermid.model.kinds import HINGES
 from thermid.model.model import Model
 from thermid.model.signal import Constant, Signal, Table
@@ -20,9 +21,9 @@ from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.wiring import Wiring
 
-__all__ = ["Source", "Wired", "identifiers", "named_rows", "one_line", "refuse_crooked", "wired"]
+__all__ = ["Source", "Wired", "identifiers", "named_rows", "one_line", "refuse_crooked", "table_points", "wired"]
 
-TABLES = ("table", "potential", *HINGES.values())
+MOVING = tuple(HINGES.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +35,16 @@ class Source:
     load, node : str    Path of the load; node that it heats.
     power : Formula or float    What the signal is multiplied by. [W]
     signal : Signal     [-], or in watts where `power` is one.
+    curve : Curve       Power over the temperature of a node, times both; None where it does not depend on one. [W]
+    sensor : str        That node.
     """
 
     load: str
     node: str
     power: Formula | float
     signal: Signal
+    curve: Curve | None = None
+    sensor: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +112,22 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
     wiring = Wiring(network, scenario)
     numbers = wiring.flowing(with_formulas(network), {})
     for row in numbers.conductors:
-        if row.law.tables or row.form in TABLES:
-            kind = "a table of points" if row.form in TABLES else "a law of gas at a pressure, which rests on tables"
+        if row.form in MOVING or row.form in ("gas", "natural"):
+            kind = "a table that follows values" if row.form in MOVING else "a law of gas at a pressure, which rests on tables"
             raise DeckError(f"'{row.name}' is {kind}, which is not written to {what}.", network.title)
+    given = {c.path: c.curve for c in network.flat.conductors} | {load.path: load.curve for load in network.flat.loads}
+    for name, curve in given.items():
+        if curve is not None and not (curve.film[-1] if curve.film else curve).straight:
+            raise DeckError(f"'{name}' is a smooth table, which is not written to {what}; straight lines are.", network.title)
     for node in network.stores:
         raise DeckError(f"the specific heat of '{node}' changes with temperature, which is not written to {what}.", network.title)
     sources = []
     for load in numbers.loads:
+        if load.form == "table" and not load.control and load.curve is not None:
+            signal = wiring.signals[load.signal] if load.signal else Constant(1.0)
+            if load.node in network.nodes:
+                sources.append(Source(load.name, load.node, load.coefficients[0], signal, load.curve, load.node))  # type: ignore[arg-type]
+            continue
         if not load.fixed:
             law = load.control or load.form
             raise DeckError(f"the load '{load.name}' depends on temperature ({law}), which is not written to {what}.", network.title)
@@ -166,7 +180,26 @@ def refuse_crooked(w: Wired, what: str) -> None:
                 f"Give the node a capacitance to write the model to {what}.",
                 w.network.title,
             )
+    for source in w.sources:
+        at = [end for end in (source.node, source.sensor) if end in w.massless]
+        if source.curve is not None and at:
+            raise DeckError(
+                f"the load '{source.load}' depends on temperature and acts on the massless node '{at[0]}', whose temperature has no formula"
+                f" then. Give the node a capacitance to write the model to {what}.",
+                w.network.title,
+            )
     _check_reached(w)
+
+
+def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:
+    """Return abscissae and ordinates of a table of straight lines, or of the integrand of a potential, as far as it reaches.
+
+    Third: whether it is held outside; a table that is refused has no values there.
+    """
+    if curve.film:
+        return curve.x.tolist(), slopes(curve).tolist(), curve.limits is None
+    x, y, _ = whole(curve)
+    return x.tolist(), y.tolist(), curve.limits is None
 
 
 def _check_reached(w: Wired) -> None:

@@ -11,7 +11,7 @@ import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
 from importlib import import_module
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -140,7 +140,7 @@ def matlab(data: bytes, file: str, separator: str | None) -> Cells:
     from scipy.io.matlab import MatReadError
 
     try:
-        held = loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=True)
+        held = loadmat(cast("Any", io.BytesIO(data)), squeeze_me=True, struct_as_record=True)
     except (MatReadError, ValueError, TypeError, NotImplementedError, OSError) as error:
         raise RecordError(f"the MATLAB file cannot be read ({error}). Save it again with save -v7.", file) from None
     return of_variables(held, file)
@@ -166,7 +166,7 @@ def _flattened(name: str, value: Any) -> Vectors:
     """Return the vectors of a variable: columns of a matrix, fields of a structure, signals of a Simulink log."""
     if isinstance(value, np.ndarray | np.void) and value.dtype.names:
         if value.ndim == 0 or value.size == 1:
-            fields = value.reshape(-1)[0] if value.ndim else value[()]
+            fields = np.asarray(value).reshape(-1)[0]
             out: Vectors = {}
             for field in value.dtype.names:
                 label = _label(fields) if field == "values" else ""

@@ -128,7 +128,7 @@ def _temperature(name: str, text: str, why: str) -> tuple[str, str, str]:
 
 def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
     """Return the guess for a column without a unit."""
-    if _STATE.search(name) or (known.size > 2 and np.all(np.diff(known) == 1)):
+    if _STATE.search(name) or (known.size > 2 and np.all(np.diff(known) == 1) and not _TEMPERATURE.match(name)):
         return "ignored", "", "counts rows or states"
     letter = re.match(r".*[a-z0-9]_([CFK])\Z", name)
     if letter:

@@ -111,9 +111,8 @@ def pivoted(cells: Cells) -> Cells:
 
 
 def _is_key(column: Sequence[str]) -> bool:
-    """Whether a column holds few texts that repeat."""
-    texts = {*column}
-    return not all(is_number(text) for text in texts) and len(texts) <= max(1, len(column) // 2)
+    """Whether a column holds few texts, or numbers, that come again and again."""
+    return 1 <= len({*column}) <= max(1, len(column) // 2)
 
 
 def _remarked(cells: Cells, names: Sequence[str]) -> Cells:

@@ -22,6 +22,8 @@ from thermid.measure.textfile import Cells
 
 __all__ = ["read_record", "temperature_columns"]
 
+OVERLOAD: Final = 9.9e36
+"""What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
 _SCALES: Final = ("degC", "K", "degF", "°C")
 
 
@@ -142,6 +144,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
             f"'{text}' is no number. Missing samples are written empty, NaN or NA; with decimal commas, give decimal=','.",
             cells.where(samples, column),
         )
+    samples = np.where(np.abs(samples) >= OVERLOAD, np.inf, samples)
     stated = binding.unit is not None or header_unit is not None
     if quantity == "temperature" and not stated:
         _refuse_kelvin(samples, binding.name, where)

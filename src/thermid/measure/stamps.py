@@ -14,6 +14,20 @@ from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure.amounts import duration_text
 from thermid.measure.channel import FloatArray
 from thermid.measure.columns import name_and_unit, numbers
+from thermid.measure.dates import (
+    CLOCK,
+    HALF_DAY_CLOCK,
+    NUMERIC,
+    ORDERS,
+    day_number,
+    is_date,
+    is_iso,
+    is_stamp,
+    of_day,
+    one_stamp,
+    zone_of_header,
+    zone_of_stamp,
+)
 from thermid.measure.textfile import MISSING, Cells
 from thermid.units import require, unit
 
@@ -21,34 +35,18 @@ __all__ = ["TIME_NAMES", "Clock", "Times", "clock_column", "read_times", "stamp_
 
 TIME_NAMES: Final = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")
 """Names that a time column has by default; a single letter counts as written, because T is a temperature."""
-_OTHER_NAMES: Final = frozenset(
-    "date time|date/time|date & time|date_time|date|time stamp|time_ms|t_ms|ms|millis|millis()|elapsed|elapsed time|elapsed_s|uptime|epoch|"
-    "unix|unixtime|unix_time|ts|_time|last_changed|last_updated|scan sweep time|x_value|zeit|uhrzeit|zeitstempel|datum|datum/zeit|hora|"
-    "data|data/hora|data hora|data_hora|tempo|tempo_s|carimbo|fecha|fecha/hora|fecha hora|tiempo|temps|heure|date/heure|horodatage".split(
-        "|"
-    )
+_DATED: Final = frozenset(
+    "date time|date/time|date & time|date_time|date|time stamp|ts|_time|last_changed|last_updated|uhrzeit|zeitstempel|datum|datum/zeit|"
+    "hora|data|data/hora|data hora|data_hora|carimbo|fecha|fecha/hora|fecha hora|heure|date/heure|horodatage|scan sweep time|"
+    "elapsed time".split("|")
 )
-"""Names that are taken where no column has one of the usual ones and the cells are times."""
+"""Names that are taken where no column has one of the usual ones and the cells are stamps."""
+_COUNTED: Final = frozenset(
+    "time stamp|time_ms|t_ms|ms|millis|millis()|elapsed|elapsed time|elapsed_s|uptime|epoch|unix|unixtime|unix_time|scan sweep time|"
+    "x_value|zeit|tempo|tempo_s|tiempo".split("|")
+)
+"""Names that are taken where the cells are numbers that rise; up to three letters count as written, because Ts and mS are none."""
 
-_CLOCK: Final = re.compile(r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+)?)\Z", re.ASCII)
-_HALF_DAY_CLOCK: Final = re.compile(r"(\d{1,2}):([0-5]\d)(?::([0-5]\d(?:[.,]\d+)?))?\s*([AaPp])\.?\s?[Mm]\.?\Z", re.ASCII)
-_ZONE: Final = r"(?:\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d))?"
-_HOURS: Final = (
-    r"(?:[T, ]+(?P<h>\d{1,2}):(?P<m>[0-5]\d)(?::(?P<s>[0-5]\d)(?:[.,:](?P<f>\d{1,9}))?)?"
-    r"\s*(?:(?P<half>[AaPp])\.?\s?[Mm]\.?)?" + _ZONE + r")?\Z"
-)
-_NUMERIC: Final = re.compile(r"(?P<a>\d{1,4})(?P<sign>[/.-])(?P<b>\d{1,2})(?P=sign)(?P<c>\d{1,4})\.?" + _HOURS, re.ASCII)
-_WORD: Final = r"(?P<word>[A-Za-zÀ-ÿ]{3,10})\.?"
-_NAMED: Final = re.compile(r"(?P<a>\d{1,2})[ ./-]+" + _WORD + r"[ ,./-]+(?P<c>\d{4}|\d\d)" + _HOURS)
-_AMERICAN: Final = re.compile(_WORD + r" (?P<a>\d{1,2}),? (?P<c>\d{4})" + _HOURS)
-_MONTHS: Final = {
-    name: month
-    for month, names in enumerate(
-        "jan ene|feb fev|mar mär mrz|apr abr avr|may mai|jun|jul|aug ago aoû|sep set|oct okt out|nov|dec dez dic déc".split("|"), 1
-    )
-    for name in names.split()
-}
-_ORDERS: Final = {"day/month/year": "cba", "month/day/year": "cab", "year/month/day": "abc"}
 _HALF_DAY: Final = 43200.0
 _DAY: Final = 86400.0
 _SINCE_1970: Final = (9.4e8, 2.2e9)
@@ -144,42 +142,31 @@ def _kinds(cells: Cells) -> tuple[list[int], list[int]]:
     dates, clocks = [], []
     for at, column in enumerate(cells.columns):
         ends = (column[0].strip(), column[-1].strip())
-        if all(_CLOCK.match(each) or _HALF_DAY_CLOCK.match(each) or re.fullmatch(r"\d{1,2}:[0-5]\d", each) for each in ends):
+        if all(CLOCK.match(each) or HALF_DAY_CLOCK.match(each) or re.fullmatch(r"\d{1,2}:[0-5]\d", each) for each in ends):
             clocks.append(at)
-        elif all(_is_date(each) for each in ends):
+        elif all(is_date(each) for each in ends):
             dates.append(at)
     return dates, clocks
-
-
-def _is_date(text: str) -> bool:
-    match = _NUMERIC.match(text) or _NAMED.match(text) or _AMERICAN.match(text)
-    return match is not None and match["h"] is None and len(text) >= 6
-
-
-def _is_stamp(text: str) -> bool:
-    """Whether a text is a date with a clock time."""
-    plain = text.strip()
-    match = _NUMERIC.match(plain) or _NAMED.match(plain) or _AMERICAN.match(plain)
-    if match is not None:
-        return match["h"] is not None
-    try:
-        return len(plain) > 10 and datetime.fromisoformat(plain) is not None
-    except ValueError:
-        return False
 
 
 def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks: list[int]) -> int:
     hits = [at for at, name in enumerate(names) if (name.lower() if len(name) > 3 else name) in TIME_NAMES]
     if len(hits) == 1:
         return hits[0]
-    stamps = [at for at, column in enumerate(cells.columns) if _is_stamp(column[0]) and _is_stamp(column[-1])]
+    stamps = [at for at, column in enumerate(cells.columns) if is_stamp(column[0]) and is_stamp(column[-1])]
     if len(hits) > 1:
         # a date in one column and the clock time in the other are one time
         if len(hits) == 2 and {*hits} <= {*dates, *clocks}:
             return hits[0]
         raise RecordError(f"{' and '.join(cells.header[at] for at in hits)} could each be the time column. Give time='...'.", cells.file)
     timely = {*stamps, *dates, *clocks}
-    named = [at for at, name in enumerate(names) if _plainly(name) in _OTHER_NAMES and (at in timely or _numeric(cells, at))]
+    named = [
+        at
+        for at, name in enumerate(names)
+        if (_plainly(name) in _DATED | _COUNTED and at in timely)
+        or (_plainly(name) in _COUNTED and _rises(cells, at))
+        or (_plainly(name) in _DATED and _since_1970(cells, at))
+    ]
     named = named or [at for at, name in enumerate(names) if _plainly(name).startswith(("date time", "time,", "datetime"))]
     for hits in (named, stamps, clocks, [at for at in range(len(names)) if _counts(cells, at)]):
         if len(hits) == 1:
@@ -198,7 +185,7 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
 
 
 def _plainly(name: str) -> str:
-    return name.strip().lower()
+    return name.strip().lower() if len(name.strip()) > 3 else name.strip()
 
 
 def _numeric(cells: Cells, at: int) -> bool:
@@ -206,12 +193,22 @@ def _numeric(cells: Cells, at: int) -> bool:
     return all(isinstance(numbers((each.strip().replace(",", "."),), "."), np.ndarray) and each.strip() for each in (column[0], column[-1]))
 
 
+def _rises(cells: Cells, at: int) -> bool:
+    """Whether a column has numbers that end above their begin."""
+    column = cells.columns[at]
+    return _numeric(cells, at) and float(column[0].replace(",", ".")) < float(column[-1].replace(",", "."))
+
+
+def _since_1970(cells: Cells, at: int) -> bool:
+    if not _numeric(cells, at):
+        return False
+    first = float(cells.columns[at][0].replace(",", "."))
+    return any(_SINCE_1970[0] * factor <= first <= _SINCE_1970[1] * factor for _, factor in _EPOCHS)
+
+
 def _counts(cells: Cells, at: int) -> bool:
     """Whether a column has a unit of time in its header and numbers below that rise."""
-    text = name_and_unit(cells.header[at])[1]
-    if text not in ("s", "ms", "us", "ns", "min", "h", "d") or not _numeric(cells, at):
-        return False
-    return float(cells.columns[at][0].replace(",", ".")) < float(cells.columns[at][-1].replace(",", "."))
+    return name_and_unit(cells.header[at])[1] in ("s", "ms", "us", "ns", "min", "h", "d") and _rises(cells, at)
 
 
 def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_text: str | None, given: bool = False) -> Times:
@@ -347,19 +344,19 @@ def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
 def _stamped(cells: Cells, clock: Clock, form: str | None) -> Times:
     """Return times that are stamps, from the first."""
     column, first = clock.texts, clock.texts[0].strip()
-    zone = _zone_of_header(clock.header)
+    zone = zone_of_header(clock.header)
     if form is not None:
         return Times(_by_form(cells, clock, form), first, (), form, zone)
-    if _CLOCK.match(first):
+    if CLOCK.match(first):
         return Times(_clock_times(cells, column, clock.name), first, (), "clock times", zone)
-    if _HALF_DAY_CLOCK.match(first):
+    if HALF_DAY_CLOCK.match(first):
         return Times(
             _past_midnight(np.array([_half_day(cells, clock, row) for row in range(len(column))])), first, (), "clock times, AM/PM", zone
         )
-    if _NUMERIC.match(first) and not _iso(first):
+    if NUMERIC.match(first) and not is_iso(first):
         values, order, said = _by_order(cells, clock)
-        return Times(values, first, said, order, zone or _zone(first))
-    return Times(*_plain_stamps(cells, clock), zone=zone or _zone(first))
+        return Times(values, first, said, order, zone or zone_of_stamp(first))
+    return Times(*_plain_stamps(cells, clock), zone=zone or zone_of_stamp(first))
 
 
 def stamp_seconds(texts: Sequence[str], file: str = "") -> tuple[FloatArray, str | None]:
@@ -375,82 +372,33 @@ def stamp_seconds(texts: Sequence[str], file: str = "") -> tuple[FloatArray, str
     if isinstance(parsed, np.ndarray):
         since = next((factor for _, factor in _EPOCHS if _SINCE_1970[0] * factor <= parsed[0] <= _SINCE_1970[1] * factor), 1.0)
         return parsed / since, None
-    if _NUMERIC.match(texts[0].strip()) and not _iso(texts[0].strip()):
+    if NUMERIC.match(texts[0].strip()) and not is_iso(texts[0].strip()):
         return _by_order(cells, clock, sort=True)[0], None
     return _plain_stamps(cells, clock)[0], None
-
-
-def _iso(text: str) -> bool:
-    try:
-        datetime.fromisoformat(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _zone(text: str) -> str:
-    match = re.search(r"(Z|UTC|GMT|[+-]\d\d:?\d\d)\s*\Z", text)
-    return match[1] if match and ":" in text else ""
-
-
-def _zone_of_header(header: str) -> str:
-    match = re.search(r"\b((?:GMT|UTC)(?:[+-]\d{1,2}(?::?\d\d)?)?)", header)
-    return match[1] if match else ""
-
-
-def _of_day(match: re.Match[str]) -> float:
-    """Return the seconds since midnight of a stamp."""
-    if match["h"] is None:
-        return 0.0
-    hour = int(match["h"])
-    if match["half"]:
-        hour = hour % 12 + (12 if match["half"] in "Pp" else 0)
-    fraction = float(f"0.{match['f']}") if match["f"] else 0.0
-    return 3600.0 * hour + 60.0 * int(match["m"]) + int(match["s"] or 0) + fraction - _offset(match["zone"])
-
-
-def _offset(zone: str | None) -> float:
-    if not zone or zone[0] not in "+-":
-        return 0.0
-    digits = zone[1:].replace(":", "")
-    return (1.0 if zone[0] == "+" else -1.0) * (3600.0 * int(digits[:2]) + 60.0 * int(digits[2:] or 0))
-
-
-def _years(text: str) -> int:
-    return int(text) if len(text) > 2 else 2000 + int(text)
-
-
-def _day_number(year: str, month: str, day: str) -> int | None:
-    if len(month) > 2 or len(day) > 2 or len(year) == 3:
-        return None
-    try:
-        return datetime(_years(year), int(month), int(day)).toordinal()
-    except ValueError:
-        return None
 
 
 def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArray, str, tuple[str, ...]]:
     """Return seconds from the first stamp of dates in numbers, the order of day, month and year, and a note."""
     matches = []
     for row, cell in enumerate(clock.texts):
-        match = _NUMERIC.match(cell.strip())
+        match = NUMERIC.match(cell.strip())
         if match is None:
             raise RecordError(f"'{cell}' is no stamp as the first line has: '{clock.texts[0].strip()}'.", cells.where(row, clock.name))
         matches.append(match)
-    of_day = np.array([_of_day(match) for match in matches])
+    seconds = np.array([of_day(match) for match in matches])
     german = matches[0]["sign"] == "." and len(matches[0]["a"]) <= 2
     kept: dict[str, FloatArray] = {}
     days: dict[tuple[str, ...], int | None] = {}
-    for order, (y, m, d) in _ORDERS.items():
+    for order, (y, m, d) in ORDERS.items():
         if german and order != "day/month/year":
             continue
         fields = [(match[y], match[m], match[d]) for match in matches]
         for key in dict.fromkeys(fields):
-            days[key] = _day_number(*key)
+            days[key] = day_number(*key)
         read = [days[key] for key in fields]
         if None in read:
             continue
-        values = np.array(read, dtype=np.float64) * _DAY + of_day
+        values = np.array(read, dtype=np.float64) * _DAY + seconds
         values = np.round(values - values[0], 9)
         if sort or not np.any(np.diff(values) < 0):
             kept[order] = values
@@ -461,7 +409,11 @@ def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArra
             cells.where(0, clock.name),
         )
     order = _chosen(cells, clock, kept)
-    return kept[order], order, (f"stamps read as {order}",) if not german and len(matches[0]["a"]) <= 2 else ()
+    if german or len(matches[0]["a"]) > 2:
+        return kept[order], order, ()
+    open_ = len(kept) > 1 and all(np.array_equal(values, kept[order]) for values in kept.values())
+    said = f"day and month of the stamps are open ({' or '.join(kept)}); the times are the same" if open_ else f"stamps read as {order}"
+    return kept[order], " or ".join(kept) if open_ else order, (said,)
 
 
 def _chosen(cells: Cells, clock: Clock, kept: dict[str, FloatArray]) -> str:
@@ -485,7 +437,7 @@ def _chosen(cells: Cells, clock: Clock, kept: dict[str, FloatArray]) -> str:
 
 def _form(text: str, order: str) -> str:
     """Return the format of `datetime.strptime` of a stamp."""
-    match = _NUMERIC.match(text.strip())
+    match = NUMERIC.match(text.strip())
     assert match is not None
     sign = match["sign"]
     year = "%Y" if len(match["c"]) == 4 else "%y"
@@ -502,7 +454,7 @@ def _clock_times(cells: Cells, column: tuple[str, ...], name: str) -> FloatArray
     """Return seconds from the first clock time; a step back of more than half a day passes midnight."""
     out = np.empty(len(column))
     for row, cell in enumerate(column):
-        match = _CLOCK.match(cell.strip())
+        match = CLOCK.match(cell.strip())
         if match is None:
             raise RecordError(f"'{cell}' is no clock time HH:MM:SS, as the first line has.", cells.where(row, name))
         out[row] = 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
@@ -510,7 +462,7 @@ def _clock_times(cells: Cells, column: tuple[str, ...], name: str) -> FloatArray
 
 
 def _half_day(cells: Cells, clock: Clock, row: int) -> float:
-    match = _HALF_DAY_CLOCK.match(clock.texts[row].strip())
+    match = HALF_DAY_CLOCK.match(clock.texts[row].strip())
     if match is None:
         raise RecordError(f"'{clock.texts[row]}' is no clock time with AM or PM, as the first line has.", cells.where(row, clock.name))
     hour = int(match[1]) % 12 + (12 if match[4] in "Pp" else 0)
@@ -525,27 +477,13 @@ def _past_midnight(of_day: FloatArray) -> FloatArray:
     return times
 
 
-def _one_stamp(text: str) -> datetime:
-    """Return an ISO 8601 stamp, or one with the month as a word."""
-    if text[:1].isdigit() and text[4:5] in "-0123456789":
-        return datetime.fromisoformat(text)
-    match = _NAMED.match(text) or _AMERICAN.match(text)
-    if match is None:
-        return datetime.fromisoformat(text)
-    month = _MONTHS.get(match["word"].lower()[:3])
-    if month is None:
-        raise ValueError("no month")
-    day = datetime(_years(match["c"]), month, int(match["a"]), tzinfo=UTC if match["zone"] else None)
-    return day + timedelta(seconds=_of_day(match))
-
-
 def _plain_stamps(cells: Cells, clock: Clock) -> tuple[FloatArray, str, tuple[str, ...], str]:
     """Return seconds from the first stamp, and what `Times` holds beside them."""
     column, name = clock.texts, clock.name
     stamps: list[datetime] = []
     for row, cell in enumerate(column):
         try:
-            stamps.append(_one_stamp(cell.strip()))
+            stamps.append(one_stamp(cell.strip()))
         except ValueError:
             hint = "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'."
             raise RecordError(

@@ -294,7 +294,7 @@ def _cells_of_lines(lines: list[tuple[int, str]], mark: str) -> list[list[str]]:
 
 
 def _holds_samples(row: Sequence[str]) -> bool:
-    return len(row) > 1 and any(is_number(cell) for cell in row) and (is_number(row[0]) or bool(_TIMELY.search(row[0])) or len(row) > 1)
+    return len(row) > 1 and any(is_number(cell) for cell in row)
 
 
 def _longest_run(rows: list[list[str]]) -> tuple[int, int]:

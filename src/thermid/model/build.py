@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import DeckError, nearest
-from thermid.model.curves import Curve, curve
+from thermid.model.curves import INTERPOLATIONS, OUTSIDE, Curve, curve, limited
 from thermid.model.elements import CONTROLS, LOAD_SLOTS, Conductor, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model.enclosures import enclosure_from
 from thermid.model.facing import facing_from
 from thermid.model.kinds import KINDS
 from thermid.model.parameter import Parameter, parameter
 from thermid.model.signal import literal
-from thermid.model.stores import TABULATED, tabulated
+from thermid.model.stores import TABULATED, melting, tabulated
 from thermid.physics.finishes import finish
 from thermid.physics.gas import GASES, gas_named
 
@@ -25,6 +25,8 @@ Where = Callable[[str], str]
 LIQUID = "liquid"
 """What a stream names that no pressure touches."""
 NODE_FIELDS = ("mass", "specific_heat", "capacitance")
+MELTING = {"latent_heat": "J/kg", "melts_from": "temperature", "melts_to": "temperature", "liquid_specific_heat": "J/(kg K)"}
+"""Fields of a node that melts, beside its mass and specific heat, with their units."""
 SURFACE_FIELDS = ("area", "htc", "effective_htc", "emissivity", "absorptance")
 JOINT_FIELDS = ("area", "contact_conductance", "conductivity", "thickness", "gap")
 LOAD_FIELDS = tuple(dict.fromkeys(slot.partition(".")[0] for slot in LOAD_SLOTS))
@@ -87,13 +89,15 @@ def _property(table: Mapping[str, Any], name: str, where: str) -> tuple[dict[str
         return dict(table), None
     slot = TABULATED[name]
     slots = ("temperature", slot, slope_unit(slot))
-    return {k: v for k, v in table.items() if k != name}, tabulated(name, _curve(given, "temperature", slots, where), where)
+    shape = _curve(given, "temperature", slots, where, steps=name == "enthalpy")
+    return {k: v for k, v in table.items() if k != name}, tabulated(name, shape, where)
 
 
-def _curve(given: Mapping[str, Any], over: str, slots: tuple[str, ...], where: str) -> Curve:
+def _curve(given: Mapping[str, Any], over: str, slots: tuple[str, ...], where: str, steps: bool = False) -> Curve:
     """Return the curve of a table of points, each a text for every slot or for the first two."""
     points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in given["points"]]
-    return curve(over, points, where, given.get("source") or "", given.get("basis") or "")
+    kind, outside = given.get("interpolation") or INTERPOLATIONS[0], given.get("outside") or OUTSIDE[0]
+    return curve(over, points, where, given.get("source") or "", given.get("basis") or "", kind, outside, steps)
 
 
 def slope_unit(slot: str) -> str:
@@ -127,6 +131,7 @@ def made_from(table: Mapping[str, Any], where: str) -> MadeIn:
 
 def _node(name: str, table: Mapping[str, Any], where: Where) -> Node:
     key = f"nodes.{name}"
+    table = _melting(table, where(key))
     table, heat = _property(table, "specific_heat", where(f"{key}.specific_heat"))
     table, enthalpy = _property(table, "enthalpy", where(f"{key}.enthalpy"))
     fields = _fields(table, NODE_FIELDS, where, key)
@@ -139,6 +144,26 @@ def _node(name: str, table: Mapping[str, Any], where: Where) -> Node:
     if set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
         raise DeckError("a node has mass and specific_heat, or capacitance, or nothing (a massless node).", where(f"nodes.{name}"))
     return Node(fields, table["reference_point"], table["test_only"], None, stands_for)
+
+
+def _melting(table: Mapping[str, Any], where: str) -> Mapping[str, Any]:
+    """Return a node's table with an enthalpy in place of a specific heat and a latent heat."""
+    given = {k: table[k] for k in MELTING if table.get(k)}
+    if not given:
+        return table
+    if table.get("enthalpy") or not {"latent_heat", "melts_from"} <= set(given) or not isinstance(table.get("specific_heat"), str):
+        raise DeckError(
+            "a node that melts has mass, specific_heat, latent_heat and melts_from as plain quantities, and may have melts_to and"
+            " liquid_specific_heat; or it has a table of enthalpy.",
+            where,
+        )
+    heat = literal(table["specific_heat"], "J/(kg K)", f"{where}.specific_heat")
+    values = {k: literal(v, MELTING[k], f"{where}.{k}") for k, v in given.items()}
+    begins = values["melts_from"]
+    shape = melting(heat, values.get("liquid_specific_heat", heat), values["latent_heat"], begins, values.get("melts_to", begins), where)
+    points = [[f"{x!r} [K]", f"{y!r} [J/kg]"] for x, y in zip(shape.x.tolist(), shape.y.tolist(), strict=True)]
+    left = {k: v for k, v in table.items() if k not in MELTING and k != "specific_heat"}
+    return left | {"enthalpy": {"points": points}}
 
 
 def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
@@ -217,6 +242,7 @@ def _conductor(name: str, table: Mapping[str, Any], where: Where) -> Conductor:
         raise DeckError(
             f"the table gives {points.y[k]:g} W/K at {points.x[k]:.9g} K; with a negative conductance heat would flow uphill.", where(key)
         )
+    points = points and limited(points)
     if table["between"][0] == table["between"][1]:
         raise DeckError("both ends are the same node.", where(key))
     if table["takes"] and "area" not in given:
@@ -240,6 +266,7 @@ def _load(name: str, table: Mapping[str, Any], where: Where) -> HeatLoad:
     key = f"loads.{name}"
     fields = _fields(table, LOAD_FIELDS, where, key)
     shape = _points(table, "W", where(key))
+    shape = shape and limited(shape, positive=False)
     if ("power" in fields) == (shape is not None):
         raise DeckError("a load has power, or a table of power over temperature; one of them.", where(key))
     controls = [c for c in CONTROLS if c in table]

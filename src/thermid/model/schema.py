@@ -55,18 +55,22 @@ class Correlated(_Strict):
 
 
 class Points(_Strict):
-    """A table over a temperature or a temperature difference; a third text of a point is its slope."""
+    """A table over a temperature or a temperature difference: straight lines; a third text of a point is its slope and makes it smooth."""
 
     over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
     points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
+    interpolation: Literal["linear", "smooth"] = "linear"
+    outside: Literal["hold", "linear", "refuse"] = "hold"
     source: Source | None = None
     basis: str = ""
 
 
 class Property(_Strict):
-    """A property over temperature; a third text of a point is its slope."""
+    """A property over temperature: straight lines; a third text of a point is its slope and makes it smooth."""
 
     points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
+    interpolation: Literal["linear", "smooth"] = "linear"
+    outside: Literal["hold", "linear", "refuse"] = "hold"
     source: Source | None = None
     basis: str = ""
 
@@ -77,6 +81,10 @@ class NodeTable(_Strict):
     mass: Value | None = None
     specific_heat: Value | Property | None = None
     enthalpy: Property | None = None
+    latent_heat: str | None = None
+    melts_from: str | None = None
+    melts_to: str | None = None
+    liquid_specific_heat: str | None = None
     capacitance: Value | None = None
     stands_for: StandsFor | None = None
     reference_point: bool = False
@@ -203,7 +211,7 @@ class AirAndSees(_Strict):
     sees: str
 
 
-class MadeIn(_Strict):
+class MadeInTable(_Strict):
     """The state of a gas in which a reduced deck was made; it runs in no other."""
 
     pressure: str
@@ -261,7 +269,7 @@ class Deck(_Strict):
     set: dict[str, Value] = {}
     cuts: list[str] = []
     aliases: dict[str, str] = {}
-    made_in: dict[str, MadeIn] = {}
+    made_in: dict[str, MadeInTable] = {}
 
 
 def json_schema() -> dict[str, Any]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from thermid.model.build import finish_emissivity, slope_unit
-from thermid.model.curves import Curve
+from thermid.model.curves import INTERPOLATIONS, OUTSIDE, Curve
 from thermid.model.elements import CONTROLS, Conductor, MadeIn, Node
 from thermid.model.enclosures import enclosure_to
 from thermid.model.facing import facing_to
@@ -87,6 +87,10 @@ def _points_to(shape: Curve, slot: str) -> dict[str, Any]:
     columns = [(shape.x, "K"), (shape.y, slot)] + ([(shape.d, slope_unit(slot))] if shape.d is not None else [])
     texts = [[f"{v!r} [{of}]" for v in column.tolist()] for column, of in columns]
     known = {k: v for k, v in (("source", shape.source), ("basis", shape.basis)) if v}
+    if shape.interpolation != INTERPOLATIONS[0]:
+        known["interpolation"] = shape.interpolation
+    if shape.outside != OUTSIDE[0]:
+        known["outside"] = shape.outside
     return {"points": [list(point) for point in zip(*texts, strict=True)], **known}
 
 

@@ -17,7 +17,7 @@ from thermid.model.stores import Store
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow
 
-__all__ = ["Reduced", "eliminable", "reduce_network", "with_stores"]
+__all__ = ["Reduced", "eliminable", "held_in", "reduce_network", "with_stores"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +45,13 @@ class Reduced:
         return [held[n] if n in held else temperatures[n] for n in self.nodes]
 
 
-QUICK: Final = 1e4
-"""Rate at which a node follows the heat that it holds, where its specific heat changes: late by a tenth of a millisecond. [1/s]"""
+QUICK: Final = 1e5
+"""Rate at which a node follows the heat that it holds, where its specific heat changes: late by ten microseconds. [1/s]"""
+
+
+def held_in(node: str) -> str:
+    """Return the name of the node that holds the heat of another, whose specific heat changes."""
+    return f"{node} enthalpy"
 
 
 def with_stores(reduced: Reduced, stores: Mapping[str, Store]) -> Reduced:
@@ -55,7 +60,7 @@ def with_stores(reduced: Reduced, stores: Mapping[str, Store]) -> Reduced:
         return reduced
     capacitances, rows, stored = dict(reduced.capacitances), list(reduced.conductors), {}
     for node, store in stores.items():
-        own, capacitance = f"{node} enthalpy", capacitances[node]
+        own, capacitance = held_in(node), capacitances[node]
         if capacitance is None:
             continue
         capacitances |= {node: None, own: capacitance}

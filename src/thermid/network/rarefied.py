@@ -117,7 +117,7 @@ def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRo
         forced = float(forced_plate_nusselt(speed * _plain(length) / float(at.kinematic_viscosity), prandtl)) if speed > 0.0 else 0.0
         x, y, least = signed_nusselt(name, orientation, prandtl, forced, c.where)
         film = (_one() if forced else conductivity_curve(gas), _root_curve(gas, forced > 0.0))
-        curve = Curve("difference", x, y, None, film)
+        curve = Curve("difference", x, y, None, film, interpolation="smooth")
         signal = f"{state.gust} {k}" if state.gust else ""
         moving.append(ConductorRow(c.path, "natural", c.ends, (scale, root), curve, signal, state.named("natural")))
     still = _rest(c, scale * least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area, state)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.dual import Number
-from thermid.model.curves import Curve, slopes
+from thermid.model.curves import FAR, Curve, whole
 
 __all__ = [
     "ANCHOR",
@@ -26,6 +26,7 @@ __all__ = [
     "conductor_law",
     "curve_arrays",
     "heat",
+    "tables_behind",
 ]
 
 Array = NDArray[np.float64]
@@ -69,9 +70,32 @@ def conductor_law(form: str, curve: Curve | None = None) -> KernelLaw:
     return CONDUCTORS["table of difference" if over_difference else form]
 
 
-def curve_arrays(given: Curve) -> tuple[Array, Array, Array]:
-    """Return knots, values and slopes of a table for the kernel."""
-    return given.x, given.y, slopes(given)
+EDGE: Final = 1e-9
+"""How far outside its points a table that is refused there may still be read: what rounding makes of a boundary at its end. [K]"""
+
+
+def curve_arrays(given: Curve, refuse: bool = False) -> tuple[Array, Array, Array]:
+    """Return knots, values and slopes of a table for the kernel, no slopes for straight lines.
+
+    With `refuse` a table has no values outside its limits, so that a run that leaves them ends; else it is held there.
+    """
+    x, y, d = whole(given)
+    if refuse and given.limits is not None:
+        inside = (x >= given.limits[0]) & (x <= given.limits[1])
+        x, y, d = x[inside], y[inside], None if d is None else d[inside]
+        first, last = (0.0, 0.0) if d is None else (d[0], d[-1])
+        if np.isfinite(given.limits[0]):
+            x, y = np.r_[x[0] - (FAR, EDGE), x], np.r_[np.nan, y[0] - EDGE * first, y]
+            d = None if d is None else np.r_[0.0, first, d]
+        if np.isfinite(given.limits[1]):
+            x, y = np.r_[x, x[-1] + (EDGE, FAR)], np.r_[y, y[-1] + EDGE * last, np.nan]
+            d = None if d is None else np.r_[d, last, 0.0]
+    return x, y, np.zeros(0) if d is None else d
+
+
+def tables_behind(form: str, given: Curve) -> tuple[Curve, ...]:
+    """Return the tables that a law looks up, one behind the other; behind those of a potential stands the table as written."""
+    return (given, *(given.film[:1] if form == "potential" else given.film))
 
 
 def _evaluated(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array, cold: Array) -> Array:
@@ -79,7 +103,7 @@ def _evaluated(form: str, coefficients: Sequence[Any], curve: Curve | None, hot:
     law = conductor_law(form, curve)
     hot, cold = (np.ascontiguousarray(t, dtype=float) for t in np.broadcast_arrays(hot, cold))
     pair = [np.broadcast_to(np.asarray(c, dtype=float), hot.shape) for c in (*coefficients, 0.0)[:2]]
-    tables = [curve_arrays(each) for each in (curve, *curve.film)] if curve is not None else []
+    tables = [curve_arrays(each) for each in tables_behind(form, curve)] if curve is not None else []
     return _kernel.conductor_heat(law.kind, hot.ravel(), cold.ravel(), np.column_stack([c.ravel() for c in pair]), tables)
 
 

@@ -67,29 +67,40 @@ def check_masses(flat: Flat, values: Mapping[str, Any]) -> None:
     inner, gases = {n.path for n in flat.nodes}, gas_nodes(flat)
     streams = streams_of(flat.conductors)
     for node in dict.fromkeys(end for c in streams for end in c.ends if end in inner):
-        into = [c for c in streams if c.ends[1] == node]
-        out = [c for c in streams if c.ends[0] == node]
-        named = [c for c in (*into, *out) if fluid_of(c)]
-        if not out or not (named or node in gases):
-            continue
-        _check_alike(node, (*into, *out))
-        entering, leaving = (sum((_size(c, values) for c in part), start=0.0) for part in (into, out))
-        gap, most = entering - leaving, entering + leaving
-        if gap * gap > (BALANCED * most) * (BALANCED * most):
-            raise DeckError(
-                f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}. A node of a stream keeps no mass. Make them "
-                "equal, or write the stream that is missing, from or to a boundary such as the ambient; one parameter for all streams of a "
-                "line keeps it closed in fits and schedules.",
-                out[0].where,
-            )
+        for fluid, joined in _by_fluid(node, [c for c in streams if node in c.ends]).items():
+            into = [c for c in joined if c.ends[1] == node]
+            out = [c for c in joined if c.ends[0] == node]
+            # of a stream without fluid that none feeds, `Streams.remarks` speaks
+            if not out or not (fluid or (into and node in gases)):
+                continue
+            _check_alike(node, joined)
+            entering, leaving = (sum((_size(c, values) for c in part), start=0.0) for part in (into, out))
+            gap, most = entering - leaving, entering + leaving
+            if gap * gap > (BALANCED * most) * (BALANCED * most):
+                raise DeckError(
+                    f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}. "
+                    "A node of a stream keeps no mass. Make them equal, or write the stream that is missing, from or to a boundary such as "
+                    "the ambient; one parameter for all streams of a line keeps it closed in fits and schedules.",
+                    out[0].where,
+                )
+
+
+def _by_fluid(node: str, streams: Sequence[FlatConductor]) -> dict[str, list[FlatConductor]]:
+    """Return fluid -> streams of a node; one that names none is taken with the gas that is there. Two gases in a node are refused."""
+    gas = list(dict.fromkeys(fluid_of(c) for c in streams if fluid_of(c) in GASES))
+    if len(gas) > 1:
+        one, two = (next(c for c in streams if fluid_of(c) == name) for name in gas[:2])
+        raise DeckError(
+            f"{gas[0]} ('{one.path}') and {gas[1]} ('{two.path}') meet in '{node}'. Gases that mix are one fluid here: name one.", two.where
+        )
+    out: dict[str, list[FlatConductor]] = {}
+    for c in streams:
+        out.setdefault(fluid_of(c) or next(iter(gas), ""), []).append(c)
+    return out
 
 
 def _check_alike(node: str, streams: Sequence[FlatConductor]) -> None:
-    """Refuse two fluids in one node, and volumes of gas beside masses."""
-    fluids = {fluid_of(c): c for c in streams if fluid_of(c)}
-    if len(fluids) > 1:
-        (one, a), (two, b) = list(fluids.items())[:2]
-        raise DeckError(f"{one} ('{a.path}') and {two} ('{b.path}') meet in '{node}'. Streams of one node are of one fluid.", b.where)
+    """Refuse volumes of gas beside masses."""
     kinds = {_by_volume(c) and "density" not in c.fields: c for c in streams}
     if len(kinds) > 1:
         raise DeckError(
@@ -120,6 +131,7 @@ class Streams:
     shares : dict           Stream -> source -> share of its flow that comes from there, both by path; a source is the stream that begins
                             a line at a boundary, or a stream of a loop that begins nowhere. [-]
     lines : dict            Stream -> nodes of the streams that are joined with it.
+    unfed : dict            Stream that names no fluid -> the gas node that it leaves, which no stream enters.
     media : Media
     memo : Memo             Courses that were worked out.
     """
@@ -127,6 +139,7 @@ class Streams:
     conductors: tuple[FlatConductor, ...]
     shares: Mapping[str, Mapping[str, float]]
     lines: Mapping[str, tuple[str, ...]]
+    unfed: Mapping[str, str]
     media: Media
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
@@ -140,7 +153,9 @@ class Streams:
         """
         _check_named(flat, media)
         gas, inner = tuple(c for c in streams_of(flat.conductors) if fluid_of(c) in GASES), {n.path for n in flat.nodes}
-        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), media)
+        fed, gases = {c.ends[1] for c in streams_of(flat.conductors)}, gas_nodes(flat)
+        unfed = {c.path: c.ends[0] for c in streams_of(flat.conductors) if not fluid_of(c) and c.ends[0] in gases - fed}
+        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), unfed, media)
 
     def __contains__(self, path: str) -> bool:
         """Whether a conductor is a stream of gas."""
@@ -184,15 +199,32 @@ class Streams:
 
     def row(self, c: FlatConductor, law: Law) -> ConductorRow:
         """Return the row of a stream of gas: its heat capacity rate at the density of its gas."""
-        gas, rate = GASES[fluid_of(c)], law.coefficients[0]
-        if _by_volume(c):
-            rate = rate * (ATMOSPHERE / (gas.constant * STANDARD))
-        if "specific_heat" not in c.fields:
-            rate = rate * gas.cp(STANDARD)
+        rate = law.coefficients[0] * self._standard(c)
         course = self.still(c.path)
         if isinstance(course, Constant):
             return ConductorRow(c.path, "flow", c.ends, (course.value * rate,))
         return ConductorRow(c.path, "flow", c.ends, (rate,), None, signal_of(c.path))
+
+    @staticmethod
+    def _standard(c: FlatConductor) -> float:
+        """Return what a flow as written lacks with its gas at one atmosphere and 20 degC: density and specific heat, multiplied."""
+        gas = GASES[fluid_of(c)]
+        density = ATMOSPHERE / (gas.constant * STANDARD) if _by_volume(c) else 1.0
+        return density * (1.0 if "specific_heat" in c.fields else float(gas.cp(STANDARD)))
+
+    def written(self, path: str, rate: float, specific_heat: float) -> tuple[str, float]:
+        """Return the field of a stream and its flow [m^3/s or kg/s] at which it has a heat capacity rate [W/K]; none where it stands still.
+
+        Parameters
+        ----------
+        path : str              Of the stream.
+        rate : float            As its row has it. [W/K]
+        specific_heat : float   Written beside the flow. [J/(kg K)]
+        """
+        c, course = self._named[path], self.still(path)
+        gas, there = GASES[fluid_of(c)], course.value if isinstance(course, Constant) else 1.0
+        density = ATMOSPHERE / (gas.constant * STANDARD) if _by_volume(c) else 1.0
+        return ("volume_flow" if _by_volume(c) else "mass_flow"), rate / (there * density * specific_heat) if there else 0.0
 
     def signals(self) -> dict[str, Signal]:
         """Return what rows of streams are multiplied by where the pressure of a gas changes in time."""
@@ -220,6 +252,8 @@ class Streams:
 
     def remarks(self, end: float) -> Iterator[str]:
         """Yield what a reader of a run must know of its streams; `end` of it [s]."""
+        for path, node in self.unfed.items():
+            yield f"'{path}' takes no heat from '{node}', since no stream enters there: write its inlet, and the fluid of both"
         stopped: dict[tuple[str, float], list[FlatConductor]] = {}
         for c in self.conductors:
             gone = self._gone(c.path, end)
@@ -330,8 +364,8 @@ def _check_named(flat: Flat, media: Media) -> None:
         off = [n for n in c.ends if not _on_ground(media.pressure(n))]
         if off and not fluid_of(c):
             raise ScenarioError(
-                f"'{c.path}' names no fluid, and the pressure in {quoted(off)} is not that of the ground: a gas would thin or stop, a liquid "
-                'would not. Write fluid = "air" (or another gas; its density then follows), or fluid = "liquid".',
+                f"'{c.path}' names no fluid, and the pressure in {quoted(off)} is not that of the ground: a gas would thin or "
+                'stop, a liquid would not. Write fluid = "air" (or another gas; its density then follows), or fluid = "liquid".',
                 c.where,
             )
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
+from thermid.campaign.filed import filed
 from thermid.errors import DeckError, nearest
-from thermid.identify.filed import filed
 from thermid.knowledge.values import FittedValues
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside

@@ -87,7 +87,7 @@ class Plan:
     def _known(self) -> Known:
         source, folder = self.content.model, self.path.parent
         if source.campaign:
-            from thermid.identify.stages import run_stages
+            from thermid.campaign.stages import run_stages
 
             file = resolve_inside(folder, source.campaign, "model.campaign")
             data = self.data or (resolve_inside(folder, source.data, "model.data") if source.data else None)
@@ -100,7 +100,7 @@ class Plan:
         model = load_model(resolve_inside(folder, source.deck, "model.deck"))
         if not source.values:
             return Known(model)
-        from thermid.identify.filed import filed
+        from thermid.campaign.filed import filed
 
         found = filed(resolve_inside(folder, source.values, "model.values"), model)
         made = bool(found.values.provenance.get("synthetic", False))

@@ -13,6 +13,7 @@ from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
 from thermid.model.elements import LOAD_SLOTS
 from thermid.model.flat import FlatConductor, FlatLoad
+from thermid.model.kinds import KINDS
 from thermid.model.model import Model
 from thermid.model.modelfile import model_from_dict
 from thermid.model.signal import literal
@@ -28,6 +29,7 @@ from thermid.simulation.transient import simulate
 
 __all__ = ["Deviation", "Reduction", "reduce"]
 
+SLOTS = KINDS["flow"].slots
 FLOW_HEAT = 1000.0
 """Specific heat that a one-way flow of a reduced deck is written with. [J/(kg K)]"""
 
@@ -212,7 +214,7 @@ def _deck(own: Model, ahead: str, network: Network, small: Condensed) -> Model:
     links: list[dict[str, Any]] = [
         {"kind": "conduction", "between": [name[a], name[b]], "conductance": written(g, "W/K")} for (a, b), g in small.links.items()
     ]
-    links += [_law(row, name, written) for row in small.rows]
+    links += [_law(row, name, written, network) for row in small.rows]
     given = [load for load in network.flat.loads if load.path.startswith(ahead)]
     loads = {load.path.removeprefix(ahead).replace(".", "_"): _load(load, numbers, name, written) for load in given}
     taken = {*name.values(), *loads}
@@ -244,12 +246,16 @@ def _in_gas(c: FlatConductor) -> bool:
     return c.kind in ("convection", "effective", "gas", "flow") or "gap" in c.fields or bool(c.gas and c.kind == "radiation")
 
 
-def _law(row: ConductorRow, name: Mapping[str, str], written: Any) -> dict[str, Any]:
+def _law(row: ConductorRow, name: Mapping[str, str], written: Any, network: Network) -> dict[str, Any]:
     """Return a conductor that keeps its law."""
     first, between = value_of(row.coefficients[0]), [name[e] for e in row.ends]
     if row.form == "flow":
-        flow = {"mass_flow": written(first / FLOW_HEAT, "kg/s"), "specific_heat": written(FLOW_HEAT, "J/(kg K)")}
-        return {"kind": "flow", "between": between, **flow}
+        fluid = next(c.words.get("fluid", "") for c in network.flat.conductors if c.path == row.name)
+        field, size = (
+            network.streams.written(row.name, first, FLOW_HEAT) if row.name in network.streams else ("mass_flow", first / FLOW_HEAT)
+        )
+        flow = {field: written(size, SLOTS[field]), "specific_heat": written(FLOW_HEAT, "J/(kg K)")}
+        return {"kind": "flow", "between": between, "fluid": fluid, **flow}
     if row.form == "radiation":
         return {"kind": "radiation", "between": between, "emissivity": written(1.0, "1"), "area": written(first / STEFAN_BOLTZMANN, "m^2")}
     htc = {"coefficient": written(1.0, "W/(m^2 K)"), "exponent": written(value_of(row.coefficients[1]), "1")}

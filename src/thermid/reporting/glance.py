@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
 from thermid.fit.contradicted import BLAME
 from thermid.fit.uncertainty.moves import MOVED
-from thermid.identify.stages import Campaign
 from thermid.knowledge.values import FittedValue
 from thermid.model.resolve import ParameterSet
 from thermid.physics.constants import ICE_POINT

@@ -218,7 +218,8 @@ class Look:
             raise ThermidError(f"there is nothing to draw: {self.problem}", self.path.name)
         length, unit_name = time_unit(float(self.times.values[-1] - self.times.values[0]))
         x = (self.times.values - self.times.values[0]) / length
-        panels, legend = [], []
+        panels: list[Panel] = []
+        legend: list[tuple[str, str, str]] = []
         for name, shown, guesses in _PANELS:
             lines = []
             for c in (c for c in self.columns if c.guess in guesses and c.good.any()):

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from fractions import Fraction
 from importlib.metadata import PackageNotFoundError, version
 
+from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
-from thermid.identify.stages import Campaign
 from thermid.measure import Record
 from thermid.model.flat import flatten
 from thermid.model.resolve import ParameterSet

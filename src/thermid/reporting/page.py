@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.arguments import takes_objects
+from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
-from thermid.identify.stages import Campaign
 from thermid.reporting import figures, levels, origins, tables
 from thermid.reporting.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.diagram import diagram

@@ -9,8 +9,8 @@ from urllib.parse import quote
 from xml.sax.saxutils import escape
 
 from thermid.arguments import takes_objects
-from thermid.identify.stages import Campaign
-from thermid.identify.study import Study
+from thermid.campaign.stages import Campaign
+from thermid.campaign.study.study import Study
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter
 from thermid.physics.constants import ICE_POINT

@@ -16,8 +16,8 @@ from thermid.errors import ThermidError
 from thermid.explain.criticism import Criticism
 from thermid.explain.whiteness import cumulated_periodogram
 from thermid.files import PICTURE, write_bytes
-from thermid.identify.profile import Profile
-from thermid.identify.valley import Valley
+from thermid.inference.profile import Profile
+from thermid.inference.valley import Valley
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.hold import Hold
 from thermid.qualify.profile_run import ProfileRun

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from thermid.campaign.joint import Joint
+from thermid.campaign.stages import Campaign
 from thermid.errors import ThermidError
 from thermid.explain.balance import energy_balance
 from thermid.explain.criticism import criticise
 from thermid.fit.calibration import Calibration
-from thermid.identify.identifiability import identifiability
-from thermid.identify.joint import Joint
-from thermid.identify.stages import Campaign
+from thermid.inference.identifiability import identifiability
 
 __all__ = ["trust"]
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from thermid import _kernel
 from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError
 from thermid.network.rows import CONTROLS
+from thermid.simulation.beyond import NEAR, refused_tables, refuses
 from thermid.simulation.extremes import Turnings, by_column
 from thermid.simulation.kernel_form import break_times, ending, ints, kernel_input, row_form
 from thermid.simulation.modal import Modal
@@ -48,7 +49,7 @@ class Options:
     max_steps: int = 1_000_000
     method: str = "auto"
     large_tolerance: float = 3e-3
-    extremes: bool = True
+    extremes: bool = field(default=True, repr=False)  # no part of the key of a fit, which it does not change
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,20 +90,34 @@ class Answer:
         return out
 
 
+UNSOLVED: Final = (_kernel.NEWTON_FAILED, _kernel.NON_FINITE, _kernel.STEP_UNDERFLOW, _kernel.RUN_AWAY)
+"""How a run ends that reaches where a table has no values."""
+MAY_HAVE_LEFT: Final = ' A table that is refused outside its points may have been left; add points to it, or choose outside = "hold".'
+
+
 class Engine:
     """The kernel's problem for one wiring; the same for all values of its unknowns."""
 
     def __init__(self, wiring: Wiring) -> None:
         self.wiring = wiring
         s = wiring.structure()
-        tables: list[tuple[Array, Array, Array]] = []
-        conductors = [row_form(form, places, curve, tables) for form, _, _, places, curve, _ in s["conductors"]]
-        loads = [row_form(form, places, curve, tables, load=True) for form, _, places, curve, _, _ in s["loads"]]
         self.conductor_names = tuple(r[5] for r in s["conductors"])
         self.load_names = tuple(r[4] for r in s["loads"])
         self.control_names = tuple(r[3] for r in s["controls"])
         self.flow_rows = np.array([k for k, r in enumerate(s["conductors"]) if r[0] == "flow"], dtype=int)
-        self.problem = _kernel.Problem(
+        self.problem = self._laid_out(refuse=True)
+        self.refuses = refuses(wiring.network, wiring.assemble(np.zeros(0)).numbers)
+        self.held = self._laid_out(refuse=False) if self.refuses else self.problem
+        self.nodes: tuple[str, ...] = s["nodes"]
+        self.modal = Modal(wiring, self.problem)
+
+    def _laid_out(self, refuse: bool) -> Any:
+        """Return the kernel's problem; without `refuse` tables are held where a run would be refused, for searches that pass there."""
+        s = self.wiring.structure()
+        tables: list[tuple[Array, Array, Array]] = []
+        conductors = [row_form(form, places, curve, tables, refuse=refuse) for form, _, _, places, curve, _ in s["conductors"]]
+        loads = [row_form(form, places, curve, tables, load=True, refuse=refuse) for form, _, places, curve, _, _ in s["loads"]]
+        return _kernel.Problem(
             capacity=ints(s["capacity"]),
             coef_input=ints(s["coefficient_input"]),
             boundary_gain=ints(s["gain"]),
@@ -122,10 +137,8 @@ class Engine:
             control_sensor=ints([r[1] for r in s["controls"]]),
             control_coef=ints([(*r[2], -1)[:3] for r in s["controls"]]).reshape(-1, 3),
             tables=tables,
-            inputs=[kernel_input(wiring.signals[name]) for name in wiring.used],
+            inputs=[kernel_input(self.wiring.signals[name]) for name in self.wiring.used],
         )
-        self.nodes: tuple[str, ...] = s["nodes"]
-        self.modal = Modal(wiring, self.problem)
 
     def __reduce__(self) -> tuple[type[Engine], tuple[Wiring]]:
         """Return how to make it in another process: the kernel's problem is laid out anew."""
@@ -178,7 +191,7 @@ class Engine:
             **more,
         )
         if found.status != _kernel.OK:
-            raise SolverError(self.message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+            raise SolverError(self.message(found, options, end, a), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
         statistics = {
             "method": "integrator",
             "reason": why,
@@ -197,7 +210,7 @@ class Engine:
         index = self._index()
         found = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, self._sums(a)[1] if extremes else None)
         if found.status != _kernel.OK:
-            raise SolverError(self.message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+            raise SolverError(self.message(found, options, end, a), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
         slopes = np.zeros((times.size, len(nodes), 0))
         statistics = {"method": "modal", "reason": "", "steps": found.steps, "rejected": 0, "switchings": []}
         energies = (found.load_energy, found.boundary_energy, np.zeros(0))
@@ -343,19 +356,36 @@ class Engine:
             **more,
         )
         if found.status != _kernel.OK:
-            raise SolverError(self.message(found, options, end), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+            raise SolverError(self.message(found, options, end, a), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
         return Squares(found.triangle, found.rotated, found.cost, found.chi_square, found.sums, found.mesh)
 
-    def message(self, found: Any, options: Options, end: float) -> str:
+    def message(self, found: Any, options: Options, end: float, a: Assembled | None = None) -> str:
         """Return what ran out, when, where and what to change."""
         network = self.wiring.network
         follows = any(load.follows_temperature for load in network.flat.loads)
+        if self.refuses and found.status in UNSOLVED:
+            final = getattr(found, "final_temperatures", None)
+            left = self.left(a, found.time, final, NEAR) if a is not None and final is not None else ""
+            if left:
+                return f"at {found.time:.6g} s of {end:.6g} s {left}"
+            return ending(found, (*self.nodes, *network.boundaries), options.max_steps, end, follows) + MAY_HAVE_LEFT
         return ending(found, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
+
+    def left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:
+        """Return which tables that are refused outside their points are left at temperatures (nodes,) [K]; empty where none is."""
+        from thermid.simulation.traces import Traces
+
+        network = self.wiring.network
+        if not self.refuses:
+            return ""
+        traces = Traces(self.wiring, a, np.array([time]), self.nodes, temperatures[None, :], np.zeros((1, temperatures.size, 0)))
+        every = {n: float(traces.temperature(n)[0]) for n in (*network.nodes, *network.boundaries)}
+        return refused_tables(network, a.numbers, every, near)
 
     def rhs(self, a: Assembled, temperatures: Array, time: float, gradients: bool = False) -> tuple[Array, Array, Array | None]:
         """Return net heat (nodes,) [W], its Jacobian (nodes, nodes) [W/K] and its derivatives (nodes, free) at temperatures [K]."""
         extra = (*a.jacobian, a.initial_gradient.shape[1]) if gradients and a.jacobian is not None else None
-        heat, jacobian, slopes = self.problem.rhs(a.coefficients, np.ascontiguousarray(temperatures), float(time), extra)
+        heat, jacobian, slopes = self.held.rhs(a.coefficients, np.ascontiguousarray(temperatures), float(time), extra)
         return heat, jacobian, slopes
 
     def started(self, a: Assembled, gradients: bool = False) -> Assembled:
@@ -391,7 +421,7 @@ class Engine:
 
     def powers(self, a: Assembled, temperatures: Array, times: Array, on: NDArray[np.int32] | None = None) -> dict[str, Array]:
         """Return load -> power (times,), thermostats on or off as given (times, controls); rows of one load are summed. [W]"""
-        table = self.problem.load_powers(a.coefficients, temperatures, np.ascontiguousarray(times, dtype=float), on)
+        table = self.held.load_powers(a.coefficients, temperatures, np.ascontiguousarray(times, dtype=float), on)
         out: dict[str, Array] = {}
         for k, name in enumerate(self.load_names):
             out[name] = out.get(name, 0.0) + table[:, k]

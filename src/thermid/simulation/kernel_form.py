@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.model.curves import Curve
 from thermid.model.signal import Constant, Signal, Sine, Table
-from thermid.network.rows import LOADS, conductor_law, curve_arrays
+from thermid.network.rows import LOADS, conductor_law, curve_arrays, tables_behind
 
 __all__ = ["break_times", "ending", "ints", "kernel_input", "row_form"]
 
@@ -31,14 +31,16 @@ def ints(values: Any) -> NDArray[np.int32]:
     return np.ascontiguousarray(values, dtype=np.int32)
 
 
-def row_form(form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False) -> tuple[int, list[int], int]:
-    """Return the kernel's kind, coefficient places and table of a row."""
+def row_form(
+    form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False, refuse: bool = True
+) -> tuple[int, list[int], int]:
+    """Return the kernel's kind, coefficient places and table of a row; without `refuse` tables are held where they would be refused."""
     four = [-1, -1, -1, -1]
     four[: len(places)] = places
     table = -1
     if curve is not None:
         table = len(tables)
-        tables += [curve_arrays(each) for each in (curve, *curve.film)]
+        tables += [curve_arrays(each, refuse) for each in tables_behind(form, curve)]
     law = LOADS[form] if load else conductor_law(form, curve)
     return law.kind, four, table
 

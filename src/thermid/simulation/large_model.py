@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import ScenarioError, nearest
+from thermid.errors import ScenarioError, SolverError, nearest
 from thermid.simulation.large import METHODS, Watched, integrate
 from thermid.simulation.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
 
@@ -124,13 +124,16 @@ def integrate_model(
     engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool = False
 ) -> Answer:
     """Return what `Engine.integrate` does, by the integrator of large networks."""
-    from thermid.simulation.engine import Answer
+    from thermid.simulation.engine import MAY_HAVE_LEFT, Answer
 
     network = sparse_of(engine, a)
     index = {name: k for k, name in enumerate(engine.nodes)}
     watched = [Watched("mean", np.array([index[n]], dtype=np.int32), np.ones(1)) for n in nodes]
     where = f"{engine.wiring.network.title}, {engine.wiring.scenario.title}"
-    found = integrate(network, a.initial, end, times, watched, np.zeros(0), options, where, engine.nodes.__getitem__, extremes)
+    try:
+        found = integrate(network, a.initial, end, times, watched, np.zeros(0), options, where, engine.nodes.__getitem__, extremes)
+    except SolverError as error:
+        raise SolverError(f"{error}{MAY_HAVE_LEFT}") if engine.refuses else error from None
     slopes = np.zeros((times.size, len(nodes), 0))
     energies = (found.load_energy, found.boundary_energy, np.zeros(0))
     on = np.zeros(len(engine.control_names), dtype=np.int32)
@@ -141,7 +144,12 @@ def integrate_model(
 def settle_model(engine: Engine, a: Assembled, time: float) -> Array | None:
     """Return the steady temperatures (nodes,) [K] of a model with many nodes; None where the dense way is to be taken."""
     # powers that never grow with temperature, so that a balance is stable
-    if len(engine.nodes) < LARGE_FROM or refusal(engine) or any(r[0] != "signal" for r in engine.wiring.structure()["loads"]):
+    if (
+        len(engine.nodes) < LARGE_FROM
+        or engine.refuses
+        or refusal(engine)
+        or any(r[0] != "signal" for r in engine.wiring.structure()["loads"])
+    ):
         return None
     from thermid.simulation.large_steady import settle_large
 

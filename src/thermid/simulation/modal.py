@@ -178,7 +178,8 @@ class Modal:
     ) -> Exact:
         """Return temperatures of some nodes at times, from zero to `end` [s]; and turning points of these and of sums, where asked for."""
         wanted = np.ascontiguousarray(times, dtype=float)
-        return Exact(*_kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), wanted, nodes, turnings, sums))
+        found = _kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), wanted, nodes, turnings, sums)
+        return Exact(*found)
 
 
 def _obstacle(wiring: Wiring) -> str:

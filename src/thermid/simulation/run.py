@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thermid.dual import value_of
 from thermid.memo import Memo
 from thermid.network.network import Network
+from thermid.simulation.beyond import left_tables, read_nodes
 from thermid.simulation.engine import Answer, Engine, Options
 from thermid.simulation.extremes import Turnings, signal_turnings
 from thermid.simulation.kernel_form import break_times
@@ -103,32 +104,10 @@ class Run:
         return self.engine.powers(self.assembled, self._columns(temperatures), times, self.answer.states(times))
 
     def out_of_range(self) -> tuple[str, ...]:
-        """Return a sentence for each law of the user that was asked for values beyond its range, at a stored time or a turning point."""
-        out = []
+        """Return a sentence for each table that was asked for values outside its points, at a stored time or a turning point."""
         numbers = self.assembled.numbers
-        plain = {r.name for r in numbers.conductors if r.form == "table"} | {r.name for r in numbers.loads}
-        rows = [(r.name, r.curve, r.ends) for r in numbers.conductors] + [(r.name, r.curve, (r.node, r.node)) for r in numbers.loads]
-        rows += [
-            (c.path, c.curve.film[1], (e, e)) for c in self.network.flat.conductors if c.curve is not None and c.curve.film for e in c.ends
-        ]
-        rows += [(node, store.given, (node, node)) for node, store in self.network.stores.items()]
-        known = [
-            (name, curve, ends)
-            for name, curve, ends in rows
-            if curve is not None and not curve.film and (curve.d is not None or name not in plain)
-        ]
-        fine = self._at_turnings({e for _, _, ends in known for e in ends})
-        at = fine.traces.temperature
-        for name, curve, (a, b) in known:
-            seen = at(a) - at(b) if curve.over == "difference" else 0.5 * (at(a) + at(b))
-            beyond = (seen < curve.x[0]) | (seen > curve.x[-1])
-            if beyond.any():
-                first, low, high = fine.times[beyond.argmax()], float(seen.min()), float(seen.max())
-                out.append(
-                    f"'{name}' left the range of its law, {curve.x[0]:.6g} to {curve.x[-1]:.6g} K, at {first:.6g} s: it saw {low:.6g} to"
-                    f" {high:.6g} K; beyond its range a law stays constant"
-                )
-        return (*out, *outside(self))
+        fine = self._at_turnings(read_nodes(self.network, numbers))
+        return (*left_tables(self.network, numbers, fine.traces.temperature, fine.times), *outside(self))
 
     def _at_turnings(self, nodes: Iterable[str]) -> Run:
         """Return the run stored at the turning points of some nodes too."""

@@ -13,7 +13,7 @@ from thermid import _kernel
 from thermid.memo import Memo
 from thermid.model.curves import Curve
 from thermid.model.signal import Constant, Signal
-from thermid.network.rows import CONTROLS, LOADS, conductor_law, curve_arrays
+from thermid.network.rows import CONTROLS, LOADS, conductor_law, curve_arrays, tables_behind
 from thermid.simulation.extremes import Turnings, signal_turnings
 from thermid.simulation.kernel_form import kernel_input
 
@@ -169,21 +169,22 @@ class SparseNetwork:
     def _problem(self) -> _kernel.LargeProblem:
         tables: list[Any] = []
 
-        def table(curve: Curve | None) -> int:
-            if curve is not None:
-                tables.extend(curve_arrays(each) for each in (curve, *curve.film))
-            return len(tables) - 1 - len(curve.film) if curve is not None else NONE
+        def table(form: str, curve: Curve | None) -> int:
+            if curve is None:
+                return NONE
+            tables.extend(curve_arrays(each, refuse=True) for each in tables_behind(form, curve))
+            return len(tables) - len(tables_behind(form, curve))
 
         def control(group: LoadGroup) -> int:
             return CONTROLS[group.control].kind if group.control else NONE
 
         rows, done = [], 0
         for g in self.rows:
-            rows.append((conductor_law(g.form, g.curve).kind, g.boundary, g.input, table(g.curve), done, done + g.first.size))
+            rows.append((conductor_law(g.form, g.curve).kind, g.boundary, g.input, table(g.form, g.curve), done, done + g.first.size))
             done += g.first.size
         loads, done = [], 0
         for h in self.loads:
-            loads.append((LOADS[h.form].kind, h.input, table(h.curve), h.tag, done, done + h.nodes.size, control(h)))
+            loads.append((LOADS[h.form].kind, h.input, table(h.form, h.curve), h.tag, done, done + h.nodes.size, control(h)))
             done += h.nodes.size
         return _kernel.LargeProblem(
             self.capacities,

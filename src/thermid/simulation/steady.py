@@ -62,6 +62,8 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
             if unstable:
                 raise SolverError("the balance found is not stable: a power grows faster with temperature than the heat can leave.", where)
             _, jacobian, slopes = engine.rhs(a, temperatures, time, gradients)
+            if left := engine.left(a, time, temperatures):
+                raise SolverError(f"in the steady state {left}", where)
             moves: Array = -np.linalg.solve(jacobian, slopes).astype(float) if slopes is not None else np.zeros((temperatures.size, 0))
             return temperatures, moves
     if any(row.control == "thermostat" for row in a.numbers.loads):

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from thermid.dual import gradient_of, value_of
 from thermid.memo import Memo
+from thermid.model.curves import evaluate, value_and_slope
+from thermid.network.eliminate import held_in
 from thermid.simulation.wiring import Assembled, Wiring
 
 __all__ = ["Traces", "kept_for"]
@@ -52,7 +54,11 @@ class Traces:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def temperature(self, name: str) -> Array:
-        """Return the temperature (times,) of a node or boundary. [K]"""
+        """Return the temperature (times,) of a node or boundary; where specific heat changes, that of the heat it holds. [K]"""
+        own = held_in(name)
+        if own in self.kept:
+            shape = self.assembled.reduced.stored[own][1].curve
+            return self.memo.made(name, lambda: evaluate(shape, self.stored[:, self.kept.index(own)]))
         if name in self.kept:
             return self.stored[:, self.kept.index(name)]
         return self.memo.made(name, lambda: self._recovered(name))
@@ -66,6 +72,10 @@ class Traces:
     def slope(self, name: str) -> Array:
         """Return the derivatives (times, free) of the temperature of a node or boundary. [K per unit]"""
         size = self.slopes.shape[2]
+        own = held_in(name)
+        if own in self.kept:
+            k, shape = self.kept.index(own), self.assembled.reduced.stored[own][1].curve
+            return value_and_slope(shape, self.stored[:, k])[1][:, None] * self.slopes[:, k, :]
         if name in self.kept:
             return self.slopes[:, self.kept.index(name), :]
         if name in self.wiring.network.boundaries:

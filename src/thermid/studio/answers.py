@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thermid.campaign.swap.retune_plan import RetunePlan
 from thermid.errors import DeckError
 from thermid.fit.calibration import Calibration
-from thermid.identify.retune_plan import RetunePlan
 from thermid.knowledge.standing import of_model
 from thermid.studio.courses import Shelf
 from thermid.studio.curves import Curve, RunCurves, Window

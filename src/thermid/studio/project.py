@@ -9,17 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
+from thermid.campaign.cache import changed_since, file_name, recall, remember
+from thermid.campaign.file import CampaignSource, read_campaign
+from thermid.campaign.stages import Campaign
+from thermid.campaign.staging import keyed, request_of
+from thermid.campaign.swap.retune_plan import RetunePlan
+from thermid.campaign.swap.swap import plan_retune
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit, fit_problem
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
-from thermid.identify.cache import changed_since, file_name, recall, remember
-from thermid.identify.campaignfile import CampaignSource, read_campaign
-from thermid.identify.retune_plan import RetunePlan
-from thermid.identify.stages import Campaign
-from thermid.identify.staging import keyed, request_of
-from thermid.identify.swap import plan_retune
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values_file import save_store

@@ -28,7 +28,7 @@ confidence = 0.5
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The planted project with its results."""
-    from thermid.identify.stages import run_stages
+    from thermid.campaign.stages import run_stages
 
     root = tmp_path_factory.mktemp("planted")
     path = planted(root)

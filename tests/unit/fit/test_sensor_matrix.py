@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.cli.app import app
 from thermid.design.next_test import next_test
-from thermid.identify.identifiability import identifiability
+from thermid.inference.identifiability import identifiability
 from thermid.measure import Record
 from thermid.model.modelfile import save_model
 from thermid.studio.answers import as_json, curves_object, desk_object, fit_object, picture, plan_object, project_object

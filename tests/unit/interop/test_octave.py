@@ -108,7 +108,7 @@ def test_words_are_made_unlike() -> None:
     assert len("boundary_" + identifiers(["x" * 80, "x" * 90])["x" * 90]) <= 63
 
 
-POINTS = {"over": "difference", "points": [["0 [K]", "1 [W/K]"], ["9 [K]", "2 [W/K]"]]}
+POINTS = {"over": "difference", "interpolation": "smooth", "points": [["0 [K]", "1 [W/K]"], ["9 [K]", "2 [W/K]"]]}
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ POINTS = {"over": "difference", "points": [["0 [K]", "1 [W/K]"], ["9 [K]", "2 [W
         (
             {"bent": {"kind": "table", "between": ["box", "wall"], "table": POINTS}},
             {},
-            "'bent' is a table of points, which is not written to Octave.",
+            "'bent' is a smooth table, which is not written to Octave; straight lines are.",
         ),
     ],
 )

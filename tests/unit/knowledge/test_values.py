@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from thermid.campaign.credibility import CredibilityRecord
 from thermid.errors import DeckError, NameNotFoundError
 from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
-from thermid.identify.credibility import CredibilityRecord
 from thermid.knowledge.values import FittedValue, FittedValues, load_values
 from thermid.model.modelfile import load_model, save_model
 from unit.fit.bench import HTC, MASS, box, log, metered, pair

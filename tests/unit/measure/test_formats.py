@@ -82,3 +82,11 @@ def test_a_matlab_object_is_refused_with_the_lines_that_save_it(log):
     held = {"ts": MatlabOpaque(np.zeros((), dtype=[("s0", "O")]))}
     with pytest.raises(ThermidError, match=r"t = ts.Time; T = ts.Data; save\('log.mat'"):
         binary.of_variables(held, "x.mat")
+
+
+def test_the_page_has_the_table_of_the_formats() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "logs.md").read_text(encoding="utf-8")
+    rows = [line.strip("| ").split(" | ") for line in text.partition("## Formats")[2].partition("\n\nBinary")[0].splitlines()[4:]]
+    assert rows == [[each.name, each.known_by, each.needs or "-"] for each in FORMATS]
+    extra = (Path(__file__).parents[3] / "pyproject.toml").read_text(encoding="utf-8").partition("readers = [")[2].partition("]")[0]
+    assert {each.needs for each in FORMATS} - {""} == {name.strip('" ') for name in extra.split(",")}

@@ -201,3 +201,26 @@ def test_what_no_unit_says_is_said(log):
     text = read_record(log("t,T1,P [W]\n0,20,1\n10,21,1\n"), {"T1": {"node": "a"}, "P": {"load": "q"}}).summary()
     assert text.count("no unit in the log, read in degC") == 1
     assert "no unit in the log, read in W" not in text
+
+
+def test_sensors_with_numbers_for_names_are_not_one_channel(log):
+    rows = "".join(f"{10 * k},{s},{20 + s + k}\n" for k in range(4) for s in (1, 2))
+    record = read_record(log("time,sensor_id,value\n" + rows), {"2": {"node": "b"}})
+    assert record["2"].values.round(9).tolist() == [22 + ICE, 23 + ICE, 24 + ICE, 25 + ICE]
+
+
+@pytest.mark.parametrize("name", ["Ts", "temps", "data", "mS", "hora"])
+def test_a_column_of_readings_is_not_taken_for_the_time(log, name):
+    with pytest.raises(ThermidError, match="no time column"):
+        read_record(log(f"{name},T1\n20,21\n22,23\n24,25\n"), {"T1": {"node": "a"}})
+
+
+def test_the_overload_of_an_instrument_is_no_reading(log):
+    record = read_record(log("time,T1 (C)\n0,20\n1,9.90000000E+37\n2,-9.90000000E+37\n3,21\n"), {"T1": {"node": "a"}})
+    assert record["T1"].flags == {"infinite": 2}
+
+
+def test_stamps_of_one_day_leave_the_order_open_and_say_so(log):
+    record = read_record(log("time,T1\n1/2/2024 10:00,20\n1/2/2024 10:01,21\n"), {"T1": {"node": "a"}})
+    assert record.times.tolist() == [0, 60]
+    assert record.steps == ("day and month of the stamps are open (day/month/year or month/day/year); the times are the same",)

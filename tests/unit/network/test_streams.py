@@ -238,6 +238,14 @@ def test_two_fluids_in_one_node_are_refused() -> None:
         td.compile_network(bay(fan=stream("inlet", "gas"), out=stream("gas", "outlet", fluid="He")))
 
 
+def test_a_liquid_and_a_gas_close_each_for_itself() -> None:
+    """An exchanger of one temperature: air passes through it, and a liquid ends in it."""
+    loop = stream("inlet", "gas", "1 [g/s]", fluid="liquid", specific_heat="4180 [J/(kg K)]")
+    td.compile_network(bay(fan=stream("inlet", "gas"), out=stream("gas", "outlet"), loop=loop))
+    with pytest.raises(td.ThermidError, match=r"'gas' takes in 1 g/s \('loop'\) and passes on 2 g/s"):
+        td.compile_network(bay(fan=stream("inlet", "gas"), loop=loop, back=loop | {"between": ["gas", "outlet"], "mass_flow": "2 [g/s]"}))
+
+
 def test_a_schedule_of_one_end_is_refused() -> None:
     half = {"times": ["0 [min]", "5 [min]"], "values": ["30 [l/min]", "15 [l/min]"], "hold": True}
     chain = bay(fan=stream("inlet", "gas"), out=stream("gas", "outlet"))
@@ -294,6 +302,17 @@ def test_an_export_has_the_density_of_the_source(inlet: Any) -> None:
     row = next(row for _, row in found.conductors if row.name == "fan")
     shape = found.gas[row.signal].at(np.array([600.0]))[0] if row.signal else 1.0
     assert float(row.coefficients[0]) * shape == pytest.approx(THIRTY * 60e3 / (R_AIR * (303.15 if row.signal else 313.15)) * CP, rel=1e-5)
+
+
+def test_a_reduced_deck_keeps_the_fluid() -> None:
+    """Reduced at 60 kPa, run at 60 kPa: a volume of air stays one, and its density follows its inlet."""
+    scenario = run(boundaries={"inlet": "40 [degC]"}, **at(60e3))
+    found = td.reduce(bay(fan=stream("inlet", "gas")), scenario, nodes=1)
+    again = td.simulate(found.inside, scenario)
+    assert again["gas"].kelvin[-1] == pytest.approx(td.simulate(bay(fan=stream("inlet", "gas")), scenario)["gas"].kelvin[-1], abs=1e-6)
+    kept = [c for c in found.model.conductors.values() if c.kind == "flow"]
+    assert [c.words for c in kept] == [{"fluid": "air"}]
+    assert "volume_flow" in kept[0].fields
 
 
 # words ---------------------------------------------------------------------------------------------------------------------------

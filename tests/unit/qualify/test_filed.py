@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
+from thermid.campaign.filed import filed
 from thermid.cli.app import app
-from thermid.identify.filed import filed
 
 G = "loss.conductance"
 DECK = """

@@ -272,7 +272,7 @@ def test_errors_of_a_plan_s_limits_and_model_name_the_plan(tmp_path: Path) -> No
 
 
 def test_a_stage_that_a_campaign_does_not_have_is_named_with_the_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thermid.identify import stages
+    from thermid.campaign import stages
 
     plan = td.load_plan(project(tmp_path))
     source = plan.content.model.model_copy(update={"deck": "", "campaign": "unit.toml", "stage": "unti"})

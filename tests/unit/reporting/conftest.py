@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.identify.stages import Campaign
+from thermid.campaign.stages import Campaign
 
 BOX: dict[str, Any] = {
     "title": "Box",

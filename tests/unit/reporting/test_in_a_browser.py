@@ -13,7 +13,7 @@ import pytest
 
 import thermid as td
 from studio.browser import CHROMIUM, DRIVER, Page
-from thermid.identify.stages import Campaign
+from thermid.campaign.stages import Campaign
 from thermid.reporting.page import report
 
 EVIL = "\"><script>window.caught=1</script><img src=x onerror='window.caught=2'> ' & </style></svg> {{ 7*7 }} "

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import thermid as td
-from thermid.identify.stages import Campaign
+from thermid.campaign.stages import Campaign
 from thermid.reporting.page import report
 from webpage import faults
 

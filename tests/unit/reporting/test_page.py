@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.campaign.stages import Campaign
 from thermid.errors import ThermidError
-from thermid.identify.stages import Campaign
 from thermid.reporting.page import report
 from webpage import without_script
 

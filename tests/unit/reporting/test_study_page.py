@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.identify.stages import Campaign
+from thermid.campaign.stages import Campaign
 from thermid.reporting.cells import Column, Table
 from thermid.reporting.curves import Band, Curve, curves
 from thermid.reporting.sections import Code, Facts, Figures, Formulas, Heading, Notes, Picture, Plot, Section, Words, folded

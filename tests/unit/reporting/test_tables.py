@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.identify.stages import Campaign
+from thermid.campaign.stages import Campaign
 from thermid.reporting import origins, tables
 from thermid.reporting.cells import DASH, Cell, Column, Table, number, pretty, signed, significant
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from planted import campaign
-from thermid.identify.stages import Campaign
+from thermid.campaign.stages import Campaign
 from thermid.reporting.page import report
 from thermid.studio.outcomes import outcome_object
 from thermid.studio.project import Project

@@ -1,0 +1,315 @@
+"""A last fit over the records of all levels at once, each with the model of its own level, parameters shared by path."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thermid.campaign.cache import recall, remember
+from thermid.campaign.sharing import Level, Shared, shared_parameters
+from thermid.errors import IdentificationError, nearest
+from thermid.fit.calibrate import fit_problem
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.gather import prior_of, problem_for
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.selection import is_glob, matching
+from thermid.fit.problem.unknowns import Prior, Target, Unknown
+from thermid.fit.uncertainty.moved import moves_from, part_of
+from thermid.fit.uncertainty.moves import Moves
+from thermid.knowledge.graft import graft
+from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.store import Store
+from thermid.knowledge.values import FittedValue, FittedValues
+from thermid.model.model import Model
+
+if TYPE_CHECKING:
+    from thermid.campaign.file import CampaignSource
+    from thermid.campaign.schema import JointTable
+
+__all__ = ["Joint", "fit_jointly", "joint_key"]
+
+NAME = "joint"
+
+
+@dataclass(frozen=True, eq=False)
+class Joint(Calibration):
+    """The fit of all levels at once; a `Calibration` of the uppermost model.
+
+    Parameters
+    ----------
+    levels : dict       Stage -> its model as the stage had it, and path there -> name of the value here.
+    """
+
+    levels: Mapping[str, tuple[Model, Mapping[str, str]]] = field(default_factory=dict, repr=False)
+
+    def at(self, stage: str) -> Calibration:
+        """Return what the joint fit says of one level: its model with the joint values, as `validate` takes it.
+
+        Raises
+        ------
+        IdentificationError   When the joint fit has no such level.
+        """
+        if stage not in self.levels:
+            raise IdentificationError(f"the joint fit has no level '{stage}'.{nearest(stage, self.levels)}", self.stage)
+        model, names = self.levels[stage]
+        order = list(self.values)
+        chosen = {q: p for p, q in reversed(list(names.items()))}
+        kept = [k for k, q in enumerate(order) if q in chosen or self.values[q].kind not in ("parameter", "level")]
+        items = {}
+        for k in kept:
+            v = self.values[order[k]]
+            path = chosen.get(v.path, v.path)
+            also = tuple(p for p, q in names.items() if q == v.path and p != path)
+            items[path] = replace(v, path=path, kind="parameter", also=also) if v.path in chosen else v
+        values = FittedValues(f"{self.stage}, {stage}", items, self.values.covariance[np.ix_(kept, kept)], self.values.provenance)
+        plain = {f.name: getattr(self, f.name) for f in fields(Calibration)}
+        store = self._store_at(items, chosen)
+        return Calibration(**plain | {"stage": f"{self.stage}, {stage}", "model": model, "values": values, "store": store})
+
+    def _store_at(self, items: Mapping[str, FittedValue], chosen: Mapping[str, str]) -> Store:
+        """Return what it knows of a level, under the paths that the values have there."""
+        rows, states = [], {}
+        for path, v in items.items():
+            name = next((q for q, p in chosen.items() if p == path), path)
+            paths = (path, *v.also) if v.kind == "parameter" else ()
+            states[path] = replace(self.store.states[name], path=path, paths=paths, kind=v.kind)
+            rows.append(self.store.rows([name])[0])
+        return replace(self.store, states=states, root=np.array(rows).reshape(len(rows), len(self.store.sources)))
+
+
+def fit_jointly(
+    source: CampaignSource,
+    requests: Mapping[str, Request],
+    done: Mapping[str, Calibration],
+    key: str = "",
+    progress: Callable[[int, float], None] | None = None,
+    cache: Path | None = None,
+    staged: bool = True,
+) -> Joint:
+    """Return the joint fit of a campaign.
+
+    Parameters
+    ----------
+    source : CampaignSource     The campaign, with its ``[joint]`` table where it has one.
+    requests : dict             Stage -> what it asked.
+    done : dict                 Stage -> what it found; the joint fit starts there.
+    key : str                   Hash of everything that the result depends on.
+    progress : callable         As in `calibrate`.
+    cache : Path                Results folder.
+    staged : bool               Whether to start where the stages ended; else where the decks stand, as a fit without stages would.
+
+    Raises
+    ------
+    IdentificationError   When a stage of `[joint]` is none, or two stages state different priors of one value.
+    """
+    table, where = source.content.joint_table, source.where(NAME)
+    chosen = _chosen(table, list(requests), where)
+    top = chosen[-1]
+    levels, remarks = _once({name: requests[name] for name in chosen})
+    shared = shared_parameters(source, levels, top, {n: done[n] for n in chosen} if staged else {})
+    shared = _unfrozen(shared, table.freeze, where)
+    running = [level for level in levels if level.request.records]
+    problems = [problem_for(_bare(level.request, shared.paths_in(level))) for level in running]
+    unknowns = _merged(running, problems, shared, done if staged else {})
+    unknowns = _with_priors(unknowns, levels, shared, table, where)
+    experiments = tuple(e for p in problems for e in p.experiments)
+    noise = {s: 1.0 for p in problems for s in p.noise}
+    problem = Problem(experiments, tuple(unknowns), noise, problems[-1].options)
+    above = requests[top]
+    uncounted = _uncounted(running, shared)
+    whole = Request(
+        above.model,
+        tuple(e.record for e in experiments),
+        tuple(u.name for u in unknowns if u.kind == "parameter"),
+        loss=table.loss or above.loss,
+        knee=table.knee or above.knee,
+        name=NAME,
+        remarks=(*remarks, *uncounted),
+        seen={sha: who for c in done.values() for sha, who in c.seen.items()},
+    )
+    kept = recall(cache, NAME, key)
+    found = fit_problem(whole, problem, progress, kept)
+    if kept is None and found.converged and key:
+        remember(cache, NAME, key, list(found.fitted), np.array(list(found.fitted.values())))
+    store = replace(found.store, left_out=(*found.store.left_out, *map(LeftOut, uncounted)))
+    return _judged(replace(found, store=store), levels, shared, done if staged else {})
+
+
+def joint_key(keys: Mapping[str, str], table: JointTable) -> str:
+    """Return the hash of everything that a joint fit depends on."""
+    content = {"version": version("thermid"), "stages": dict(keys), "table": table.model_dump()}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _chosen(table: JointTable, names: list[str], where: str) -> list[str]:
+    for name in table.stages:
+        if name not in names:
+            raise IdentificationError(f"no stage '{name}'.{nearest(name, names)}", f"{where}.stages")
+    return [n for n in names if not table.stages or n in table.stages]
+
+
+def _once(requests: Mapping[str, Request]) -> tuple[list[Level], list[str]]:
+    """Return the levels with every record in one of them, the uppermost that uses it, and a remark where one was in several."""
+    taken: dict[str, str] = {}
+    remarks: list[str] = []
+    out: list[Level] = []
+    for name, request in reversed(list(requests.items())):
+        own = tuple(r for r in request.records if r.origin.sha256 not in taken)
+        for r in request.records:
+            if r not in own:
+                remarks.append(f"record '{r.name}' is used by '{name}' and '{taken[r.origin.sha256]}'; it counts once, in the latter.")
+        taken |= {r.origin.sha256: name for r in own}
+        out.insert(0, Level(name, replace(request, records=own)))
+    return out, remarks
+
+
+def _uncounted(running: Sequence[Level], shared: Shared) -> tuple[str, ...]:
+    """Return in words what stages know of values with an error that the joint fit does not count.
+
+    It has the data of its own levels and no store: what it fixes it takes as exact, and what a stage without records in it found of a
+    value that it frees is no prior.
+    """
+    fixed: dict[tuple[str, float], tuple[str, str]] = {}
+    lost: dict[tuple[str, float], tuple[str, str]] = {}
+    stages = {level.name for level in running}
+    for level in reversed(running):
+        free, store = set(shared.paths_in(level)), level.request.store
+        for s in store.parameters.values():
+            if not (s.known and s.acts and store.rows([s.path]).any()):
+                continue
+            if not free.issuperset(s.acts):
+                fixed.setdefault((s.origin.stage, s.value), (str(s.origin), s.path))
+            elif s.origin.stage not in stages:
+                lost.setdefault((s.origin.stage, s.value), (str(s.origin), shared.name_of(level, s.acts[0])))
+    exact = [f"the joint fit takes {names} of {who} as exact: its errors do not count theirs." for who, names in _listed(fixed.values())]
+    none = "is no prior of the joint fit, for none of its records is in it."
+    return (*exact, *(f"what {who} found of {names} {none}" for who, names in _listed(lost.values())))
+
+
+def _listed(several: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return who and the values of each, in words."""
+    out: dict[str, list[str]] = {}
+    for who, path in several:
+        out.setdefault(who, []).append(f"'{path}'")
+    return [(who, ", ".join(paths)) for who, paths in out.items()]
+
+
+def _bare(request: Request, paths: Sequence[str]) -> Request:
+    """Return a stage's request with every shared path free by itself, and nothing of what it was told by others."""
+    return replace(request, free=tuple(paths), untie=True, store=Store(), prior=(), priors={})
+
+
+def _merged(levels: Sequence[Level], problems: Sequence[Problem], shared: Shared, done: Mapping[str, Calibration]) -> list[Unknown]:
+    """Return one unknown per shared value, local value and instrument, acting in the experiments of all levels."""
+    out: dict[str, Unknown] = {}
+    first = 0
+    for level, problem in zip(levels, problems, strict=True):
+        for u in problem.unknowns:
+            name = shared.name_of(level, u.name) if u.kind == "parameter" else u.name
+            targets = tuple(replace(t, experiment=t.experiment + first) for t in u.targets)
+            if name in out:
+                out[name] = _joined(out[name], u, targets)
+            else:
+                start = shared.start_of(name, u.start) if u.kind == "parameter" else u.start
+                out[name] = replace(u, name=name, targets=targets, start=start)
+        first += len(problem.experiments)
+    nearer = {name: c for c in done.values() for name in c.fitted}
+    order = list(shared.classes)
+    ranked = sorted(out.values(), key=lambda u: order.index(u.name) if u.kind == "parameter" else len(order))
+    return [
+        u if u.kind == "parameter" or u.name not in nearer else replace(u, start=u.to_value(nearer[u.name].fitted[u.name])) for u in ranked
+    ]
+
+
+def _joined(one: Unknown, other: Unknown, targets: tuple[Target, ...]) -> Unknown:
+    """Return an unknown that acts at another level too; of an instrument the tighter accuracy holds."""
+    prior = one.prior
+    if other.prior is not None and (prior is None or other.prior.sd < prior.sd):
+        prior = other.prior
+    return replace(one, targets=(*one.targets, *targets), prior=prior)
+
+
+def _unfrozen(shared: Shared, freeze: Sequence[str], where: str) -> Shared:
+    names = list(shared.classes)
+    gone: set[str] = set()
+    for name in freeze:
+        hits = matching(name, names, f"{where}.freeze") if is_glob(name) else [n for n in names if n == name]
+        if not hits:
+            raise IdentificationError(f"'{name}' is frozen, but nothing of that name is free.{nearest(name, names)}", f"{where}.freeze")
+        gone |= set(hits)
+    return shared.without(gone)
+
+
+def _with_priors(unknowns: Sequence[Unknown], levels: Sequence[Level], shared: Shared, table: JointTable, where: str) -> list[Unknown]:
+    """Return the unknowns with the priors of ``[joint]``, or those that the stages stated.
+
+    A stage's prior without a mean stands about what was known before it. Where a stage below fitted the value, its data are here, and the
+    prior would count them twice; it is left out then.
+    """
+    stated: dict[str, Prior] = {}
+    said: dict[str, str] = {}
+    by_name = {u.name: u for u in unknowns}
+    for level in levels:
+        canonical = level.request.model.canonical
+        for raw, texts in level.request.priors.items():
+            name = shared.name_of(level, level.values.freeable(raw, canonical))
+            if name not in by_name or (not texts[0] and shared.fitted_before(name, level)):
+                continue
+            own = replace(by_name[name], start=level.start_of(raw))
+            prior = prior_of(own, texts)
+            if name in stated and stated[name] != prior and name not in table.priors:
+                raise IdentificationError(
+                    f"stages '{said[name]}' and '{level.name}' state different priors of '{name}'. Say which holds under [joint] priors.",
+                    where,
+                )
+            stated[name], said[name] = prior, level.name
+    for name, one in table.priors.items():
+        if name not in by_name:
+            raise IdentificationError(f"a prior is given for '{name}', which is not free.{nearest(name, by_name)}", f"{where}.priors")
+        stated[name] = prior_of(by_name[name], (one.mean, one.sd))
+    return [replace(u, prior=stated[u.name]) if u.name in stated else u for u in unknowns]
+
+
+def _judged(found: Calibration, levels: Sequence[Level], shared: Shared, done: Mapping[str, Calibration]) -> Joint:
+    """Return the joint calibration with what it says against the stages, and values that the uppermost model does not have marked."""
+    above = {n for n, c in shared.classes.items() if c.above}
+    items = {
+        p: v if v.kind != "parameter" else replace(v, also=shared.classes[p].also) if p in above else replace(v, kind="level")
+        for p, v in found.values.items()
+    }
+    values = FittedValues(found.values.stage, items, found.values.covariance, found.values.provenance)
+    names = {level.name: shared.names_in(level) for level in levels}
+    store = _store(found.store, items, levels[-1].request)
+    plain = {f.name: getattr(found, f.name) for f in fields(Calibration)} | {"values": values, "store": store}
+    held = {level.name: (level.request.model, names[level.name]) for level in levels}
+    return Joint(**plain | {"moved": _moves(found.model, values, shared, done)}, levels=held)
+
+
+def _store(found: Store, items: Mapping[str, FittedValue], top: Request) -> Store:
+    """Return what is known of the uppermost model: what the joint fit found, and of the stages what it left as it was."""
+    states = {}
+    for p, s in found.states.items():
+        above = (p, *items[p].also) if items[p].kind == "parameter" else ()
+        states[p] = replace(s, kind=items[p].kind, paths=above)
+    here = {q for s in states.values() for q in (s.path, *s.paths)}
+    left = top.store.only(lambda s: not here & {s.path, *s.paths})
+    return graft(top.model, [(".", replace(found, states=states)), (".", left)])[0]
+
+
+def _moves(model: Model, values: FittedValues, shared: Shared, done: Mapping[str, Calibration]) -> Moves:
+    """Return how far each value moved from where its last stage left it."""
+    staged = [(done[stage].values, names) for stage, names in shared.staged(done)]
+
+    def place(name: str) -> str:
+        stage, colon, _ = name.partition(": ")
+        return f"{stage}, alone" if colon else part_of(model, name)
+
+    return moves_from(staged, values, place) if staged else Moves()

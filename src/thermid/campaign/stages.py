@@ -1,0 +1,308 @@
+"""`run_stages`: component -> submodel -> full, each stage starting from what the ones below found."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thermid.arguments import takes_objects
+from thermid.campaign.cache import changed_since, file_name, recall, remember
+from thermid.campaign.file import CampaignSource, accepting, local_of, placed, read_campaign, scenario_of
+from thermid.campaign.joint import Joint, fit_jointly, joint_key
+from thermid.campaign.staging import keyed, plain_readings, request_of
+from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import Request
+from thermid.judge.looks import look
+from thermid.judge.validate import Criteria, Verdict, not_judged, validate
+from thermid.knowledge.standing import Standing, worst
+from thermid.model.resolve import parameter_table
+from thermid.model.signal import literal
+
+if TYPE_CHECKING:
+    from thermid.campaign.schema import VerdictTable
+
+__all__ = ["Campaign", "joint", "run_stages"]
+
+Notice = Callable[[str, int, float], None]
+"""Called with what is running, the number of evaluations and the RMS of the weighted residuals."""
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """The result of a campaign.
+
+    Parameters
+    ----------
+    title : str                 The campaign's.
+    stages : dict               Stage -> Calibration, in order.
+    verdicts : tuple            Verdicts, in order.
+    keys : dict                 Stage -> hash of everything that its result depends on.
+    note : str                  What the author says of it.
+    joint : Joint or None       The last fit over all levels, where the campaign asks for one.
+    source : CampaignSource     The file; None for one made in Python.
+    requests : dict             Stage -> what it asked.
+    changed : dict              Stage that was fitted anew -> what changed since the results folder kept its end; none where it kept none.
+    """
+
+    title: str
+    stages: Mapping[str, Calibration]
+    verdicts: tuple[Verdict, ...]
+    keys: Mapping[str, str]
+    note: str = ""
+    joint: Joint | None = None
+    source: CampaignSource | None = field(default=None, repr=False)
+    requests: Mapping[str, Request] = field(default_factory=dict, repr=False)
+    changed: Mapping[str, tuple[str, ...]] = field(default_factory=dict, repr=False)
+
+    def __getitem__(self, stage: str) -> Calibration:
+        """Return the calibration of a stage.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        if stage not in self.stages:
+            raise NameNotFoundError(f"no stage '{stage}'.{nearest(stage, self.stages)}", self.title)
+        return self.stages[stage]
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names of the stages."""
+        return iter(self.stages)
+
+    def table(self, field_name: str) -> dict[str, dict[str, float]]:
+        """Return part -> stage -> value of every parameter of a name, parts down, levels across: the document's Table 2. [SI]"""
+        out: dict[str, dict[str, float]] = {}
+        for stage, calibration in self.stages.items():
+            from thermid.model.resolve import ParameterSet
+
+            values = ParameterSet(calibration.fitted_model).evaluate({})
+            for path in parameter_table(calibration.fitted_model):
+                if path == field_name or path.endswith(f".{field_name}"):
+                    part = path.removesuffix(field_name).rstrip(".") or calibration.model.title
+                    out.setdefault(part, {})[stage] = float(values[path])
+        return out
+
+    @property
+    def passed(self) -> bool:
+        """Whether every verdict passed and every fit is usable: it neither is nor rests on what is not credible or failed."""
+        return all(v.passed for v in self.verdicts) and all(c.standing.usable for c in self.fits)
+
+    @property
+    def standing(self) -> Standing:
+        """The worst standing of its stages and of the joint fit."""
+        return worst(c.standing for c in self.fits)
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code: 1 where a verdict failed or was not judged, else that of the standing; what is accepted does not count."""
+        accepted = self.source.accepted if self.source is not None else ()
+        missed = [v for v in self.verdicts if v.passed is False and v.model not in accepted]
+        return 1 if missed else self.standing.exit_code
+
+    @property
+    def fits(self) -> tuple[Calibration, ...]:
+        """The calibrations of all stages, and the joint one where there is one."""
+        return (*self.stages.values(), *([self.joint] if self.joint is not None else []))
+
+    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write one values file per stage and return their paths."""
+        target = Path(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        out = []
+        for name, calibration in self.stages.items():
+            path = target / f"{file_name(name)}.values.toml"
+            calibration.save(path)
+            out.append(path)
+        if self.joint is not None:
+            out.append(target / "joint.values.toml")
+            self.joint.save(out[-1])
+        return out
+
+    def __str__(self) -> str:
+        """Return all stages and verdicts as text, below a line that says which of them must not be used."""
+        parts = [*map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
+        return "\n\n".join([self.standing.over(self.title, "stage"), *parts])
+
+
+@takes_objects
+def run_stages(
+    campaign: str | os.PathLike[str] | CampaignSource,
+    *,
+    data: str | os.PathLike[str] | None = None,
+    notice: Notice | None = None,
+    cache: str | os.PathLike[str] | None = None,
+    accept: Sequence[str] = (),
+) -> Campaign:
+    """Return the calibrations and verdicts of a campaign.
+
+    A stage that is not credible, or rests on one, is not judged: its hold-out records stay unopened.
+
+    Parameters
+    ----------
+    campaign : path         The campaign file.
+    data : path             A folder of logs outside the project.
+    notice : callable       Called while stages run.
+    cache : path            A results folder; a log that is as it was is not parsed again, and a stage of which nothing changed, the code
+                            included, is not fitted again.
+    accept : sequence       Stages that are accepted as they are, beside those that the file accepts: their standing stays and is told,
+                            the exit codes of commands do not count it.
+
+    Raises
+    ------
+    ThermidError   From reading, fitting or judging; the message says at which stage.
+    """
+    source = campaign if isinstance(campaign, CampaignSource) else read_campaign(campaign, data)
+    folder = Path(cache) if cache is not None else None
+    source = replace(source, results=folder) if folder is not None else source
+    source = accepting(source, accept) if accept else source
+    done: dict[str, Calibration] = {}
+    keys: dict[str, str] = {}
+    requests: dict[str, Request] = {}
+    changed: dict[str, tuple[str, ...]] = {}
+    for k, stage in enumerate(source.content.stages):
+        try:
+            request, ingredients = keyed(request_of(source, stage, k, done), stage, keys)
+            requests[stage.name], keys[stage.name] = request, request.key
+            kept = recall(folder, stage.name, request.key)
+            found = fit(request, _told(notice, stage.name), kept)
+            if kept is None:
+                changed[stage.name] = changed_since(folder, stage.name, ingredients)
+                if found.converged:
+                    remember(folder, stage.name, request.key, list(found.fitted), np.array(list(found.fitted.values())), ingredients)
+            done[stage.name] = found
+        except ThermidError as error:
+            raise placed(error, source.where(f"stages.{k}")) from None
+    made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
+    made = replace(made, joint=_joint(made, notice, folder)) if source.content.joint is not None else made
+    used = {sha: user for c in done.values() for sha, user in c.seen.items()}
+    verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, made, used, notice))
+    verdicts = tuple(_looked(folder, v, made) for v in verdicts)
+    return _judged(replace(made, verdicts=verdicts))
+
+
+@takes_objects
+def joint(
+    campaign: str | os.PathLike[str] | CampaignSource | Campaign,
+    *,
+    data: str | os.PathLike[str] | None = None,
+    notice: Notice | None = None,
+    cache: str | os.PathLike[str] | None = None,
+) -> Joint:
+    """Return one fit over the records of all levels of a campaign, each with the model of its own level.
+
+    Levels share a parameter where the part stands in the uppermost model as it stood below, so a component's ``skin.htc`` is
+    ``pre.ele.skin.htc`` above unless a ``[set]`` on the way sets it anew. It starts where the stages ended.
+
+    Parameters
+    ----------
+    campaign : path or Campaign     The campaign file, or what `run_stages` made of it; a ``[joint]`` table in it is heeded.
+    data, notice, cache             As in `run_stages`.
+
+    Raises
+    ------
+    ThermidError   From reading or fitting; a campaign that was made in Python has no file to read stages from.
+    """
+    made = campaign if isinstance(campaign, Campaign) else run_stages(campaign, data=data, notice=notice, cache=cache)
+    if made.source is None:
+        raise DeckError("a joint fit needs the campaign's file; this campaign was made in Python. Call run_stages on a file.", made.title)
+    return made.joint or _joint(made, notice, Path(cache) if cache is not None else None)
+
+
+def _judged(made: Campaign) -> Campaign:
+    """Return a campaign in which failed verdicts are known to the stages that they are about, and to all that rests on these."""
+    accepted = made.source.accepted if made.source is not None else ()
+    stages = _judged_stages(made.stages, made.verdicts, accepted)
+    if made.joint is None:
+        return replace(made, stages=stages)
+    failed = [v for v in made.verdicts if v.passed is False and v.model not in stages]
+    joint = made.joint.judged(_as_now(made.joint.rests, stages), _verdict_standing(failed, False))
+    return replace(made, stages=stages, joint=joint)
+
+
+def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> Joint:
+    source = campaign.source
+    assert source is not None
+    key = joint_key(campaign.keys, source.content.joint_table)
+    return fit_jointly(source, campaign.requests, campaign.stages, key, _told(notice, "joint"), folder)
+
+
+def _looked(folder: Path | None, verdict: Verdict, made: Campaign) -> Verdict:
+    """Return a verdict with what the results folder knows of earlier looks at its record; this one is noted there if it was one."""
+    if verdict.prediction is None or verdict.passed is None:
+        return verdict
+    joint = verdict.model not in made.keys
+    key = joint_key(made.keys, made.source.content.joint_table) if joint and made.source is not None else made.keys[verdict.model]
+    record = next(iter(verdict.prediction.records.items()))
+    return replace(verdict, failed_before=look(folder, *record, verdict.model, key, verdict.passed))
+
+
+def _told(notice: Notice | None, name: str) -> Callable[[int, float], None] | None:
+    return None if notice is None else lambda count, rms: notice(name, count, rms)
+
+
+def _judge(
+    source: CampaignSource, table: VerdictTable, k: int, made: Campaign, used: Mapping[str, str], notice: Notice | None
+) -> Iterator[Verdict]:
+    """Yield one verdict per record of a verdict's pattern."""
+    where = source.where(f"verdicts.{k}")
+    stage = next(s for s in source.content.stages if s.name == table.model)
+    for name in source.pick([table.record], where):
+        if notice is not None:
+            notice(f"verdict on {name}", 0, 0.0)
+        fit = made.joint.at(table.model) if table.values == "joint" and made.joint is not None else made[table.model]
+        if not fit.standing.judgeable:
+            yield not_judged(fit, name, table.name)
+            continue
+        try:
+            record = source.bound(name, stage)
+            if record.origin.sha256 in used:
+                from thermid.errors import IdentificationError
+
+                raise IdentificationError(
+                    f"record '{name}' was used by {used[record.origin.sha256]}; a validation needs data that no fit has seen."
+                )
+            yield validate(
+                fit,
+                record,
+                Criteria.read(table.criteria, where),
+                scenario=scenario_of(table.scenario or stage.scenario, table.name or name),
+                local=local_of(table.local),
+                window=literal(stage.window, "s", where),
+                readings=plain_readings(table.readings if table.readings is not None else stage.readings),
+                title=table.name,
+            )
+        except ThermidError as error:
+            raise placed(error, where) from None
+
+
+def _judged_stages(stages: Mapping[str, Calibration], verdicts: tuple[Verdict, ...], accepted: tuple[str, ...]) -> dict[str, Calibration]:
+    """Return the stages of a campaign with what its verdicts make of them and of all that rests on them."""
+    out: dict[str, Calibration] = {}
+    for name, result in stages.items():
+        failed = [v for v in verdicts if v.model == result.stage and v.passed is False]
+        out[name] = result.judged(_as_now(result.rests, out), _verdict_standing(failed, name in accepted))
+    return out
+
+
+def _as_now(rests: Mapping[str, Standing], stages: Mapping[str, Calibration]) -> dict[str, Standing]:
+    """Return what a fit rests on with the standing that stages have now."""
+    now = {f"stage '{name}'": fit.standing for name, fit in stages.items()}
+    return {who: now.get(who, standing) for who, standing in rests.items()}
+
+
+def _verdict_standing(failed: list[Verdict], accepted: bool) -> Standing | None:
+    """Return what failed verdicts on one stage make of it; None without any."""
+    if not failed:
+        return None
+    missed = [c for v in failed for c in v.checks if not c.passed]
+    first = max(missed, key=lambda c: c.found / c.limit)
+    records = ", ".join(dict.fromkeys(v.record for v in failed))
+    words = f"verdict on {records}: {first.sensor} {first.criterion.replace('_', ' ')} {first.found:.3g} K, limit {first.limit:.3g} K"
+    return Standing("failed", words, failed[0].model, accepted)

@@ -1,1 +1,0 @@
-"""A model meets measurements: comparison, calibration, identifiability, stages, validation."""

@@ -1,0 +1,275 @@
+"""`identifiability`: what a log, or a planned test, tells of the parameters that are to be fitted, in an engineer's words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.arguments import takes_objects
+from thermid.design.planned import planned_record, sensors_of
+from thermid.errors import IdentificationError
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import LocalSpec, Request
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.uncertainty.grouping import Group, listed, percent
+from thermid.fit.uncertainty.groups import practical_groups, structural_groups
+from thermid.fit.uncertainty.information import Information, elsewhere
+from thermid.inference.advice import Cure, cures
+from thermid.measure import Record
+from thermid.model.model import Model
+from thermid.simulation.scenario import Scenario
+from thermid.units import counted, unit
+
+__all__ = ["Identifiability", "Known", "cause", "identifiability", "identifiability_of"]
+
+Array = NDArray[np.float64]
+TELL = 0.1
+
+
+@dataclass(frozen=True)
+class Known:
+    """How well one parameter is known.
+
+    Parameters
+    ----------
+    name : str              Its path.
+    value, error : float    Value and standard error; infinite where nothing is known. [SI]
+    relative : float        Error over value. [-]
+    alone : float           The same if all others were known. [-]
+    limit : str             The other unknown that most of the error comes from; empty where none stands out.
+    without : float         Relative error if that one were known. [-]
+    unit : str              For people.
+    """
+
+    name: str
+    value: float
+    error: float
+    relative: float
+    alone: float
+    limit: str
+    without: float
+    unit: str
+
+    def __str__(self) -> str:
+        """Value, error, and what limits it."""
+        of = unit(self.unit)
+        shown = (self.value - float(of.offset)) / float(of.factor)
+        text = f"{self.name} = {shown:.5g} {self.unit} +- {percent(self.relative)}"
+        return f"{text}, most of it from {cause(self.limit)} (were that known: {percent(self.without)})" if self.limit else text
+
+
+def cause(unknown: str) -> str:
+    """Return an unknown as the cause of an error.
+
+    >>> cause("sensor T1"), cause("METER error"), cause("skin.area")
+    ('the constant error of T1', 'the accuracy of METER', "'skin.area'")
+    """
+    if unknown.startswith("sensor "):
+        return f"the constant error of {unknown.removeprefix('sensor ')}"
+    return f"the accuracy of {unknown.removesuffix(' error')}" if unknown.endswith(" error") else f"'{unknown}'"
+
+
+@dataclass(frozen=True, eq=False)
+class Identifiability:
+    """What readings tell of parameters.
+
+    Parameters
+    ----------
+    title : str                 Model or stage.
+    stage : str                 'planned' (a test that was not made), 'before' or 'after' the fit.
+    samples : int               Readings.
+    rank : int                  Independent facts about the parameters in the readings, priors of parameters left out.
+    parameters : dict           Path -> `Known`, priors counted.
+    groups : tuple of Group     What cannot be told apart: structural ones first.
+    cures : tuple of Cure       What would help, the best first.
+    """
+
+    title: str
+    stage: str
+    samples: int
+    rank: int
+    parameters: Mapping[str, Known]
+    groups: tuple[Group, ...]
+    cures: tuple[Cure, ...]
+    information: Information = field(repr=False)
+    problem: Problem = field(repr=False)
+
+    def __getitem__(self, path: str) -> Known:
+        """Return what is known of one parameter."""
+        return self.parameters[path]
+
+    @property
+    def structural(self) -> tuple[Group, ...]:
+        """Groups that no log of this kind can separate."""
+        return tuple(g for g in self.groups if g.structural)
+
+    @property
+    def practical(self) -> tuple[Group, ...]:
+        """Groups that this log hardly separates, and others could."""
+        return tuple(g for g in self.groups if not g.structural)
+
+    def _split_by(self, group: Group) -> str:
+        """Return which priors alone split a group."""
+        info = self.information
+        own = [u.name for u in info.unknowns if u.prior is not None and u.kind == "parameter" and u.name in group.names]
+        if own:
+            return f" Only the prior of {listed(own)} splits them."
+        handed = {info.names[k] for at, _, _ in self.problem.coupled for k in at} & set(group.names)
+        return " Only what a stage below handed on splits them." if handed else ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain data; infinite errors stay infinite."""
+        return {
+            "title": self.title,
+            "stage": self.stage,
+            "samples": self.samples,
+            "rank": self.rank,
+            "free": len(self.parameters),
+            "parameters": {
+                p: {k: getattr(v, k) for k in ("value", "error", "relative", "alone", "limit", "without", "unit")}
+                for p, v in self.parameters.items()
+            },
+            "groups": [
+                {
+                    "names": list(g.names),
+                    "structural": g.structural,
+                    "form": g.form,
+                    "moves": list(g.moves),
+                    "known": [{"formula": c.text, "value": c.value, "error": c.error, "unit": c.unit} for c in g.known],
+                    "text": str(g),
+                }
+                for g in self.groups
+            ],
+            "cures": [{"action": c.action, "errors": dict(c.errors)} for c in self.cures],
+        }
+
+    def __str__(self) -> str:
+        """Return the findings as text."""
+        when = {"planned": "what this test would tell", "before": "what these readings can tell", "after": "what the readings told"}
+        free = len(self.parameters)
+        lines = [f"{self.title}: {when[self.stage]} of {counted(free, 'parameter')} ({self.samples} readings)"]
+        if self.rank < free:
+            lines.append(f"  The readings hold {counted(self.rank, 'independent fact')} about {free} parameters.")
+        lines += [f"  Whatever is measured so: {g}.{self._split_by(g)}" for g in self.structural if g.form != "unseen"]
+        lines += [f"  No reading depends on {listed(g.names)}." for g in self.structural if g.form == "unseen"]
+        lines += [f"  With this log: {g}." for g in self.practical]
+        lines.append("  expected errors:" if self.stage != "after" else "  errors:")
+        lines += [f"    {k}" for k in self.parameters.values()]
+        if self.cures:
+            lines.append("  what would help:")
+            lines += [f"    {c}" for c in self.cures]
+        elif not self.groups:
+            lines.append("  Every parameter is told apart from the others.")
+        return "\n".join(lines)
+
+
+@takes_objects
+def identifiability(
+    model: Model | Calibration,
+    records: Record | Sequence[Record] = (),
+    free: Sequence[str] = (),
+    *,
+    scenario: Scenario | Mapping[str, Scenario] | None = None,
+    sensors: Mapping[str, Any] | None = None,
+    every: str | float | None = None,
+    local: Mapping[str, Any] | None = None,
+    priors: Mapping[str, tuple[str, str]] | None = None,
+    tell: float = TELL,
+) -> Identifiability:
+    """Return what readings tell of parameters: of a fit that was made, of logs before a fit, or of a test before any log exists.
+
+    Parameters
+    ----------
+    model : Model or Calibration    A calibration is asked about itself, and nothing else is given but `tell`.
+    records : Record(s)             Logs; none for a planned test.
+    free : sequence of str          Paths of the parameters to fit.
+    scenario : Scenario(s)          What the logs do not say; of a planned test, all that is done.
+    sensors : dict                  Of a planned test: node, boundary or load -> noise as text, or ``{noise, accuracy, name}``.
+    every : str or float            Interval of a planned test's readings. [s]
+    local, priors                   As in `calibrate`.
+    tell : float                    Relative error above which a parameter counts as hardly known. [-]
+
+    Raises
+    ------
+    IdentificationError   When nothing is free, or there are neither records nor sensors.
+    """
+    if isinstance(model, Calibration):
+        return _after(model, tell)
+    if not free:
+        raise IdentificationError("nothing is free, so there is nothing to tell. Name the parameters to fit.", model.title)
+    many = (records,) if isinstance(records, Record) else tuple(records)
+    planned = not many
+    if planned:
+        if not isinstance(scenario, Scenario) or not sensors:
+            raise IdentificationError("give the logs, or for a test that was not made yet a scenario and its sensors.", model.title)
+        many = (planned_record(model, scenario, sensors_of(model, scenario, sensors), every, scenario.title),)
+    scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
+    specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
+    request = Request(model, many, tuple(free), scenarios, specs, priors=dict(priors or {}))
+    return identifiability_of(request, "planned" if planned else "before", tell)
+
+
+def identifiability_of(request: Request, stage: str = "before", tell: float = TELL) -> Identifiability:
+    """Return what the records of a request tell, at the values where its fit would start; see `identifiability`."""
+    problem = problem_for(request)
+    start = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    return _told(request.name or request.model.title, stage, problem, start, 1.0, tell)
+
+
+def _after(fit: Calibration, tell: float) -> Identifiability:
+    """Return what the records of a fit told, at its end."""
+    if fit.problem is None:
+        raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
+    at = np.array([fit.fitted[u.name] for u in fit.problem.unknowns])
+    found = _told(fit.stage, "after", fit.problem, at, max(1.0, fit.reduced_chi_square) ** 0.5, tell)
+    # where residuals wander, the fit's own errors count it
+    grown = {p: fit.values[p].error / k.error if k.error > 0 else 1.0 for p, k in found.parameters.items()}
+    return replace(
+        found,
+        parameters={
+            p: replace(k, error=k.error * grown[p], relative=k.relative * grown[p], without=k.without * grown[p])
+            for p, k in found.parameters.items()
+        },
+    )
+
+
+def _told(title: str, stage: str, problem: Problem, at: Array, spread: float, tell: float) -> Identifiability:
+    info = Information.of(problem, at, spread)
+    if not info.parameters:
+        raise IdentificationError("no parameter is free, so there is nothing to tell. Name the parameters to fit.", title)
+    bound = structural_groups(info, elsewhere(problem, info, spread))
+    # what a prior alone splits is said once
+    groups = [*bound, *(g for g in practical_groups(info, tell) if not any(set(g.names) <= set(b.names) for b in bound))]
+    known = _known(info)
+    doubtful = [p for p, k in known.items() if not k.relative <= tell]
+    helps = cures(problem, info, groups, doubtful) if doubtful else ()
+    return Identifiability(title, stage, problem.samples, info.rank(), known, tuple(groups), helps, info, problem)
+
+
+def _known(info: Information) -> dict[str, Known]:
+    """Return path -> what is known, with the unknown that most of each error comes from."""
+    covariance = info.covariance()
+    variance = np.diag(covariance)
+    out = {}
+    for k in info.parameters:
+        u: Unknown = info.unknowns[k]
+        share = np.zeros(len(variance))
+        others = np.isfinite(variance) & (variance > 0)
+        others[k] = False
+        if np.isfinite(variance[k]):
+            share[others] = covariance[k, others] ** 2 / (variance[k] * variance[others])
+        # where an instrument is behind an error that two parameters share, it is the instrument that can be bettered
+        outer = np.where([v.kind == "parameter" for v in info.unknowns], 0.0, share)
+        worst = int(outer.argmax() if outer.max() > 0.5 else share.argmax())
+        limit = info.names[worst] if share[worst] > 0.5 else ""
+        relative = float(np.sqrt(variance[k]) / info.sizes[k])
+        error = float(np.sqrt(variance[k]) * info.slopes[k])
+        without = relative * float(np.sqrt(max(0.0, 1.0 - share[worst]))) if limit else relative
+        out[u.name] = Known(u.name, float(info.values[k]), error, relative, float(info.alone[k]), limit, without, u.unit)
+    return out

@@ -1,0 +1,591 @@
+"""A campaign file: stages in order, values handed on, verdicts on what no stage has seen; and every kind of bad input in words."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from studio.large import wide_campaign
+from thermid.campaign.file import read_campaign
+from thermid.campaign.stages import Campaign, run_stages
+from thermid.campaign.staging import request_of
+from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
+from thermid.fit.problem.keys import in_full, key_of
+from thermid.knowledge.values import load_values
+from thermid.model.signal import Table
+from unit.fit.bench import HTC, MASS
+from unit.fit.project import CAMPAIGN, make_project
+
+JOINT = "stack.contact_conductance"
+FIXED = 'as = "fixed"'
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project that no test writes to."""
+    return make_project(tmp_path_factory.mktemp("made"))
+
+
+@pytest.fixture
+def project(made: Path, tmp_path: Path) -> Path:
+    """A copy of it to be changed."""
+    shutil.copytree(made.parent, tmp_path / "p")
+    return tmp_path / "p" / "campaign.toml"
+
+
+def changed(path: Path, *changes: tuple[str, str]) -> Path:
+    """Change the campaign at places that are there exactly once."""
+    text = path.read_text()
+    for old, new in changes:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    path.write_text(text)
+    return path
+
+
+def refused(path: Path) -> ThermidError:
+    with pytest.raises(ThermidError) as caught:
+        run_stages(path)
+    return caught.value
+
+
+def line_of(path: Path, text: str) -> int:
+    return next(k for k, line in enumerate(path.read_text().splitlines(), 1) if text in line)
+
+
+@pytest.fixture(scope="module")
+def campaign(made: Path) -> Campaign:
+    return run_stages(made)
+
+
+class TestRun:
+    def test_each_stage_finds_its_truth(self, campaign: Campaign) -> None:
+        assert list(campaign) == ["box", "pair"]
+        for path, truth in ((HTC, 5.0), (MASS, 1.7)):
+            found = campaign["box"][path]
+            assert abs(found.value - truth) < 4 * found.error
+        # what is held is taken for known, so the error above does not say how far the joint may be off
+        assert campaign["pair"][JOINT].value == pytest.approx(150.0, rel=0.1)
+
+    def test_fixed_values_are_those_of_the_stage_below_to_the_bit(self, campaign: Campaign) -> None:
+        above = campaign["pair"]
+        assert list(above.values.parameters) == [JOINT]
+        for path in (HTC, MASS):
+            value = above.fitted_model.at(f"a.{path}").expression.literal.value
+            assert value == campaign["box"][path].value
+        assert above.bias["T_A"] == pytest.approx(campaign["box"].bias["T_A"], abs=3 * campaign["box"]["sensor T_A"].error)
+
+    def test_verdict(self, campaign: Campaign) -> None:
+        (verdict,) = campaign.verdicts
+        assert (verdict.model, verdict.record, verdict.passed, verdict.conditional) == ("pair", "pair_two", True, False)
+        assert campaign.passed
+
+    def test_table_has_parts_down_and_levels_across(self, campaign: Campaign) -> None:
+        table = campaign.table("effective_htc")
+        value = campaign["box"][HTC].value
+        assert table["skin"] == {"box": value}
+        assert table["a.skin"] == {"pair": value}
+        assert table["b.skin"] == {"pair": 6.0}
+
+    def test_what_was_seen_is_carried_up(self, campaign: Campaign) -> None:
+        assert set(campaign["pair"].seen.values()) == {"stage 'box' as 'box_bench'", "stage 'pair' as 'pair_one'"}
+
+    def test_values_files(self, campaign: Campaign, tmp_path: Path) -> None:
+        files = campaign.save(tmp_path)
+        assert [f.name for f in files] == ["box.values.toml", "pair.values.toml"]
+        assert dict(load_values(files[0])) == dict(campaign["box"].values)
+
+    def test_an_unknown_stage_names_the_nearest(self, campaign: Campaign) -> None:
+        with pytest.raises(NameNotFoundError, match=r"Two levels: no stage 'pear'\. Did you mean 'pair'"):
+            campaign["pear"]
+
+    def test_text(self, campaign: Campaign) -> None:
+        text = str(campaign)
+        assert text.startswith("Two levels\n\nbox: 2 free parameters")
+        assert text.endswith("met")
+
+    def test_notice(self, made: Path) -> None:
+        seen: list[str] = []
+        run_stages(made, notice=lambda stage, count, rms: seen.append(stage))
+        assert list(dict.fromkeys(seen)) == ["box", "pair", "verdict on pair_two"]
+
+
+class TestInheritance:
+    def test_as_prior_frees_what_was_below_with_its_covariance(self, project: Path) -> None:
+        fixed = run_stages(project)
+        prior = run_stages(changed(project, (FIXED, 'as = "prior"')))
+        above, below = prior["pair"], prior["box"]
+        assert list(above.values.parameters) == [JOINT, f"a.{HTC}", f"a.{MASS}"]
+        for path in (HTC, MASS):
+            assert above[f"a.{path}"].error < below[path].error
+            assert abs(above[f"a.{path}"].value - below[path].value) < 4 * below[path].error
+        # a fixed value is not let go, so its error moves the others by more
+        assert fixed["pair"][JOINT].error > above[JOINT].error > above[JOINT].error_random
+        assert abs(fixed["pair"][JOINT].value - 150.0) < 2 * fixed["pair"][JOINT].error
+        for path, truth in ((JOINT, 150.0), (f"a.{HTC}", 5.0), (f"a.{MASS}", 1.7)):
+            assert abs(above[path].value - truth) < 4 * above[path].error
+
+    def test_only_some(self, project: Path) -> None:
+        found = run_stages(changed(project, (FIXED, 'as = "prior", only = ["case.mass"]')))["pair"]
+        assert list(found.values.parameters) == [JOINT, f"a.{MASS}"]
+        assert found.fitted_model.at(f"a.{HTC}").text == "6 [W/(m^2 K)]"
+
+    def test_the_parents_own_set_wins_and_it_is_said(self, project: Path) -> None:
+        deck = project.parent / "pair.toml"
+        deck.write_text(deck.read_text() + '\n[set]\n"a.skin.effective_htc" = "5.5 [W/(m^2 K)]"\n')
+        found = run_stages(project)["pair"]
+        assert found.fitted_model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
+        assert f"'a.{HTC}' is 5.5 [W/(m^2 K)] by [set] of Pair, which hides what stage 'box' found." in found.warnings
+
+    def test_what_the_set_hides_is_no_prior_either(self, project: Path) -> None:
+        deck = project.parent / "pair.toml"
+        deck.write_text(deck.read_text() + '\n[set]\n"a.skin.effective_htc" = "5.5 [W/(m^2 K)]"\n')
+        found = run_stages(changed(project, (FIXED, 'as = "prior"')))["pair"]
+        assert list(found.values.parameters) == [JOINT, f"a.{MASS}"]
+        assert found.fitted_model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
+        assert any("which hides what stage 'box' found" in w for w in found.warnings)
+
+    @pytest.mark.parametrize("how", ["fixed", "prior"])
+    def test_a_part_by_its_alias(self, project: Path, how: str) -> None:
+        deck = project.parent / "pair.toml"
+        deck.write_text(deck.read_text() + '\n[aliases]\nfirst = "a"\n')
+        changed(project, (FIXED, f'as = "{how}"'))
+        plain = run_stages(project)["pair"]
+        named = run_stages(changed(project, ("{ a = { stage", "{ first = { stage")))["pair"]
+        assert dict(named.values) == dict(plain.values)
+
+    def test_two_parts_from_one_stage_share_what_it_says_of_sensors_once(self, project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        import thermid.campaign.stages as stages
+
+        deck = project.parent / "pair.toml"
+        deck.write_text(deck.read_text().replace('use = "cool.toml"', 'use = "box.toml"'))
+        both = 'inherit = { a = { stage = "box", as = "prior" }, b = { stage = "box", as = "prior" } }'
+        asked, original = [], stages.fit
+        monkeypatch.setattr(stages, "fit", lambda request, *more: asked.append(request) or original(request, *more))
+        run_stages(changed(project, ('inherit = { a = { stage = "box", as = "fixed" } }', both)))
+        assert list(asked[1].store.states) == [f"a.{HTC}", f"a.{MASS}", "sensor T_A", f"b.{HTC}", f"b.{MASS}"]
+        rows = asked[1].store.rows
+        np.testing.assert_array_equal(rows([f"a.{HTC}", f"a.{MASS}"]), rows([f"b.{HTC}", f"b.{MASS}"]))
+
+    def test_the_model_itself_by_a_dot(self, project: Path) -> None:
+        changed(
+            project,
+            ('model   = "pair.toml"', 'model   = "box.toml"'),
+            ('records = ["pair_one"]', 'records = ["pair_one"]\nbind = { T_A = "case", ROOM = "air" }\nignore = ["T_B"]'),
+        )
+        changed(project, ('["stack.contact_conductance"]', '["power"]'), ("{ a = {", '{ "." = {'))
+        changed(project, ('record   = "pair_two"', 'record   = "pair_two"'))
+        text = project.read_text()
+        project.write_text(text[: text.index("[[verdicts]]")])
+        found = run_stages(project)["pair"]
+        assert found.fitted_model.at(HTC).expression.literal.value == run_stages(project)["box"][HTC].value
+
+    def test_readings_that_are_in_the_prior_already_are_remarked(self, project: Path) -> None:
+        again = '[[stages]]\nname = "again"\nmodel = "box.toml"\nrecords = ["box_bench"]\n'
+        again += 'inherit = { "." = { stage = "box", as = "prior" } }'
+        found = run_stages(changed(project, before(VERDICTS, again)))
+        assert any(w.startswith("record 'box_bench' was fitted by stage 'box' too") for w in found["again"].warnings)
+        assert not any("count twice" in w for w in found["pair"].warnings)
+
+
+VERDICTS = "[[verdicts]]"
+PAIRS = "[records.pairs]"
+BENCH = "[records.box_bench]"
+STAGES = "[[stages]]"
+
+
+def before(place: str, text: str) -> tuple[str, str]:
+    """Put a text before a place that is in the campaign once."""
+    return place, f"{text}\n\n{place}"
+
+
+BAD = [
+    # what is changed, into what, the text whose line the message must have, the words
+    ('free    = ["stack', 'fre     = ["stack', "fre ", r"stages\.1\.fre: 'fre' is no field here\. Did you mean 'free'"),
+    ('title = "Two levels"', 'titel = "Two levels"', None, r"campaign\.toml:2, titel: 'titel' is no field here\. Did you mean 'title'"),
+    ('get      = "Run', 'gett     = "Run', "gett ", r"records\.box_bench\.gett: 'gett' is no field here\. Did you mean 'get'"),
+    ('model   = "pair.toml"\n', "", STAGES, r"stages\.1\.model: is missing"),
+    (
+        'stage = "box", as',
+        'stage = "bux", as',
+        "inherit",
+        r"'a' inherits from stage 'bux', which does not come before\. Did you mean 'box'",
+    ),
+    ('stage = "box", as', 'stage = "pair", as', "inherit", r"'a' inherits from stage 'pair', which does not come before"),
+    ('name    = "pair"', 'name    = "box"', STAGES, r"two stages are named 'box'"),
+    ('name    = "pair"', 'name    = ""', 'name    = ""', r"a stage needs a name"),
+    ('model    = "pair"', 'model    = "pear"', 'model    = "pear"', r"verdicts\.0\.model: no stage 'pear'\. Did you mean 'pair'"),
+    ('records = ["pair_one"]', 'records = ["pair_won"]', STAGES, r"no record 'pair_won'\. Did you mean 'pair_two'"),
+    ('records = ["pair_one"]', 'records = ["bench_*"]', STAGES, r"no record 'bench_\*'"),
+    ('record   = "pair_two"', 'record   = "pair_tow"', VERDICTS, r"no record 'pair_tow'\. Did you mean 'pair_two'"),
+    (
+        '"logs/box_bench.csv"',
+        '"logs/gone.csv"',
+        BENCH,
+        r"no log 'logs/gone\.csv' beside the campaign, and no folder of data is given \(--data, or THERMID_DATA\)\. Run the test\.",
+    ),
+    ('"logs/pair_*.csv"', '"logs/nothing_*.csv"', PAIRS, r"no log 'logs/nothing_\*\.csv'"),
+    ('"logs/box_bench.csv"', '"../box_bench.csv"', BENCH, r"'\.\./box_bench\.csv' leaves the project"),
+    ('"logs/pair_*.csv"', '"../logs/pair_*.csv"', PAIRS, r"leaves the project"),
+    ('model   = "pair.toml"', 'model   = "../pair.toml"', STAGES, r"'\.\./pair\.toml' leaves the project"),
+    ('model   = "pair.toml"', 'model   = "pear.toml"', None, r"there is no file 'pear\.toml'.*Did you mean 'pair\.toml'"),
+    ('file     = "logs/box_bench.csv"\n', "", BENCH, r"a record has `file`, or `files` with patterns; one of them"),
+    ('free    = ["stack.contact_conductance"]', 'free    = ["stack.contact"]', STAGES, r"no parameter 'stack\.contact'"),
+    ('T_A = { node = "case"', 'T_X = { node = "case"', BENCH, r"no column 'T_X'.*Did you mean 'T_A'"),
+    (
+        'time     = "time_s"\nchannels = { T_A = { node = "case"',
+        'time     = "t_s"\nchannels = { T_A = { node = "case"',
+        BENCH,
+        r"no column 't_s'",
+    ),
+    ('accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }', 'accuracy = "0.3 [W]" }, ROOM = { boundary = "air" }', BENCH, r"\[W\]"),
+    ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', VERDICTS, r"there is no criterion 'rms'\. Did you mean 'rmse'"),
+    ('{ rmse = "0.5 [K]" }', "{ }", VERDICTS, r"no criterion is given for 'T_A'"),
+    (
+        *before(VERDICTS, 'priors = { "stack.contact_conductance" = { mean = "150 [W]", sd = "1 [W]" } }'),
+        STAGES,
+        r"priors\.stack\.contact_conductance",
+    ),
+    (*before(VERDICTS, 'loss = "hubert"'), "loss", r"stages\.1\.loss: input should be 'linear', 'soft_l1', 'huber' or 'cauchy'"),
+    (*before(VERDICTS, 'window = "5 [K]"'), STAGES, r"a time \[s\] is needed here"),
+    (*before(VERDICTS, "weights = { T_C = 0.5 }"), STAGES, r"a weight is given for 'T_C', which is no sensor here"),
+    (*before(VERDICTS, 'ignore = ["T_C"]'), STAGES, r"no channel 'T_C'"),
+    (*before(VERDICTS, 'bind = { T_C = "a.case" }'), STAGES, r"no channel 'T_C'"),
+    (
+        *before(VERDICTS, 'bind = { T_A = { nod = "a.case" } }'),
+        STAGES,
+        r"a binding has one of node, boundary, load, command and prescribed.*not nod",
+    ),
+    (*before(VERDICTS, 'bind = { T_A = { node = "a.case", noise = "1 [K]" } }'), STAGES, r"not node, noise"),
+    (*before(VERDICTS, 'readings = { room = "T_C" }'), STAGES, r"no channel 'T_C'"),
+    (*before(VERDICTS, 'local = { room = { sd = "1 [K]" } }'), None, r"local\.room\.start: is missing"),
+    (*before(VERDICTS, "prepare = []"), "prepare", r"stages\.1\.prepare: 'prepare' is no field here"),
+    (
+        *before(PAIRS, '[checksums]\nbox_bensch = "00"'),
+        None,
+        r"a checksum is given for 'box_bensch', but no log gives a record of that name.* Did you mean 'box_bench'",
+    ),
+    (*before(PAIRS, '[checksums]\nbox_bench = "0123456789ab"'), BENCH, r"its samples have the checksum .*, not 0123456789ab"),
+    (
+        *before(PAIRS, '[records.pair_one]\nfile = "logs/box_bench.csv"\nchannels = { T_A = "T_A" }'),
+        PAIRS,
+        r"two logs give a record 'pair_one'",
+    ),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "at", "words"), BAD, ids=[f"{k}-{b[1][:24].strip()}" for k, b in enumerate(BAD)])
+def test_bad_input_is_refused_with_its_place(project: Path, old: str, new: str, at: str | None, words: str) -> None:
+    changed(project, (old, new))
+    error = refused(project)
+    assert re.search(words, str(error)), str(error)
+    assert "campaign.toml" in error.where or at is None
+    if at is not None:
+        line = int(error.where.split(":")[1].split(",")[0])
+        places = [k for k, text in enumerate(project.read_text().splitlines(), 1) if at in text]
+        assert line in places, error.where
+
+
+def test_every_fault_of_the_grammar_is_listed(project: Path) -> None:
+    changed(project, ('title = "Two levels"', 'titel = "Two levels"'), ('free    = ["stack', 'fre     = ["stack'))
+    text = str(refused(project))
+    assert "'titel'" in text
+    assert "'fre'" in text
+    assert "title: is missing" in text
+
+
+def test_a_missing_campaign_and_one_that_is_no_toml(tmp_path: Path, project: Path) -> None:
+    with pytest.raises(ThermidError, match=r"there is no file 'campain\.toml'.*Did you mean 'campaign\.toml'"):
+        read_campaign(project.parent / "campain.toml")
+    project.write_text("title = ")
+    with pytest.raises(ThermidError, match=r"campaign\.toml: this is no TOML"):
+        read_campaign(project)
+
+
+@pytest.mark.parametrize("name", ["pa ir", "Pa_ir", "pa/ir"])
+def test_stages_that_would_share_a_file_are_refused(project: Path, name: str) -> None:
+    changed(
+        project, ('name    = "box"', 'name    = "pa_ir"'), ('stage = "box"', 'stage = "pa_ir"'), ('name    = "pair"', f'name    = "{name}"')
+    )
+    assert f"stages 'pa_ir' and '{name}' would be saved under one file name" in str(refused(project))
+
+
+class TestUsedRecords:
+    def test_a_verdict_on_a_record_of_any_stage(self, project: Path) -> None:
+        error = refused(changed(project, ('record   = "pair_two"', 'record   = "pair_one"')))
+        assert isinstance(error, IdentificationError)
+        assert "record 'pair_one' was used by stage 'pair' as 'pair_one'; a validation needs data that no fit has seen." in error.message
+        assert error.where.endswith("verdicts.0")
+
+    def test_though_it_was_trimmed_and_has_another_name(self, project: Path) -> None:
+        copy = (
+            '[records.fresh]\nfile = "logs/pair_one.csv"\ntime = "time_s"\nprepare = [{ trim = ["1 [h]", "end"] }]\n'
+            'channels = { T_A = { node = "a.case" }, ROOM = { boundary = "room" } }\n\n[[verdicts]]'
+        )
+        error = refused(changed(project, ("[[verdicts]]", copy), ('record   = "pair_two"', 'record   = "fresh"')))
+        assert "record 'fresh' was used by stage 'pair' as 'pair_one'" in error.message
+
+    def test_though_the_file_was_copied_and_compressed(self, project: Path) -> None:
+        import gzip
+
+        text = (project.parent / "logs" / "pair_one.csv").read_bytes()
+        (project.parent / "logs" / "pair_new.csv.gz").write_bytes(gzip.compress(text))
+        changed(
+            project, ('"logs/pair_*.csv"', '["logs/pair_*.csv", "logs/pair_*.csv.gz"]'), ('record   = "pair_two"', 'record   = "pair_new"')
+        )
+        assert "record 'pair_new' was used by stage 'pair' as 'pair_one'" in refused(project).message
+
+    def test_a_pattern_judges_each(self, project: Path) -> None:
+        logs = project.parent / "logs"
+        rows = np.loadtxt(logs / "pair_two.csv", delimiter=",", skiprows=1)
+        np.savetxt(logs / "pair_twice.csv", rows[:100], delimiter=",", header="time_s,T_A,T_B,ROOM", comments="")
+        found = run_stages(changed(project, ('record   = "pair_two"', 'record   = "pair_tw*"')))
+        assert [v.record for v in found.verdicts] == ["pair_twice", "pair_two"]
+
+
+class TestWhereLogsLie:
+    def test_a_data_folder_outside_the_project(self, project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        (project.parent / "logs").rename(tmp_path / "logs")
+        assert "no log 'logs/box_bench.csv'" in str(refused(project))
+        assert run_stages(project, data=tmp_path).passed
+        monkeypatch.setenv("THERMID_DATA", str(tmp_path))
+        assert run_stages(project).passed
+
+    def test_a_data_folder_that_is_not_there(self, project: Path) -> None:
+        with pytest.raises(
+            ThermidError, match=r"campaign\.toml: the data folder 'none' is not there\. Give another with --data or THERMID_DATA"
+        ):
+            run_stages(project, data=project.parent / "none")
+
+    def test_a_link_out_of_the_project_is_refused(self, project: Path, tmp_path: Path) -> None:
+        outside = tmp_path / "outside.csv"
+        shutil.copy(project.parent / "logs" / "box_bench.csv", outside)
+        (project.parent / "logs" / "box_bench.csv").unlink()
+        os.symlink(outside, project.parent / "logs" / "box_bench.csv")
+        assert "leaves the project" in str(refused(project))
+
+    def test_checksum_of_the_right_log(self, project: Path) -> None:
+        sha = read_campaign(project).record("box_bench").origin.sha256
+        changed(project, ("[records.pairs]", f'[checksums]\nbox_bench = "{sha[:16]}"\n\n[records.pairs]'))
+        assert run_stages(project).passed
+
+    def test_a_failed_look_leaves_nothing_half_known(self, project: Path) -> None:
+        source = read_campaign(changed(project, ('"logs/pair_*.csv"', '"logs/nothing_*.csv"')))
+        for _ in range(2):
+            with pytest.raises(ThermidError, match=r"no log 'logs/nothing_\*\.csv'"):
+                source.pick(["box_bench"], "here")
+
+
+class TestCache:
+    def runs(self, path: Path, folder: Path) -> tuple[Campaign, list[str]]:
+        """Run with a results folder and return what came out and which stages were searched anew."""
+        searched: list[str] = []
+
+        def notice(stage: str, count: int, rms: float) -> None:
+            if count and stage not in searched:
+                searched.append(stage)
+
+        return run_stages(path, cache=folder, notice=notice), searched
+
+    def numbers(self, campaign: Campaign) -> list[object]:
+        return [
+            (dict(c.values), c.values.covariance.tolist(), c.local, c.chi_square, c.warnings, {n: s.rmse for n, s in c.sensors.items()})
+            for c in campaign.stages.values()
+        ]
+
+    def test_a_second_run_takes_the_stages_as_they_were(self, project: Path, tmp_path: Path) -> None:
+        one, first = self.runs(project, tmp_path / "r")
+        two, second = self.runs(project, tmp_path / "r")
+        assert (first, second) == (["box", "pair"], [])
+        assert self.numbers(one) == self.numbers(two)
+        assert [v.checks for v in one.verdicts] == [v.checks for v in two.verdicts]
+
+    @pytest.mark.parametrize("noise", ["stated", "measured"])
+    def test_last_digits_of_errors_below_do_not_run_a_stage_again(self, tmp_path: Path, noise: str) -> None:
+        path = wide_campaign(tmp_path, 2)
+        if noise == "measured":
+            path.write_text(path.read_text().replace(', noise = "0.1 [K]"', ""))
+        one, first = self.runs(path, tmp_path / "r")
+        two, second = self.runs(path, tmp_path / "r")
+        assert (first, second) == (["Receiver_1", "Converter_1", "bay"], [])
+        assert one.keys == two.keys
+        for stage in one:
+            for name, found in one[stage].values.items():
+                assert two[stage][name].value == found.value
+                assert two[stage][name].error == pytest.approx(found.error, rel=1e-5)
+
+    @pytest.mark.parametrize("loss", ["linear", "huber"])
+    def test_also_where_no_noise_is_stated(self, project: Path, tmp_path: Path, loss: str) -> None:
+        text = project.read_text().replace('noise = "0.05 [K]", ', "").replace(', noise = "0.05 [K]"', "")
+        project.write_text(text.replace("free    =", f'loss = "{loss}"\nfree    ='))
+        one, _ = self.runs(project, tmp_path / "r")
+        two, second = self.runs(project, tmp_path / "r")
+        assert second == []
+        assert self.numbers(one) == self.numbers(two)
+
+    @pytest.mark.parametrize(
+        ("change", "again"),
+        [
+            (('"stack.contact_conductance"]', '"stack.contact_conductance", "b.case.mass"]'), ["pair"]),
+            ((FIXED, 'as = "prior"'), ["pair"]),
+            ((FIXED, 'as = "fixed", only = ["case.mass"]'), ["pair"]),
+            (('free    = ["skin.effective_htc", "case.mass"]', 'free    = ["skin.effective_htc"]'), ["box", "pair"]),
+            (
+                ('accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }', 'accuracy = "0.4 [K]" }, ROOM = { boundary = "air" }'),
+                ["box", "pair"],
+            ),
+            (("[[verdicts]]", 'loss = "huber"\n\n[[verdicts]]'), ["pair"]),
+            (("[[verdicts]]", "weights = { T_B = 0.5 }\n\n[[verdicts]]"), ["pair"]),
+            (("[[verdicts]]", 'window = "5 [min]"\n\n[[verdicts]]'), ["pair"]),
+            (("[[verdicts]]", 'priors = { "stack.contact_conductance" = { sd = "50 [%]" } }\n\n[[verdicts]]'), ["pair"]),
+            (("[[verdicts]]", 'scenario = { start = "24.001 [degC]" }\n\n[[verdicts]]'), ["pair"]),
+            (("[[verdicts]]", 'local = { "initial.a.case" = { start = "24 [degC]", sd = "1 [K]" } }\n\n[[verdicts]]'), ["pair"]),
+            (
+                ('files    = "logs/pair_*.csv"', 'files    = "logs/pair_*.csv"\nprepare  = [{ trim = ["1 [min]", "end"] }]'),
+                ["pair"],
+            ),
+            (('rmse = "0.5 [K]"', 'rmse = "0.6 [K]"'), []),
+            (('title = "Two levels"', 'title = "Other"'), []),
+        ],
+        ids=lambda c: c[1][:30].strip() if isinstance(c, tuple) else "",
+    )
+    def test_what_a_change_of_the_campaign_runs_again(
+        self, project: Path, tmp_path: Path, change: tuple[str, str], again: list[str]
+    ) -> None:
+        self.runs(project, tmp_path / "r")
+        _, second = self.runs(changed(project, change), tmp_path / "r")
+        assert second == again
+
+    def test_fixed_and_prior_are_told_apart_where_the_same_names_are_free(self, project: Path, tmp_path: Path) -> None:
+        # without accuracies nothing else tells them apart
+        project.write_text(project.read_text().replace(', accuracy = "0.3 [K]"', ""))
+        wide = ('["stack.contact_conductance"]', '["stack.contact_conductance", "a.skin.effective_htc", "a.case.mass"]')
+        fixed, _ = self.runs(changed(project, wide), tmp_path / "r")
+        prior, second = self.runs(changed(project, (FIXED, 'as = "prior"')), tmp_path / "r")
+        assert second == ["pair"]
+        assert prior["pair"][f"a.{HTC}"].error < fixed["pair"][f"a.{HTC}"].error
+
+    def test_a_changed_log_or_deck_runs_again(self, project: Path, tmp_path: Path) -> None:
+        self.runs(project, tmp_path / "r")
+        file = project.parent / "logs" / "pair_one.csv"
+        lines = file.read_text().splitlines()
+        lines[50] = lines[50][:-1] + ("1" if lines[50][-1] != "1" else "2")
+        file.write_text("\n".join(lines) + "\n")
+        assert self.runs(project, tmp_path / "r")[1] == ["pair"]
+        deck = project.parent / "cool.toml"
+        assert "1 [W]" in deck.read_text()
+        deck.write_text(deck.read_text().replace("1 [W]", "1.01 [W]"))
+        assert self.runs(project, tmp_path / "r")[1] == ["pair"]
+        deck.write_text("# only a remark\n" + deck.read_text())
+        assert self.runs(project, tmp_path / "r")[1] == []
+
+    def test_every_sample_of_a_long_table_counts(self) -> None:
+        values = np.linspace(20.0, 30.0, 5000)
+        other = values.copy()
+        other[2500] = np.nextafter(values[2500], 40.0)
+        texts = [json.dumps(Table(np.arange(5000.0), v), default=in_full) for v in (values, other)]
+        assert texts[0] != texts[1]
+
+    @pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"{}", b'{"key": 1}', b"\xff\xfe\x00", b'{"key": "x", "fitted": 3}', b"null"])
+    def test_a_damaged_file_is_as_good_as_none(self, project: Path, tmp_path: Path, damage: bytes) -> None:
+        one, _ = self.runs(project, tmp_path / "r")
+        (file,) = (tmp_path / "r").glob("pair*.json")
+        file.write_bytes(damage)
+        two, second = self.runs(project, tmp_path / "r")
+        assert second == ["pair"]
+        assert self.numbers(one) == self.numbers(two)
+
+    def test_numbers_in_the_kept_file_that_are_none(self, project: Path, tmp_path: Path) -> None:
+        one, _ = self.runs(project, tmp_path / "r")
+        (file,) = (tmp_path / "r").glob("pair*.json")
+        kept = json.loads(file.read_text())
+        kept["fitted"][JOINT] = float("nan")
+        file.write_text(json.dumps(kept))
+        two, second = self.runs(project, tmp_path / "r")
+        assert second == ["pair"]
+        assert self.numbers(one) == self.numbers(two)
+
+
+def test_the_campaign_text_of_these_tests_runs_as_it_stands(made: Path) -> None:
+    assert made.read_text() == CAMPAIGN
+
+
+def test_freeze_ranges_and_measured_neighbours_from_a_campaign(project: Path) -> None:
+    text = project.read_text().replace(FIXED, 'as = "prior"')
+    stage = text[text.index('[[stages]]\nname    = "pair"') : text.index("[[verdicts]]")]
+    frozen = stage.replace('"pair"\n', '"frozen"\n', 1).replace("free    =", 'freeze  = ["a.*.mass"]\nfree    =')
+    driven = stage.replace('"pair"\n', '"driven"\n', 1).replace("[stages", "[stages")
+    driven += 'bind = { T_A = { prescribed = "a.case" } }\n'
+    driven = "\n".join(line for line in driven.splitlines() if not line.startswith("inherit")) + "\n"
+    project.write_text(text.replace("[[verdicts]]", f"{frozen}\n{driven}\n[[verdicts]]"))
+    campaign = run_stages(project)
+    assert set(campaign["pair"].values.parameters) == {JOINT, f"a.{HTC}", f"a.{MASS}"}
+    assert set(campaign["frozen"].values.parameters) == {JOINT, f"a.{HTC}"}
+    frozen = campaign["frozen"]
+    assert frozen.store[f"a.{MASS}"].value == campaign["box"][MASS].value
+    assert any(line.startswith(f"  a.{MASS} ") and "(stage 'box', fixed)" in line for line in str(frozen).splitlines())
+    assert [m.path for m in campaign["pair"].moved.values] == [f"a.{HTC}", f"a.{MASS}"]
+    assert list(campaign["driven"].sensors) == ["T_B"]
+    assert campaign["driven"][JOINT].value == pytest.approx(150.0, rel=0.1)
+
+
+def test_a_range_that_is_none_says_where(project: Path) -> None:
+    changed(project, ('inherit = { a = { stage = "box", as = "fixed" } }', f'priors = {{ "{JOINT}" = "range" }}'))
+    error = refused(project)
+    assert re.search(r"the range of 'stack\.contact_conductance' is no prior", str(error))
+    assert f"priors.{JOINT}" in error.where
+
+
+def test_a_corrected_unit_runs_a_finished_stage_again(project: Path, tmp_path: Path) -> None:
+    """The hash of a log is of its numbers as they are written, so what makes temperatures of them belongs to the key of a stage."""
+    from dataclasses import replace
+
+    from thermid.fit.problem.keys import key_of
+
+    request = run_stages(project).requests["box"]
+    (record,) = request.records
+    first = key_of(request, [])
+    channel = record.channels["T_A"]
+    for field, other in (("unit", "K"), ("resolution", 0.1), ("correction", 0.5)):
+        changed_ = record.with_channels(replace(channel, **{field: other}))
+        assert key_of(replace(request, records=(changed_,)), []) != first, field
+
+
+def test_a_record_says_the_unit_of_its_time(project: Path) -> None:
+    plain = run_stages(project)["box"]
+    log = project.parent / "logs" / "box_bench.csv"
+    lines = log.read_text().splitlines()
+    rows = [[str(float(row[0]) / 60.0), *row[1:]] for row in (line.split(",") for line in lines[1:])]
+    log.write_text("\n".join([lines[0].replace("time_s", "when"), *(",".join(row) for row in rows)]), encoding="utf-8")
+    text = project.read_text().replace('time     = "time_s"', 'time     = "when"\nunits    = { when = "min" }', 1)
+    project.write_text(text, encoding="utf-8")
+    again = run_stages(project)["box"]
+    assert again[HTC].value == pytest.approx(plain[HTC].value, rel=1e-6)
+    project.write_text(text.replace('when = "min"', 'wen = "min"'), encoding="utf-8")
+    assert "unit is given for 'wen', which is no channel" in str(refused(project))
+
+
+def test_a_channel_says_that_it_was_logged_at_every_change(project: Path) -> None:
+    text = project.read_text().replace('ROOM = { boundary = "air" }', 'ROOM = { boundary = "air", prompt = true }', 1)
+    project.write_text(text, encoding="utf-8")
+    assert "it needs a load or command" in str(refused(project))
+
+
+def test_one_instance_is_untied_by_name(tmp_path: Path) -> None:
+    """`untie` takes a list; what is cut is in the stage's model and in the key of its result."""
+    path = make_project(tmp_path)
+    deck = path.parent / "pair.toml"
+    deck.write_text(deck.read_text().replace('use = "cool.toml"', 'use = "box.toml"'))
+    source = read_campaign(path)
+    stage = next(s for s in source.content.stages if s.name == "pair").model_copy(update={"inherit": {}, "free": ["a.case.mass"]})
+    requests = [request_of(source, stage.model_copy(update={"untie": u}), 1, {}) for u in (False, ["b"], ["b.case.mass"], True)]
+    groups = [r.shared.get("a.case.mass", ("a.case.mass",)) for r in requests]
+    assert groups == [("a.case.mass", "b.case.mass"), *[("a.case.mass",)] * 3]
+    assert requests[2].shared["a.skin.area"] == ("a.skin.area", "b.skin.area")
+    assert len({key_of(r, []) for r in requests}) == 4

@@ -1,0 +1,162 @@
+"""What every value rests on, what two versions differ by, and how often a record was looked at."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import thermid as td
+from thermid.campaign.stages import Campaign
+from thermid.cli.app import app
+from thermid.errors import DeckError, NameNotFoundError
+from thermid.judge.looks import FILE, look, looks_at
+from unit.fit.bench import HTC, MASS, box, pair
+from unit.fit.project import CAMPAIGN, make_project
+
+JOINT = "stack.contact_conductance"
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_project(tmp_path_factory.mktemp("record"))
+
+
+@pytest.fixture(scope="module")
+def campaign(project: Path) -> Campaign:
+    return td.run_stages(project)
+
+
+@pytest.fixture(scope="module")
+def record(campaign: Campaign) -> td.CredibilityRecord:
+    return td.credibility(campaign)
+
+
+class TestRecord:
+    def test_every_value_is_there(self, record: td.CredibilityRecord, campaign: Campaign) -> None:
+        from thermid.model.resolve import parameter_table
+
+        assert set(record) == set(parameter_table(campaign["pair"].fitted_model))
+        assert sum(record.states.values()) == len(record)
+
+    def test_calibrated_here(self, record: td.CredibilityRecord, campaign: Campaign) -> None:
+        row = record[JOINT]
+        assert (row.state, row.level, row.tests, row.unit) == ("calibrated", "pair", ("pair_one",), "W/(m^2 K)")
+        assert row.value == pytest.approx(campaign["pair"][JOINT].value)
+        assert row.error == pytest.approx(campaign["pair"][JOINT].error)
+        assert (row.minimum, row.maximum) == (20.0, 2000.0)
+        assert row.date == campaign["pair"].values.provenance["date"]
+
+    def test_frozen_from_below(self, record: td.CredibilityRecord, campaign: Campaign) -> None:
+        row = record[f"a.{MASS}"]
+        assert (row.state, row.level, row.tests) == ("frozen", "box", ("box_bench",))
+        assert row.error == pytest.approx(campaign["box"][MASS].error)
+        assert row.origin == "stage 'box'"
+
+    def test_what_the_deck_says(self, tmp_path: Path) -> None:
+        path = make_project(tmp_path)
+        deck = path.parent / "pair.toml"
+        deck.write_text(
+            deck.read_text().replace('area = "20 [cm^2]"', 'area = { value = "20 [cm^2]", source = "datasheet", basis = "sheet 7" }')
+        )
+        found = td.credibility(td.run_stages(path))
+        assert (found["stack.area"].state, found["stack.area"].basis) == ("datasheet", "sheet 7")
+        assert found[f"b.{HTC}"].state == "not stated"
+        assert found["b.heat.power"].state == "computed"
+        assert found["b.heat.power"].unit == "W"
+
+    def test_an_unknown_path_names_the_nearest(self, record: td.CredibilityRecord) -> None:
+        with pytest.raises(NameNotFoundError, match=r"no value 'stack\.contact_conductanse'\. Did you mean"):
+            record["stack.contact_conductanse"]
+
+    def test_files(self, record: td.CredibilityRecord, tmp_path: Path) -> None:
+        as_json = json.loads(record.save(tmp_path / "r.json").read_text())
+        as_toml = tomllib.loads(record.save(tmp_path / "r.toml").read_text())
+        assert as_json.pop("seal").startswith("written by thermid: credibility record")
+        assert as_json == as_toml
+        assert as_json["values"][JOINT]["tests"] == ["pair_one"]
+        assert as_json["verdicts"] == [{"model": "pair", "record": "pair_two", "passed": True, "unseen": True}]
+        assert "calibrated at pair (pair_one;" in str(record)
+
+    def test_of_a_joint_fit(self, tmp_path: Path) -> None:
+        path = make_project(tmp_path, CAMPAIGN.replace("[[verdicts]]", "[joint]\n\n[[verdicts]]", 1))
+        row = td.credibility(td.run_stages(path))[f"a.{MASS}"]
+        assert (row.state, row.level, row.tests) == ("calibrated", "joint", ("box_bench", "pair_one"))
+
+    def test_on_the_command_line(self, project: Path, tmp_path: Path) -> None:
+        call = ["credibility", str(project), "--results", str(tmp_path / "r")]
+        plain = CliRunner().invoke(app, call)
+        assert plain.exit_code == 0, plain.output
+        assert plain.output.startswith("Two levels: ")
+        done = CliRunner().invoke(app, [*call, "--to", str(tmp_path / "c.toml"), "--json"])
+        assert json.loads(done.stdout)["values"][JOINT]["state"] == "calibrated"
+        assert (tmp_path / "c.toml").is_file()
+
+
+class TestDifference:
+    SCENARIO = td.Scenario("bench", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
+
+    def test_in_kelvin_at_the_nodes(self) -> None:
+        old, new = pair(), pair(first=box({"parameters/power/value": "5 [W]"}))
+        found = td.difference(old, new, self.SCENARIO)
+        a, b = found.nodes["a.case"], found.nodes["b.case"]
+        assert a.largest == pytest.approx(a.final)
+        assert a.final > b.final > 0
+        assert a.rms < a.largest == found.largest
+        assert f"model {old.identity()} -> {new.identity()}" in str(found)
+
+    def test_none(self) -> None:
+        assert td.difference(pair(), pair(), self.SCENARIO, nodes=["a.case"]).largest == 0.0
+
+    def test_nodes_of_one_version(self) -> None:
+        lidded = pair(
+            {
+                "nodes": {"lid": {"capacitance": "10 [J/K]"}},
+                "conductors": {"lid_foot": {"kind": "conduction", "between": ["lid", "a.case"], "conductance": "1 [W/K]"}},
+            }
+        )
+        found = td.difference(pair(), lidded, self.SCENARIO)
+        assert (found.gone, found.added) == ((), ("lid",))
+        with pytest.raises(NameNotFoundError, match="no node 'lid' in both versions"):
+            td.difference(pair(), lidded, self.SCENARIO, nodes=["lid"])
+
+
+class TestLooks:
+    def test_failed_then_fitted_anew(self, project: Path, tmp_path: Path) -> None:
+        shutil.copytree(project.parent, tmp_path / "p")
+        path, results = tmp_path / "p" / "campaign.toml", tmp_path / "r"
+        text = path.read_text()
+        path.write_text(text.replace('rmse = "0.5 [K]"', 'rmse = "0.0001 [K]"'))
+        (failed,) = td.run_stages(path, cache=results).verdicts
+        assert not failed.passed
+        assert failed.unseen
+        (again,) = td.run_stages(path, cache=results).verdicts
+        assert again.unseen, "the same values judged again are no new look"
+        path.write_text(text.replace('free    = ["stack', 'free    = ["b.skin.effective_htc", "stack'))
+        (after,) = td.run_stages(path, cache=results).verdicts
+        assert not after.unseen
+        assert after.failed_before[0].record == "pair_two"
+        assert "no longer unseen: 1 failed verdict on it since" in str(after)
+        (elsewhere,) = td.run_stages(path).verdicts
+        assert elsewhere.unseen, "without a results folder nothing is remembered"
+
+    def test_a_record_that_passed_stays_unseen(self, tmp_path: Path) -> None:
+        assert look(tmp_path, "r", "sha", "pair", "key1", True) == ()
+        assert look(tmp_path, "r", "sha", "pair", "key2", False) == ()
+        assert [o.key for o in look(tmp_path, "r", "sha", "pair", "key3", True)] == ["key2"]
+        assert len(looks_at(tmp_path, "sha")) == 3
+        assert looks_at(tmp_path, "other") == ()
+
+    def test_a_damaged_file_is_refused_and_stays(self, tmp_path: Path) -> None:
+        for damaged in ("", "[{", "{}", '[{"record": "r"}]'):
+            (tmp_path / FILE).write_text(damaged)
+            with pytest.raises(DeckError, match=r"looks\.json: the file is damaged.*failed a verdict before"):
+                looks_at(tmp_path, "sha")
+            with pytest.raises(DeckError, match="damaged"):
+                look(tmp_path, "r", "sha", "pair", "key", True)
+            assert (tmp_path / FILE).read_text() == damaged
+        assert looks_at(None, "sha") == ()

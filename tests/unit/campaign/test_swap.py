@@ -1,0 +1,250 @@
+"""A part is replaced: what is touched by graph and by size, which stages and tests are due, and the retune of only that."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import thermid as td
+from thermid.campaign.stages import Campaign
+from thermid.campaign.swap.retune import _told_by
+from thermid.campaign.swap.retune_plan import RetunePlan
+from thermid.cli.app import app
+from thermid.errors import DeckError, NameNotFoundError
+from thermid.fit.calibrate import fit
+from thermid.knowledge.store import Store
+from thermid.model.modelfile import save_model
+from thermid.model.resolve import ParameterSet
+from thermid.model.touching import touching
+from unit.fit.bench import HTC, MASS, box, log, pair
+from unit.fit.project import CAMPAIGN, COOL, make_project, write_log
+
+JOINT = "stack.contact_conductance"
+FREE = 'free    = ["stack.contact_conductance"]'
+NEW = {"title": "Light", "parameters/power/value": "3 [W]", "nodes/case/mass/value": "1.0 [kg]"}
+COOL_STAGE = """[[stages]]
+name    = "cool"
+model   = "cool.toml"
+records = ["other"]
+free    = ["skin.effective_htc"]
+
+"""
+OTHER = """[records.other]
+file     = "logs/other.csv"
+time     = "time_s"
+channels = { T_A = { node = "case", noise = "0.05 [K]" }, ROOM = { boundary = "air" } }
+
+"""
+STAGES = (
+    CAMPAIGN.replace(FREE, 'free    = ["stack.contact_conductance", "b.skin.effective_htc"]')
+    .replace('[[stages]]\nname    = "pair"', f'{COOL_STAGE}[[stages]]\nname    = "pair"')
+    .replace("[records.pairs]", f"{OTHER}[records.pairs]")
+)
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = make_project(tmp_path_factory.mktemp("swap"), STAGES)
+    write_log(log(box(COOL), {}, {"T_A": "case"}, samples=61, seed=3), path.parent / "logs" / "other.csv")
+    return path
+
+
+@pytest.fixture(scope="module")
+def campaign(project: Path) -> Campaign:
+    return td.run_stages(project)
+
+
+@pytest.fixture(scope="module")
+def plan(campaign: Campaign) -> RetunePlan:
+    return td.plan_retune(campaign, "a", box(NEW))
+
+
+@pytest.fixture(scope="module")
+def tests_again(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The logs of the tests that are due, of a new part that differs from its deck."""
+    folder = tmp_path_factory.mktemp("again")
+    truth = {HTC: "5.5 [W/(m^2 K)]", MASS: "1.1 [kg]"}
+    write_log(log(box(NEW), truth, {"T_A": "case"}, bias={"T_A": 0.2}, samples=61, seed=11), folder / "logs" / "box_bench.csv")
+    hidden = {f"a.{p}": v for p, v in truth.items()} | {JOINT: "300 [W/(m^2 K)]"}
+    stack, nodes = pair(first=box(NEW), second=box(COOL)), {"T_A": "a.case", "T_B": "b.case"}
+    write_log(log(stack, hidden, nodes, boundary="room", bias={"T_A": 0.2}, samples=61, seed=12), folder / "logs" / "pair_one.csv")
+    return folder
+
+
+def copied(project: Path, tmp_path: Path) -> Path:
+    shutil.copytree(project.parent, tmp_path / "p")
+    return tmp_path / "p" / "campaign.toml"
+
+
+def test_the_graph_says_what_is_touched() -> None:
+    found = touching(pair({"set": {"a.power": "5 [W]"}}), "a")
+    assert list(found.elements) == ["stack"]
+    assert found.settings == {"a.power"}
+    assert found.neighbours == {"b.skin"}
+    values = ParameterSet(pair())
+    assert found.why(values, JOINT) == (["stack"], [])
+    assert found.why(values, "b.skin.area") == ([], ["b.skin"])
+
+
+def test_a_value_shared_with_another_joint_is_seen() -> None:
+    joints = {n: {"between": [f"{n[0]}.skin", f"{n[1]}.skin"], "area": "20 [cm^2]", "contact_conductance": "pad"} for n in ("ab", "bc")}
+    parts = {n: {"use": box(), "bind": {"air": "room"}} for n in "abc"}
+    row = td.model_from_dict(
+        {"title": "Row", "needs": ["room"], "parameters": {"pad": "300 [W/(m^2 K)]"}, "submodels": parts, "joints": joints}
+    )
+    assert touching(row, "a").why(ParameterSet(row), "pad") == (["ab"], ["bc"])
+    assert touching(row, "b").why(ParameterSet(row), "pad") == (["ab", "bc"], [])
+
+
+def test_what_is_due(plan: RetunePlan) -> None:
+    actions = {s.name: (s.action, s.free) for s in plan.stages}
+    assert actions == {"box": ("run", (HTC, MASS)), "cool": ("kept", ()), "pair": ("run", (JOINT,))}
+    assert plan.tests == ("box_bench", "pair_one")
+    assert plan.kept_tests == ("other",)
+    assert plan.freed == (f"pair: {JOINT}",)
+    kept = {s.name: s.identity for s in plan.stages}["cool"]
+    assert kept[0] == kept[1]
+    assert set(plan.neighbours) == {"b.skin"}
+    assert plan.after["T_A"] < plan.before["T_A"] - 1.0, "it gives 1 W less"
+    assert "a: Box -> Light" in str(plan)
+    assert "tests to repeat: 2 of 3" in str(plan)
+
+
+def test_before_and_after_are_at_the_same_conditions(project: Path, campaign: Campaign) -> None:
+    """A part in place of itself changes nothing, whatever its meter showed; a part with another power says which."""
+    old = campaign["pair"].model.submodel("a")
+    same = td.plan_retune(campaign, "a", old)
+    assert same.before == pytest.approx(same.after)
+    assert same.watts[0] == same.watts[1]
+    other = td.plan_retune(campaign, "a", box(NEW))
+    assert other.watts == (4.0, 3.0)
+    assert other.logged == 4.0
+    assert "at rest before -> after: the old part at the 4 W of its model, the new one at the 3 W of its deck:" in str(other)
+    assert all(other.after[s] < other.before[s] for s in other.before)
+
+
+def test_only_that_is_run(plan: RetunePlan, campaign: Campaign, tests_again: Path) -> None:
+    seen: set[str] = set()
+    made = plan.run(tests_again, notice=lambda stage, count, rms: seen.add(stage))
+    assert seen == {"box", "pair"}
+    assert made["cool"] is campaign["cool"]
+    assert made.keys["cool"] == campaign.keys["cool"]
+    assert made.keys["pair"] != campaign.keys["pair"]
+    for path, truth in ((HTC, 5.5), (MASS, 1.1)):
+        assert abs(made["box"][path].value - truth) < 4 * made["box"][path].error
+    above = made["pair"]
+    assert list(above.values.parameters) == [JOINT]
+    assert above[JOINT].value == pytest.approx(300.0, rel=0.15)
+    assert above.fitted_model.at("b.skin.effective_htc").expression.literal.value == campaign["pair"]["b.skin.effective_htc"].value
+    assert above.fitted_model.at(f"a.{HTC}").expression.literal.value == made["box"][HTC].value
+    assert any(w.startswith("only the values that Light at a affects were fitted again") for w in above.warnings)
+
+
+def test_totals_count_what_is_held(plan: RetunePlan, campaign: Campaign, tests_again: Path) -> None:
+    """Each direction in which held values may be wrong is tried by a fit of its own; the total has more by the squares of the moves."""
+    asked = plan.run(tests_again)["pair"].request
+    assert asked is not None
+    assert asked.prior == (JOINT,), "it starts about the joint of the old part"
+    request = replace(asked, prior=())
+    fitted, before = fit(request), request.store
+    plain = fit(replace(request, store=Store()))
+    held = [n for n in before.states if n != JOINT]
+    assert {"sensor T_A", "a.skin.effective_htc", "b.skin.effective_htc"} <= set(held)
+    sizes, vectors = np.linalg.eigh(before.covariance(held))
+    extra = 0.0
+    for size, vector in zip(sizes, vectors.T, strict=True):
+        found = []
+        for side in (0.2, -0.2):  # so small that the answer is straight
+            step = dict(zip(held, side * vector * np.sqrt(max(size, 0.0)), strict=True))
+            moved = {p: replace(before[p], value=before[p].value * float(np.exp(step[p]))) for p in held if p in before.parameters}
+            bias = {s: b + step.get(f"sensor {s}", 0.0) for s, b in request.held_bias.items()}
+            again = fit(replace(request, store=Store(), model=request.model.with_values(moved), held_bias=bias))
+            found.append(again[JOINT].value)
+        extra += (np.log(found[0] / found[1]) / 0.4) ** 2
+    k = list(fitted.values).index(JOINT)
+    assert fitted.values.covariance[k, k] == pytest.approx(plain.values.covariance[k, k] + extra, rel=0.05)
+    assert fitted[JOINT].error == pytest.approx(fitted[JOINT].value * fitted.values.covariance[k, k] ** 0.5)
+    assert fitted[JOINT].error > 2 * fitted[JOINT].error_random
+    assert plain[JOINT].error_random == fitted[JOINT].error_random
+    assert fitted.local[0].error > plain.local[0].error
+
+
+def test_everything_again_is_close(project: Path, tmp_path: Path, plan: RetunePlan, tests_again: Path) -> None:
+    shutil.copytree(tests_again, tmp_path / "all")
+    shutil.copy(project.parent / "logs" / "other.csv", tmp_path / "all" / "logs")
+    full = plan.run(tmp_path / "all", everything=True)["pair"]
+    assert set(full.values.parameters) == {JOINT, "b.skin.effective_htc"}
+    assert full[JOINT].value == pytest.approx(plan.run(tests_again)["pair"][JOINT].value, rel=0.15)
+
+
+def test_one_of_two_instances(project: Path, tmp_path: Path, tests_again: Path) -> None:
+    """The other instance keeps its stage; the new part gets one of its own."""
+    path = copied(project, tmp_path)
+    deck = path.parent / "pair.toml"
+    deck.write_text(deck.read_text().replace('use = "cool.toml"', 'use = "box.toml"'))
+    text = path.read_text().replace("inherit = { a = {", 'inherit = { b = { stage = "box" }, a = {').replace(', "b.skin.effective_htc"', "")
+    path.write_text(text)
+    old = td.run_stages(path)
+    plan = td.plan_retune(old, "a", box(NEW))
+    assert {s.name: s.action for s in plan.stages} == {"box": "kept", "box at a": "run", "cool": "kept", "pair": "carried"}
+    made = plan.run(tests_again)
+    assert any(w.startswith("carried over a swap") for w in made["pair"].warnings)
+    model = made["pair"].fitted_model
+    assert model.at(JOINT).expression.literal.value == old["pair"][JOINT].value
+    assert model.at(f"b.{HTC}").expression.literal.value == old["box"][HTC].value
+    assert model.at(f"a.{HTC}").expression.literal.value == made["box at a"][HTC].value
+
+
+def test_nothing_to_retune_is_carried(project: Path, tmp_path: Path) -> None:
+    path = copied(project, tmp_path)
+    path.write_text(path.read_text().replace('free    = ["stack.contact_conductance", "b.skin.effective_htc"]', 'free    = ["b.power"]'))
+    plan = td.plan_retune(td.run_stages(path), "a", box(NEW))
+    stage = {s.name: s for s in plan.stages}["pair"]
+    assert (stage.action, stage.records) == ("carried", ())
+    assert plan.tests == ("box_bench",)
+
+
+def test_a_part_that_does_not_fit(campaign: Campaign) -> None:
+    with pytest.raises(DeckError, match="'a' has ports"):
+        td.plan_retune(campaign, "a", td.model_from_dict({"title": "bare", "nodes": {"n": {"capacitance": "1 [J/K]"}}}))
+    with pytest.raises(NameNotFoundError, match="no submodel 'c'"):
+        td.plan_retune(campaign, "c", box())
+    with pytest.raises(DeckError, match="a plan needs the campaign's file"):
+        td.plan_retune(Campaign("x", {}, (), {}), "a", box())
+
+
+def test_on_the_command_line(project: Path, tests_again: Path, tmp_path: Path) -> None:
+    save_model(box(NEW), tmp_path / "light.toml")
+    call = ["swap", str(project), "a", str(tmp_path / "light.toml"), "--results", str(tmp_path / "r")]
+    plain = CliRunner().invoke(app, call)
+    assert plain.exit_code == 0, plain.output
+    assert "a: Box -> Light" in plain.output
+    done = CliRunner().invoke(app, [*call, "--new-data", str(tests_again), "--to", str(tmp_path / "new"), "--json"])
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    assert said["plan"]["tests"] == ["box_bench", "pair_one"]
+    assert [s["stage"] for s in said["stages"]] == ["box", "pair"]
+    assert (tmp_path / "new" / "pair.values.toml").is_file()
+
+
+def test_logs_from_before_the_swap_are_not_those_of_the_repeated_tests(plan: RetunePlan, tmp_path: Path) -> None:
+    with pytest.raises(td.ThermidError, match=r"of the repeated tests has no log of .*those beside the campaign are from before the swap"):
+        plan.run(tmp_path)
+
+
+def test_neighbours_of_a_part_that_gives_less_are_colder(plan: RetunePlan) -> None:
+    assert plan.neighbours["b.skin"][2] < -0.1
+
+
+def test_a_retune_keeps_the_priors_of_what_it_frees(plan: RetunePlan, campaign: Campaign) -> None:
+    assert campaign.source is not None
+    (table,) = (t for t in campaign.source.content.stages if t.name == "pair")
+    (stage,) = (s for s in plan.stages if s.name == "pair")
+    given = table.model_copy(update={"priors": {JOINT: "range", "b.skin.effective_htc": "range"}})
+    assert _told_by(given, stage, {}, False, plan, {}).priors == {JOINT: "range"}

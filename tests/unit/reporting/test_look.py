@@ -1,0 +1,128 @@
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from xml.etree.ElementTree import fromstring
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import thermid as td
+from thermid.cli.app import app
+from thermid.errors import ThermidError
+
+HEAD = "Logger;7\nsite;lab\n\n"
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A log with a preamble, decimal commas, a gap, a lost sensor, a jump, a load in per cent and a state."""
+    rows = []
+    for k in range(200):
+        t = k * 10 + (900 if k >= 100 else 0)
+        case = -127.0 if k in (50, 51) else 20 + 0.05 * k + (12 if k == 150 else 0)
+        rows.append(f"{t};{case:.2f};{20.0 + 0.001 * k:.3f};{50 if k > 20 else 0};{2000 + k % 2};ok\n")
+    text = HEAD + "time [s];case (°C);T_room (°C);heater (%);P (mW);state\n" + "".join(rows)
+    path = tmp_path / "bench run.csv"
+    path.write_bytes(text.replace(".", ",").encode("latin-1"))
+    return path
+
+
+def test_what_is_in_a_log(log):
+    seen = td.look(log)
+    assert [(c.name, c.unit, c.guess) for c in seen.columns] == [
+        ("time", "s", "time"),
+        ("case", "degC", "temperature"),
+        ("T_room", "degC", "boundary"),
+        ("heater", "%", "duty"),
+        ("P", "mW", "power"),
+        ("state", "", "ignored"),
+    ]
+    assert seen.decimal == ","
+    assert seen.gaps == [(990.0, 910.0)]
+    case = seen.columns[1]
+    assert case.faults == {"sensor lost (-127)": 2}
+    assert case.jumps.tolist() == [150, 151]
+    text = str(seen)
+    assert text.startswith("bench run.csv: text, 200 rows, 6 columns (1 temperature, 1 boundary, 1 power, 1 duty)\n")
+    for line in (
+        "layout: separator semicolon, encoding Latin-1, preamble 3 lines, no row of units, decimal sign ','",
+        "clock: 'time' (s)",
+        "sampling: every 10 s (uneven) for 48.17 min",
+        "gaps: 1, the longest 15.17 min",
+        "case: 2 x sensor lost (-127); 2 jumps, the first at 40 min",
+        "state: text, such as 'ok'",
+    ):
+        assert line in text
+
+
+def test_its_lines_are_a_campaign_that_reads_the_log(log):
+    record = tomllib.loads(td.look(log).campaign())["records"]["bench_run"]
+    assert record["prepare"] == [{"faults": True}]
+    assert {name: next(iter(table)) for name, table in record["channels"].items()} == {"case": "node", "T_room": "boundary", "P": "load"}
+    read = td.read_record(log, record["channels"], time=record["time"]).prepare(record["prepare"])
+    assert read["case"].flags == {"fault": 2} or read["case"].valid.sum() == 198
+    assert read["P"].values.max() == pytest.approx(2.001)
+    # a load in per cent waits for its power at 100 %
+    completed = td.look(log).campaign().replace("# heater", "heater").replace("... [W]", "8 [W]")
+    channels = tomllib.loads(completed)["records"]["bench_run"]["channels"]
+    assert td.read_record(log, channels)["heater"].values.max() == pytest.approx(4.0)
+
+
+def test_picture_stands_by_itself_and_shows_every_known_column(log):
+    root = fromstring(td.look(log).svg())
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    texts = [e.text for e in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert {"case", "T_room", "P", "heater", "temperature, °C", "power, W", "duty, %", "bench run.csv"} <= {*texts}
+    label = next(e for e in root.iter("{http://www.w3.org/2000/svg}svg") if e.get("class") == "plot").get("aria-label")
+    assert "-127" not in label
+
+
+def test_terminal_picture_rises_where_the_readings_do(tmp_path):
+    path = tmp_path / "x.csv"
+    path.write_text("t,T1\n" + "".join(f"{k},{20 + k}\n" for k in range(64)))
+    line = next(line for line in td.look(path).lines() if " T1 " in f"{line} ")
+    drawn = re.sub(r"[^▁▂▃▄▅▆▇█]", "", line)
+    assert [*drawn] == sorted(drawn)
+    assert (drawn[0], drawn[-1]) == ("▁", "█")
+    assert all(len(line) <= 60 for line in td.look(path).lines(60) if "▁" in line)
+
+
+def test_a_log_whose_times_are_open_is_shown_with_what_decides(tmp_path):
+    path = tmp_path / "dates.csv"
+    path.write_text("time,T1\n05/06/2024 10:00,20\n06/06/2024 10:00,21\n08/06/2024 10:00,22\n")
+    seen = td.look(path)
+    assert "both fit and give different times" in seen.problem
+    assert [c.guess for c in seen.columns] == ["time", "temperature"]
+    with pytest.raises(ThermidError, match="nothing to draw"):
+        seen.svg()
+    done = CliRunner().invoke(app, ["look", str(path)])
+    assert (done.exit_code, "NOT READABLE YET" in done.output.splitlines()[1]) == (2, True)
+    done = CliRunner().invoke(app, ["look", str(path), "--clock", "%d/%m/%Y %H:%M"])
+    assert (done.exit_code, "sampling: every" in done.output) == (0, True)
+
+
+def test_command_prints_writes_and_speaks_json(log, tmp_path):
+    picture = tmp_path / "x.svg"
+    done = CliRunner().invoke(app, ["look", str(log), "--svg", str(picture)])
+    assert done.exit_code == 0
+    assert picture.read_text(encoding="utf-8").startswith("<svg xmlns=")
+    told = json.loads(CliRunner().invoke(app, ["look", str(log), str(log), "--json"]).output)
+    assert (told["status"], len(told["logs"])) == ("ok", 2)
+    first = told["logs"][0]
+    assert (first["separator"], first["preamble"], first["decimal"], first["rows"]) == ("semicolon", 3, ",", 200)
+    assert first["gaps"] == [{"at": 990.0, "length": 910.0}]
+    assert [c["guess"] for c in first["columns"]] == ["time", "temperature", "boundary", "duty", "power", "ignored"]
+    with pytest.raises(ThermidError, match="one log is drawn"):
+        CliRunner().invoke(app, ["look", str(log), str(log), "--svg", "x.svg"], catch_exceptions=False)
+
+
+def test_a_usual_column_of_85_degrees_is_no_fault(tmp_path):
+    path = tmp_path / "hot.csv"
+    path.write_text("t,T1 [degC],T2 [degC]\n" + "".join(f"{k},{85 if k % 3 else 84.9},{85 if k == 0 else 20.5}\n" for k in range(30)))
+    seen = td.look(path)
+    assert [c.faults for c in seen.columns[1:]] == [{}, {"reset of a DS18B20 (85)": 1}]
+    assert np.count_nonzero(seen.columns[1].good) == 30

@@ -1,0 +1,311 @@
+"""Property tables are straight lines between their points, in every run; their knees are not stepped over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import thermid as td
+from thermid.errors import DeckError, SolverError
+from thermid.model.curves import curve, evaluate, slopes
+from thermid.model.modelfile import to_dict
+from thermid.model.stores import store
+
+CONDUCTANCE = [(0.0, 0.1), (10.0, 0.1), (20.0, 0.5), (40.0, 0.3)]
+POWER = [(0.0, 40.0), (15.0, 34.0), (30.0, 28.0), (80.0, 5.0)]
+SWING = [(-40.0, 0.3), (-5.0, 1.0), (5.0, 0.2), (60.0, 1.5)]
+
+
+def points(table: list[tuple[float, float]], of: str, unit: str = "degC") -> list[list[str]]:
+    return [[f"{x!r} [{unit}]", f"{y!r} [{of}]"] for x, y in table]
+
+
+def lines(table: list[tuple[float, float]], at: Any) -> Any:
+    return np.interp(at, *zip(*table, strict=True))
+
+
+def box(table: dict[str, Any] | None = None, power: Any = None, **more: Any) -> td.Model:
+    law = {"points": points(CONDUCTANCE, "W/K")} if table is None else table
+    heat = {"into": "x", "table": {"points": points(POWER, "W")}} if power is None else {"into": "x", "power": power}
+    deck = {
+        "title": "box",
+        "needs": ["air"],
+        "nodes": {"x": {"capacitance": "50 [J/K]"}},
+        "conductors": {"link": {"kind": "table", "between": ["x", "air"], "table": law}},
+        "loads": {"heat": heat},
+    }
+    return td.model_from_dict(deck | more)
+
+
+def bench(**more: Any) -> td.Scenario:
+    return td.Scenario("bench", **({"boundaries": {"air": "0 [degC]"}, "start": "0 [degC]", "duration": "10 [min]"} | more))
+
+
+def exact(times: Any, start: float = 0.0, air: float = 0.0) -> Any:
+    """Temperatures of the box [degC] by an integrator of its own."""
+
+    def rate(_: float, t: Any) -> Any:
+        return (lines(POWER, t) - lines(CONDUCTANCE, 0.5 * (t + air)) * (t - air)) / 50.0
+
+    return solve_ivp(rate, (0.0, times[-1]), [start], rtol=1e-11, atol=1e-11, max_step=1.0, t_eval=times).y[0]
+
+
+# the tables themselves ---------------------------------------------------------------------------------------------------------------
+
+
+def test_a_table_is_numpys_interp() -> None:
+    given = curve("temperature", CONDUCTANCE)
+    at = np.linspace(-20.0, 100.0, 4001)
+    assert np.abs(evaluate(given, at) - lines(CONDUCTANCE, at)).max() < 1e-14
+
+
+def test_a_conductivity_of_10_to_20_gives_the_mean_and_no_bend() -> None:
+    """k from 10 to 20 W/(m K) over 0 to 100 degC, 1 W through 1 m of 1/... : the middle of two halves lies at 41.42 degC, not 43.54."""
+    k = {"points": [["0 [degC]", "10 [W/(m K)]"], ["100 [degC]", "20 [W/(m K)]"]]}
+    half = {"kind": "conduction", "conductivity": k, "area": "1 [cm^2]", "thickness": "1 [cm]"}
+    model = td.model_from_dict(
+        {
+            "title": "bar",
+            "needs": ["hot", "cold"],
+            "nodes": {"m": {"capacitance": "1 [J/K]"}},
+            "conductors": {"a": half | {"between": ["cold", "m"]}, "b": half | {"between": ["m", "hot"]}},
+        }
+    )
+    ends = td.Scenario("ends", boundaries={"cold": "0 [degC]", "hot": "100 [degC]"}, start="cold", duration="1 [h]")
+    # integral of 10 + t/10 up to T is half of that up to 100: T^2 / 20 + 10 T = 750
+    middle = -100.0 + np.sqrt(100.0**2 + 20.0 * 750.0)
+    assert td.steady(model, ends)["m"] - 273.15 == pytest.approx(middle, abs=1e-9)
+    assert td.simulate(model, ends)["m"].final == pytest.approx(middle, abs=1e-6)
+
+
+def test_smooth_is_asked_for() -> None:
+    smooth = {"points": points(CONDUCTANCE, "W/K"), "interpolation": "smooth"}
+    kept = to_dict(box(smooth))["conductors"]["link"]["table"]
+    assert kept["interpolation"] == "smooth"
+    assert "interpolation" not in to_dict(box())["conductors"]["link"]["table"]
+    given = box(smooth).conductors["link"].curve
+    assert given is not None
+    assert slopes(given)[0] == 0.0
+    assert box(smooth).identity() != box().identity()
+    run = td.simulate(box(smooth), bench())
+    assert np.abs(run["x"].celsius - exact(run.times)).max() > 0.05
+
+
+# runs --------------------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_run_over_knees_is_right() -> None:
+    run = td.simulate(box(), bench(), every=5.0)
+    assert np.abs(run["x"].celsius - exact(run.times)).max() < 2e-5
+    assert run.heat_balance().relative < 1e-9
+    seen = run["x"].celsius
+    assert np.abs(run.heat_flow("link") - lines(CONDUCTANCE, 0.5 * seen) * seen).max() < 1e-9
+    assert np.abs(run.load_powers["heat"] - lines(POWER, seen)).max() < 1e-9
+
+
+def test_members_of_an_ensemble_are_single_runs() -> None:
+    model, air = box(), [-10.0, 0.0, 7.0, 20.0, 35.0]
+    many = td.ensemble(model, bench(), {"air": [273.15 + a for a in air]})
+    assert many.statistics["one_by_one"] == 0
+    for k, a in enumerate(air):
+        alone = exact(many.times, air=a)
+        assert np.abs(many.temperatures("x")[:, k] - 273.15 - alone).max() < 1e-4
+
+
+def test_large_networks_read_the_same_tables() -> None:
+    run = td.simulate(box(), bench(), every=5.0, options=td.Options(method="large", large_tolerance=1e-5))
+    assert np.abs(run["x"].celsius - exact(run.times)).max() < 1e-3
+
+
+@pytest.mark.parametrize("name", ["air", "initial.x"])
+def test_sensitivities_across_a_knee(name: str) -> None:
+    run = td.prepare(box(), bench(), [name], every=5.0).run(sensitivities=True)
+    step = 1e-3
+    if name == "air":
+        up, down = (exact(run.times, air=s) for s in (step, -step))
+    else:
+        up, down = (exact(run.times, start=s) for s in (step, -step))
+    slope = (up - down) / (2.0 * step)
+    assert np.abs(run.sensitivity("x", name) - slope).max() < 1e-3
+
+
+def test_a_table_over_a_difference() -> None:
+    law = {"over": "difference", "points": points(SWING, "W/K", "K")}
+    run = td.simulate(box(law, "3 [W]"), bench(start="-30 [degC]"), every=5.0)
+    fine = solve_ivp(
+        lambda _, t: (3.0 - lines(SWING, t) * t) / 50.0, (0.0, 600.0), [-30.0], rtol=1e-11, atol=1e-11, t_eval=run.times, max_step=1.0
+    )
+    assert np.abs(run["x"].celsius - fine.y[0]).max() < 5e-5
+
+
+def test_a_node_that_rests_on_a_knee_and_one_that_swings_over_it() -> None:
+    """5 W meet 5 W at a mean temperature of 20 degC: the knee; a sine of the air carries it to and fro."""
+    rest = td.simulate(box(power="5 [W]"), bench(boundaries={"air": "15 [degC]"}, start="25 [degC]", duration="5 [h]"))
+    assert rest["x"].celsius[-1] == pytest.approx(25.0, abs=1e-6)
+    assert rest.statistics["steps"] < 200
+    air = {"mean": "15 [degC]", "amplitude": "0.1 [K]", "period": "10 [min]"}
+    run = td.simulate(box(power="5 [W]"), bench(boundaries={"air": air}, start="25 [degC]", duration="1 [h]"), every=60.0)
+
+    def rate(s: float, t: Any) -> Any:
+        a = 15.0 + 0.1 * np.sin(2.0 * np.pi * s / 600.0)
+        return (5.0 - lines(CONDUCTANCE, 0.5 * (t + a)) * (t - a)) / 50.0
+
+    fine = solve_ivp(rate, (0.0, 3600.0), [25.0], rtol=1e-10, atol=1e-11, t_eval=run.times, max_step=1.0)
+    assert np.abs(run["x"].celsius - fine.y[0]).max() < 1e-5
+
+
+@pytest.mark.parametrize("air", [-20.0, 10.0, 25.0, 34.9, 60.0])
+def test_steady_states_on_either_side_of_knees(air: float) -> None:
+    rest = td.steady(box(), bench(boundaries={"air": f"{air} [degC]"}))["x"] - 273.15
+    assert abs(lines(POWER, rest) - lines(CONDUCTANCE, 0.5 * (rest + air)) * (rest - air)) < 1e-8
+
+
+def test_a_heat_pipe_is_the_table_through_its_points() -> None:
+    pipe = {"kind": "heat_pipe", "between": ["x", "air"], "on_conductance": "0.5 [W/K]", "off_conductance": "0.1 [W/K]"}
+    pipe |= {"start_temperature": "15 [degC]", "transition": "10 [K]"}
+    law = {"points": points([(10.0, 0.1), (20.0, 0.5)], "W/K")}
+    runs = [td.simulate(m, bench(), every=5.0)["x"].celsius for m in (box(law), box(conductors={"link": pipe}))]
+    assert np.abs(runs[0] - runs[1]).max() < 2e-5
+
+
+# outside its points ------------------------------------------------------------------------------------------------------------------
+
+
+def short(outside: str | None = None, over: str = "temperature") -> td.Model:
+    table = {"over": over, "points": [["0 [degC]", "1 [W/K]"], ["20 [degC]", "2 [W/K]"]]}
+    return box(table | ({"outside": outside} if outside else {}), "150 [W]")
+
+
+def test_a_table_is_held_outside_its_points_and_the_run_says_so() -> None:
+    run = td.simulate(short(), bench())
+    assert any(w.startswith("'link' left the range of its law, 273.15 to 293.15 K, at ") and "stays constant" in w for w in run.warnings)
+    assert run["x"].final == pytest.approx(75.0, abs=1e-3)
+
+
+def test_a_table_goes_on_as_a_straight_line_where_that_is_chosen() -> None:
+    run = td.simulate(short("linear"), bench())
+    final = run["x"].final
+    assert (1.0 + 0.05 * 0.5 * final) * final == pytest.approx(150.0, abs=1e-3)
+    assert any("goes on as a straight line" in w for w in run.warnings)
+    assert to_dict(short("linear"))["conductors"]["link"]["table"]["outside"] == "linear"
+    falling = box({"outside": "linear", "points": [["0 [degC]", "2 [W/K]"], ["5 [degC]", "1 [W/K]"]]}, "30 [W]")
+    with pytest.raises(SolverError, match=r"'link' leaves the range of its table, -inf to 283\.1 K"):
+        td.simulate(falling, bench())
+
+
+@pytest.mark.parametrize("options", [td.Options(), td.Options(method="large", large_tolerance=1e-5)])
+def test_a_run_that_leaves_a_table_is_refused_where_that_is_chosen(options: td.Options) -> None:
+    with pytest.raises(SolverError, match=r"at \d+\.\d+ s of 600 s.*(leaves|been left)"):
+        td.simulate(short("refuse"), bench(), options=options)
+    within = td.simulate(short("refuse"), bench(duration="10 [s]"), options=options)
+    assert within["x"].final == pytest.approx(td.simulate(short(), bench(duration="10 [s]"))["x"].final, abs=1e-3)
+
+
+def test_steady_states_and_members_outside_a_table_are_refused() -> None:
+    with pytest.raises(SolverError, match=r"in the steady state 'link' leaves the range of its table, 273\.15 to 293\.15 K"):
+        td.steady(short("refuse"), bench())
+    many = td.ensemble(short("refuse"), bench(), {"heat.power": [10.0, 150.0]})
+    assert list(many.failed) == [1]
+    assert "outside" in many.failed[1]
+
+
+def test_a_conductivity_and_a_specific_heat_are_refused_outside_their_tables() -> None:
+    hot = {
+        "mass": "0.1 [kg]",
+        "specific_heat": {"outside": "refuse", "points": [["0 [degC]", "500 [J/(kg K)]"], ["20 [degC]", "600 [J/(kg K)]"]]},
+    }
+    with pytest.raises(SolverError, match=r"'x' leaves the range of its table, 273\.15 to 293\.15 K"):
+        td.simulate(box(power="150 [W]", nodes={"x": hot}), bench())
+    k = {"outside": "refuse", "points": [["0 [degC]", "10 [W/(m K)]"], ["20 [degC]", "20 [W/(m K)]"]]}
+    link = {"kind": "conduction", "between": ["x", "air"], "conductivity": k, "area": "1 [m^2]", "thickness": "1 [m]"}
+    with pytest.raises(SolverError, match=r"'link' leaves the range of its table, 273\.15 to 293\.15 K"):
+        td.simulate(box(power="400 [W]", conductors={"link": link}), bench(duration="1 [h]"))
+
+
+# stored heat -------------------------------------------------------------------------------------------------------------------------
+
+C = [(0.0, 400.0), (100.0, 500.0), (300.0, 900.0)]
+WAX = [(0.0, 0.0), (27.0, 54e3), (29.0, 258e3), (80.0, 360e3)]
+
+
+def lump(node: dict[str, Any], power: str = "50 [W]", conductance: str = "0 [W/K]") -> td.Model:
+    link = {"kind": "conduction", "between": ["x", "air"], "conductance": conductance}
+    return box(power=power, nodes={"x": {"mass": "0.5 [kg]"} | node}, conductors={"link": link})
+
+
+def wax(table: list[tuple[float, float]]) -> dict[str, Any]:
+    return {"enthalpy": {"points": points(table, "J/kg")}}
+
+
+def test_a_specific_heat_by_lines_is_integrated_exactly() -> None:
+    run = td.simulate(lump({"specific_heat": {"points": points(C, "J/(kg K)")}}), bench(duration="20 [min]"))
+    fine = np.linspace(0.0, 300.0, 300_001)
+    heat = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(fine) * (lines(C, fine[1:]) + lines(C, fine[:-1])))))
+    assert np.abs(run["x"].celsius - np.interp(50.0 * run.times / 0.5, heat, fine)).max() < 2e-6
+    assert run.heat_balance().stored == pytest.approx(0.5 * np.interp(run["x"].final, fine, heat), rel=1e-8)
+    assert run.heat_balance().relative < 1e-9
+
+
+def test_temperatures_over_enthalpy_are_inverted_to_1e_12() -> None:
+    shape = store("specific_heat", curve("temperature", [(273.15 + t, c) for t, c in C]))
+    at = np.linspace(273.15, 573.15, 20_011)
+    assert np.abs(evaluate(shape.curve, shape.level(at)) - at).max() < 2e-12
+
+
+@pytest.mark.parametrize("melt", [27.0, 29.0])
+def test_enthalpy_is_straight_and_may_melt_at_one_temperature(melt: float) -> None:
+    table = [WAX[0], WAX[1], (melt, 258e3), WAX[3]]
+    run = td.simulate(lump(wax(table)), bench(duration="1 [h]"), every=10.0)
+    heats, temperatures = [h for _, h in table], [t for t, _ in table]
+    assert np.abs(run["x"].celsius - np.interp(50.0 * run.times / 0.5, heats, temperatures)).max() < 1e-6
+    assert run.heat_balance().relative < 1e-9
+
+
+def test_latent_heat_is_the_enthalpy_of_four_rows() -> None:
+    fields = {"specific_heat": "2 [kJ/(kg K)]", "latent_heat": "200 [kJ/kg]", "melts_from": "27 [degC]", "melts_to": "29 [degC]"}
+    runs = [
+        td.simulate(lump(node, "0 [W]", "2 [W/K]"), bench(boundaries={"air": "60 [degC]"}, duration="5 [h]")) for node in (fields, wax(WAX))
+    ]
+    assert np.abs(runs[0]["x"].celsius - runs[1]["x"].celsius).max() < 1e-6
+    pure = {k: v for k, v in fields.items() if k != "melts_to"}
+    run = td.simulate(lump(pure), bench(duration="1 [h]"), every=10.0)
+    expected = np.interp(100.0 * run.times, [0.0, 54e3, 254e3, 360e3], [0.0, 27.0, 27.0, 80.0])
+    assert np.abs(run["x"].celsius - expected).max() < 1e-6
+    assert not any("left the range" in w for w in run.warnings)
+
+
+def test_freezing_and_melting_again_stores_nothing() -> None:
+    air = {"mean": "28 [degC]", "amplitude": "15 [K]", "period": "2 [h]"}
+    run = td.simulate(lump(wax([*WAX[:2], (27.0, 258e3), WAX[3]]), "0 [W]", "30 [W/K]"), bench(boundaries={"air": air}, duration="10 [h]"))
+    balance = run.heat_balance()
+    assert balance.relative < 1e-9
+    assert float(np.sum(np.abs(run["x"].celsius - 27.0) < 1e-9)) > 50
+
+
+@pytest.mark.parametrize(
+    ("node", "message"),
+    [
+        (wax([(0.0, 0.0), (0.0, 5.0), (9.0, 9.0)]), "a point below and a point above the temperature at which it melts"),
+        (wax([(0.0, 0.0), (5.0, 5.0), (5.0, 4.0), (9.0, 9.0)]), "an enthalpy grows with temperature"),
+        ({"specific_heat": {"points": points([(0.0, 4.0), (0.0, 5.0)], "J/(kg K)")}}, "increasing temperatures"),
+        ({"specific_heat": "2 [kJ/(kg K)]", "latent_heat": "200 [kJ/kg]"}, "a node that melts has mass, specific_heat, latent_heat"),
+        (
+            {"specific_heat": "2 [J/(kg K)]", "latent_heat": "9 [J/kg]", "melts_from": "27 [degC]", "melts_to": "20 [degC]"},
+            "melts_to lies at or above melts_from",
+        ),
+    ],
+)
+def test_stored_heat_that_cannot_be(node: dict[str, Any], message: str) -> None:
+    with pytest.raises(DeckError, match=message):
+        lump(node)
+
+
+def test_decks_with_every_choice_are_written_back(tmp_path: Path) -> None:
+    melts = {"specific_heat": "2 [kJ/(kg K)]", "latent_heat": "200 [kJ/kg]", "melts_from": "27 [degC]"}
+    for model in (short("linear"), short("refuse"), lump(melts), lump(wax([*WAX[:2], (27.0, 258e3), WAX[3]]))):
+        td.save_model(model, tmp_path / "deck.toml")
+        assert td.load_model(tmp_path / "deck.toml").identity() == model.identity()
