@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 SIGMA = 5.670374419e-8
 SMOOTHING = 0.01
@@ -126,9 +127,14 @@ class Signal:
 
 
 def _curve(table: dict[str, Any]) -> Callable[[float], float]:
-    """Straight lines through the points, flat beyond both ends."""
+    """Straight lines through the points, or a monotone cubic where that is asked for; flat beyond both ends."""
     x, y = (np.array([si(p[k]) for p in table["points"]]) for k in (0, 1))
-    return lambda at: float(np.interp(at, x, y))
+    if table.get("interpolation") != "smooth":
+        return lambda at: float(np.interp(at, x, y))
+    slopes = PchipInterpolator(x, y).derivative()(x)
+    slopes[[0, -1]] = 0.0
+    spline = CubicHermiteSpline(x, y, slopes)
+    return lambda at: float(spline(min(max(at, x[0]), x[-1])))
 
 
 class Oracle:
@@ -243,26 +249,24 @@ class Oracle:
                 self._link(s["of"], s.get("sees", s["to"]), self.radiation(si(s["emissivity"]), area))
 
     def _power(self, name: str, q: dict[str, Any]) -> Callable[[float, np.ndarray], float]:
-        """Return the power of a load by time and temperatures. [W]"""
+        """Return the power of a load by time and temperatures: (law x command + sine) x duty x control. [W]"""
+        law, control = self._uncontrolled(name, q), self._control(name, q)
+        amplitude, wave = (si(q["sine"][k]) for k in ("amplitude", "period")) if "sine" in q else (0.0, 1.0)
+        period, duty = (si(q["periodic"][k]) for k in ("period", "duty")) if "periodic" in q else (1.0, 1.0)
+
+        def power(t: float, every: np.ndarray) -> float:
+            on = 1.0 if duty == 1.0 or (self.middle % period) < duty * period else 0.0
+            return on * (law(t, every) + amplitude * math.sin(2 * math.pi * t / wave)) * control(every)
+
+        return power
+
+    def _uncontrolled(self, name: str, q: dict[str, Any]) -> Callable[[float, np.ndarray], float]:
+        """Return what a load gives by its own temperature and its command. [W]"""
+        node = self.index[q["into"]]
         if "table" in q:
-            shape, node = _curve(q["table"]), self.index[q["into"]]
-            return lambda t, every: shape(every[node])
-        power, node = si(q["power"]), self.index[q["into"]]
-        if "periodic" in q:
-            period, duty = si(q["periodic"]["period"]), si(q["periodic"]["duty"])
-            return lambda t, every: power if (self.middle % period) < duty * period else 0.0
-        if "sine" in q:
-            amplitude, period = si(q["sine"]["amplitude"]), si(q["sine"]["period"])
-            return lambda t, every: power + amplitude * math.sin(2 * math.pi * t / period)
-        if "thermostat" in q:
-            return lambda t, every: power if self.on[name] else 0.0
-        if "proportional" in q:
-            gain, wanted, sensor = (
-                si(q["proportional"]["gain"]),
-                si(q["proportional"]["setpoint"]),
-                self.index[q["proportional"].get("sensor", q["into"])],
-            )
-            return lambda t, every: min(max(gain * (wanted - every[sensor]), 0.0), power)
+            shape, scale = _curve(q["table"]), si(q.get("scale", 1.0))
+            return lambda t, every: scale * shape(every[node])
+        power = si(q["power"])
         if "exponential_coefficient" in q:
             a, zero = si(q["exponential_coefficient"]), si(q["reference_temperature"])
             return lambda t, every: power * math.exp(a * (every[node] - zero))
@@ -272,6 +276,17 @@ class Oracle:
         if name in self.commands:
             return lambda t, every: power * self.commands[name].at(t, self.middle)
         return lambda t, every: power
+
+    def _control(self, name: str, q: dict[str, Any]) -> Callable[[np.ndarray], float]:
+        """Return the share of a load that its control lets through, from 0 to 1."""
+        if "thermostat" in q:
+            return lambda every: 1.0 if self.on[name] else 0.0
+        if "proportional" not in q:
+            return lambda every: 1.0
+        given, sensor = q["proportional"], self.index[q["proportional"].get("sensor", q["into"])]
+        band = si(given["band"]) if "band" in given else si(q["power"]) / si(given["gain"])
+        wanted = si(given["setpoint"])
+        return lambda every: min(max((wanted - every[sensor]) / band, 0.0), 1.0)
 
     def net_heat(self, t: float, every: np.ndarray) -> np.ndarray:
         """Return the heat into every node, boundaries included. [W]"""

@@ -26,9 +26,11 @@ GASES = (
 )  # with gas at rest in gaps, and convection by correlation, of which tests/oracle.py knows nothing
 WITHOUT_KNEES = tuple(kind for kind in EVERY if kind != "natural")  # natural convection has one where the difference changes sign
 STEADY_LOADS = ("constant",)
-LOADS = ("constant", "polynomial", "exponential", "table", "periodic", "sine", "proportional")
-SMOOTH = tuple(kind for kind in LOADS if kind != "proportional")  # a proportional heater has a knee at either end of its band
-SWITCHED = (*LOADS, "thermostat")
+LOADS = ("constant", "polynomial", "exponential", "table", "periodic", "sine", "proportional", "combined")
+SMOOTH = tuple(
+    kind for kind in LOADS if kind not in ("proportional", "combined")
+)  # a proportional heater has a knee at either end of its band
+SWITCHED = (*LOADS, "thermostat", "combined thermostat")
 DURATION = 3600.0
 CAMPAIGN_FACTOR = 15
 TIGHT = td.Options(tolerance=1e-8, relative=1e-9, input_tolerance=1e-7)
@@ -306,36 +308,45 @@ def _joint(draw: Any, level: _Level) -> None:
 def _load(draw: Any, level: _Level, kinds: tuple[str, ...]) -> None:
     kind = draw(st.sampled_from(kinds))
     # a controlled heater on a massless node that only radiates is a case of its own: tests/properties/test_oracle.py
-    into = draw(st.sampled_from(level.massive if kind in ("thermostat", "proportional") else level.nodes))
+    into = draw(st.sampled_from(level.nodes if kind in SMOOTH else level.massive))
     power, k = text(draw(spread(0.2, 5)), "W"), len(level.deck["loads"])
     out: Deck = {"into": into, "power": power}
+    several = kind.startswith("combined")
+    law = draw(st.sampled_from(("constant", "polynomial", "exponential", "table"))) if several else kind
+    course = draw(st.sampled_from(("constant", "periodic", "sine"))) if several else kind
+    control = draw(st.sampled_from(("proportional", "band"))) if kind == "combined" else kind.removeprefix("combined ")
+    if law == "table" and control == "proportional":
+        control = "band"  # a gain refers to a power, which a table has not
     reference = {"reference_temperature": text(300.0, "K")}
-    if kind == "polynomial":
+    if law == "polynomial":
         out |= {
             "temperature_coefficient": text(draw(even(-0.01, 0.002)), "1/K"),
             "quadratic_coefficient": text(draw(even(-2e-2, 0)) * 1e-3, "1/K^2"),
         } | reference
-    if kind == "exponential":
+    if law == "exponential":
         out |= {"exponential_coefficient": text(draw(even(-0.01, 0.002)), "1/K")} | reference
-    if kind == "table":
+    if law == "table":
         powers = sorted((draw(spread(0.1, 5)) for _ in range(3)), reverse=True)
         out = {
             "into": into,
             "table": {"points": [[text(x, "K"), text(p, "W")] for x, p in zip((250.0, 300.0, 350.0), powers, strict=True)]},
         }
-    if kind == "periodic":
+    if course == "periodic":
         out["periodic"] = {
             "period": text(draw(st.sampled_from([300.0, 700.0, 1800.0])), "s"),
             "duty": draw(st.sampled_from([0.25, 0.5, 0.7])),
         }
-    if kind == "sine":
+    if course == "sine":
         out["sine"] = {"amplitude": text(draw(spread(0.1, 2)), "W"), "period": text(draw(st.sampled_from([600.0, 3000.0, 7200.0])), "s")}
-    if kind == "proportional":
+    if control in ("proportional", "band"):
         sensor = draw(st.sampled_from(level.nodes))
-        out["proportional"] = {"gain": text(draw(spread(0.02, 0.5)), "W/K"), "setpoint": temperature_of(draw(even(290.0, 330.0)))}
+        width = (
+            {"gain": text(draw(spread(0.02, 0.5)), "W/K")} if control == "proportional" else {"band": text(draw(spread(2.0, 50.0)), "K")}
+        )
+        out["proportional"] = {**width, "setpoint": temperature_of(draw(even(290.0, 330.0)))}
         if sensor != into:
             out["proportional"]["sensor"] = sensor
-    if kind == "thermostat":
+    if control == "thermostat":
         low = draw(even(280.0, 320.0))
         out["thermostat"] = {"on_below": text(low, "K"), "off_above": text(low + draw(even(1.0, 6.0)), "K")}
     level.deck["loads"][f"q{k}"] = out

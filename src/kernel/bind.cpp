@@ -10,12 +10,13 @@ struct PyResult {
     int status, node;
     double time;
     long filled, steps, rejected, newton, factorisations;
-    nb::object traces, sensitivities, final_temperatures, final_sensitivities, on, event_times, event_loads, event_states;
+    nb::object traces, sensitivities, final_temperatures, final_sensitivities, on, event_times, event_controls, event_states;
     nb::object load_energy, boundary_energy, conductor_energy, turnings;
 };
 
 void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints offset, Ints ckind, Ints ca, Ints cb,
                   In<int32_t, 2> ccoef, Ints ctable, Ints lkind, Ints lnode, In<int32_t, 2> lcoef, Ints lsensor, Ints ltable,
+                  Ints lcontrol, Ints kkind, Ints ksensor, In<int32_t, 2> kcoef,
                   nb::list tables, nb::list inputs) {
     auto p = std::make_unique<Problem>();
     p->n = static_cast<int>(capacity.size());
@@ -29,7 +30,10 @@ void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints
     const size_t m = ckind.size(), l = lkind.size();
     need(ca.size() == m && cb.size() == m && ctable.size() == m && ccoef.shape(0) == m && (m == 0 || ccoef.shape(1) == 4),
          "conductors: arrays differ in length, or coef is not (rows, 4)");
-    need(lnode.size() == l && lsensor.size() == l && ltable.size() == l && lcoef.shape(0) == l && (l == 0 || lcoef.shape(1) == 4),
+    const size_t controls = kkind.size();
+    need(ksensor.size() == controls && kcoef.shape(0) == controls && (controls == 0 || kcoef.shape(1) == 3),
+         "controls: arrays differ in length, or coef is not (rows, 3)");
+    need(lnode.size() == l && lsensor.size() == l && ltable.size() == l && lcontrol.size() == l && lcoef.shape(0) == l && (l == 0 || lcoef.shape(1) == 4),
          "loads: arrays differ in length, or coef is not (rows, 4)");
     p->con.kind = copy<int>(ckind);
     p->con.a = copy<int>(ca);
@@ -46,6 +50,11 @@ void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints
         p->load.sensor.push_back(lsensor(r) < 0 ? lnode(r) : lsensor(r));
         for (int k = 0; k < 4; ++k) p->load.c[k].push_back(lcoef(r, k));
     }
+    p->load.control = copy<int>(lcontrol);
+    p->control.kind = copy<int>(kkind);
+    p->control.sensor = copy<int>(ksensor);
+    for (size_t j = 0; j < controls; ++j)
+        for (int k = 0; k < 3; ++k) p->control.c[k].push_back(kcoef(j, k));
     p->tables = read_tables(tables);
     p->inputs = read_inputs(inputs);
     p->prepare();
@@ -103,7 +112,7 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
         es.push_back(e.on);
     }
     out.event_times = reals(et);
-    out.event_loads = ints(el);
+    out.event_controls = ints(el);
     out.event_states = ints(es);
     out.load_energy = reals(r.load_energy);
     out.boundary_energy = reals(r.boundary_energy);
@@ -119,11 +128,11 @@ void evaluate_at(Evaluation& e, double t) {
 
 // Thermostats follow their hysteresis: first on at or below the lower threshold, later switched at either.
 void follow(Evaluation& e, bool first) {
-    const Loads& l = e.p->load;
+    const Controls& l = e.p->control;
     for (int r : e.p->thermostats) {
         const double t = e.t[l.sensor[r]];
-        if (t <= e.ceff[l.c[1][r]]) e.on[r] = 1;
-        else if (first || t >= e.ceff[l.c[2][r]]) e.on[r] = 0;
+        if (t <= e.ceff[l.c[0][r]]) e.on[r] = 1;
+        else if (first || t >= e.ceff[l.c[1][r]]) e.on[r] = 0;
     }
 }
 
@@ -136,7 +145,7 @@ nb::tuple rhs(const Problem& p, Reals coef, Reals T, double t, std::optional<Csr
     std::copy(T.data(), T.data() + p.n, e.t.begin());
     follow(e, true);
     if (on) {
-        need(on->size() == static_cast<size_t>(p.load.size()), "on: one entry for each load");
+        need(on->size() == static_cast<size_t>(p.control.size()), "on: one entry for each control");
         for (int r : p.thermostats) if ((*on)(r) >= 0) e.on[r] = (*on)(r) != 0;
     }
     e.rows();
@@ -159,7 +168,7 @@ nb::object rows_of(const Problem& p, Reals coef, In<double, 2> T, Reals t, bool 
     need(T.shape(1) == static_cast<size_t>(p.nodes()) && T.shape(0) == t.size(), "T: must be (times, nodes and boundaries)");
     Evaluation e(p, coef.data());
     const size_t m = t.size(), k = loads ? p.load.size() : p.con.size();
-    need(!on || (on->shape(0) == m && on->shape(1) == k), "on: must be (times, loads)");
+    need(!on || (on->shape(0) == m && on->shape(1) == static_cast<size_t>(p.control.size())), "on: must be (times, controls)");
     std::unique_ptr<double[]> out(new double[m * k + 1]);
     for (size_t i = 0; i < m; ++i) {
         evaluate_at(e, t(i));
@@ -188,14 +197,14 @@ NB_MODULE(_kernel, m) {
         .def_ro("newton_iterations", &PyResult::newton).def_ro("factorisations", &PyResult::factorisations)
         .def_ro("traces", &PyResult::traces).def_ro("sensitivities", &PyResult::sensitivities)
         .def_ro("final_temperatures", &PyResult::final_temperatures).def_ro("final_sensitivities", &PyResult::final_sensitivities)
-        .def_ro("on", &PyResult::on).def_ro("event_times", &PyResult::event_times).def_ro("event_loads", &PyResult::event_loads)
+        .def_ro("on", &PyResult::on).def_ro("event_times", &PyResult::event_times).def_ro("event_controls", &PyResult::event_controls)
         .def_ro("event_states", &PyResult::event_states).def_ro("load_energy", &PyResult::load_energy)
         .def_ro("boundary_energy", &PyResult::boundary_energy).def_ro("conductor_energy", &PyResult::conductor_energy)
         .def_ro("turnings", &PyResult::turnings);
     nb::class_<Problem>(m, "Problem")
         .def("__init__", &make_problem, "capacity"_a, "coef_input"_a, "boundary_gain"_a, "boundary_offset"_a, "conductor_kind"_a,
              "conductor_a"_a, "conductor_b"_a, "conductor_coef"_a, "conductor_table"_a, "load_kind"_a, "load_node"_a, "load_coef"_a,
-             "load_sensor"_a, "load_table"_a, "tables"_a, "inputs"_a)
+             "load_sensor"_a, "load_table"_a, "load_control"_a, "control_kind"_a, "control_sensor"_a, "control_coef"_a, "tables"_a, "inputs"_a)
         .def("integrate", &integrate, "coef"_a, "T0"_a, "t0"_a, "t_end"_a, "output_times"_a, "output_nodes"_a, nb::kw_only(),
              "dcoef"_a = nb::none(), "dT0"_a = nb::none(), "energy"_a = true, "on"_a = nb::none(), "sums"_a = nb::none(), "options"_a)
         .def("rhs", &rhs, "coef"_a, "T"_a, "t"_a, "dcoef"_a = nb::none(), "on"_a = nb::none())

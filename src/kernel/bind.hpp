@@ -119,7 +119,7 @@ inline nb::tuple turnings_of(const std::vector<Turnings::Point>& found) {
 
 inline std::vector<int> thermostats_of(const Problem& p, const std::optional<Ints>& on) {
     if (!on) return {};
-    need(on->size() == static_cast<size_t>(p.load.size()), "on: one entry for each load");
+    need(on->size() == static_cast<size_t>(p.control.size()), "on: one entry for each control");
     return copy<int>(*on);
 }
 

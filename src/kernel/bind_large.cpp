@@ -55,7 +55,7 @@ void read_links(nb::tuple given, int n, Links& l) {
 }
 
 void make_large(LargeProblem* self, Reals capacity, nb::tuple links, In<int32_t, 2> row_groups, Reals row_exponents, Ints a, Ints b, Reals c0,
-                In<int32_t, 2> load_groups, Ints node, In<double, 2> c, int tags, Ints boundary_input, Reals boundary_offset, nb::list tables,
+                In<int32_t, 2> load_groups, Ints node, In<double, 2> c, In<double, 2> d, int tags, Ints boundary_input, Reals boundary_offset, nb::list tables,
                 nb::list inputs) {
     LargeProblem p;
     p.capacity = copy<double>(capacity);
@@ -68,11 +68,13 @@ void make_large(LargeProblem* self, Reals capacity, nb::tuple links, In<int32_t,
     p.a = copy<int>(a);
     p.b = copy<int>(b);
     p.c0 = copy<double>(c0);
-    need(load_groups.shape(1) == 6, "loads: groups must be (groups, 6)");
+    need(load_groups.shape(1) == 7, "loads: groups must be (groups, 7)");
     need(c.shape(0) == 4 && c.shape(1) == node.size(), "loads: coefficients must be (4, rows)");
+    need(d.shape(0) == 3 && d.shape(1) == node.size(), "loads: coefficients of controls must be (3, rows)");
     for (size_t g = 0; g < load_groups.shape(0); ++g)
-        p.loads.push_back({load_groups(g, 0), load_groups(g, 1), load_groups(g, 2), load_groups(g, 3), load_groups(g, 4), load_groups(g, 5)});
+        p.loads.push_back({load_groups(g, 0), load_groups(g, 1), load_groups(g, 2), load_groups(g, 3), load_groups(g, 4), load_groups(g, 5), load_groups(g, 6)});
     p.node = copy<int>(node);
+    for (int k = 0; k < 3; ++k) p.d[k].assign(d.data() + k * node.size(), d.data() + (k + 1) * node.size());
     for (int k = 0; k < 4; ++k) p.c[k].assign(c.data() + k * node.size(), c.data() + (k + 1) * node.size());
     p.boundary_input = copy<int>(boundary_input);
     p.boundary_offset = copy<double>(boundary_offset);
@@ -169,7 +171,7 @@ void bind_large(nb::module_& m) {
         .def_ro("boundary_energy", &PyLarge::boundary_energy).def_ro("turnings", &PyLarge::turnings);
     nb::class_<LargeProblem>(m, "LargeProblem")
         .def("__init__", &make_large, "capacity"_a, "links"_a, "row_groups"_a, "row_exponents"_a, "row_a"_a, "row_b"_a, "row_coef"_a,
-             "load_groups"_a, "load_node"_a, "load_coef"_a, "tags"_a, "boundary_input"_a, "boundary_offset"_a, "tables"_a, "inputs"_a)
+             "load_groups"_a, "load_node"_a, "load_coef"_a, "load_control"_a, "tags"_a, "boundary_input"_a, "boundary_offset"_a, "tables"_a, "inputs"_a)
         .def("integrate", &integrate_large, "T0"_a, "t0"_a, "t_end"_a, "times"_a, "observed_kind"_a, "observed_indptr"_a, "observed_indices"_a,
              "observed_weights"_a, "field_times"_a, nb::kw_only(), "method"_a = 0, "tolerance"_a = 1e-3, "input_atol"_a = 1e-4,
              "max_step"_a = std::numeric_limits<double>::infinity(), "max_steps"_a = 1000000L, "breaks"_a, "turnings"_a = false)

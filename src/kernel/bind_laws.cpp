@@ -71,6 +71,7 @@ nb::object conductor_lanes(int kind, Reals hot, Reals cold, In<double, 2> c, nb:
 void bind_laws(nb::module_& m) {
     m.attr("CONDUCTOR_LAWS") = rows_by_name(m, CONDUCTOR_LAWS);
     m.attr("LOAD_LAWS") = rows_by_name(m, LOAD_LAWS);
+    m.attr("CONTROL_LAWS") = rows_by_name(m, CONTROL_LAWS);
     m.attr("GAS_ANCHOR") = GAS_ANCHOR;
     m.attr("SMOOTHING") = std::sqrt(SMOOTH2);
     m.def("conductor_heat", &conductor_heat, "kind"_a, "hot"_a, "cold"_a, "coefficients"_a, "tables"_a, "by"_a = -1);

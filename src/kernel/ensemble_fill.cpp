@@ -21,7 +21,7 @@ void Group::layout() {
     struct Part { double** at; size_t size; };
     const Part parts[] = {{&g_.coef, size_t(p.nc) + 2}, {&g_.ceff, size_t(p.nc) + 2}, {&g_.cap, n}, {&g_.icap, n}, {&g_.T, n + p.nb},
                           {&g_.Tn, n}, {&g_.T1, n}, {&g_.f, n}, {&g_.qa, rows}, {&g_.qb, rows}, {&g_.phi, rows},
-                          {&g_.kept, size_t(KEPT) * p.looked}, {&g_.slope, size_t(p.nloads)}, {&g_.power0, size_t(p.nloads)}, {&g_.J0, size_t(p.entries)}, {&g_.J1, size_t(p.entries)},
+                          {&g_.kept, size_t(KEPT) * p.looked}, {&g_.slope, size_t(p.nloads)}, {&g_.bent, size_t(p.nloads)}, {&g_.power0, size_t(p.nloads)}, {&g_.J0, size_t(p.entries)}, {&g_.J1, size_t(p.entries)},
                           {&g_.lu, size_t(p.matrix)}, {&g_.inv, n}, {&g_.F, STAGES * n}, {&g_.d0, n}, {&g_.dd0, n}, {&g_.ddd0, n}, {&g_.d1, n}, {&g_.g, n},
                           {&g_.base, n}, {&g_.guess, n}, {&g_.bend, n}, {&g_.delta, n}, {&g_.err, n}, {&g_.fu, nk * n},
                           {&g_.poly, STAGES * n}, {&g_.b, nk * n}, {&g_.ab, nk * n}, {&g_.aab, nk * n}, {&g_.db, nk * n}, {&g_.c, nk * n}};

@@ -104,8 +104,14 @@ bool Group::clear_of_knees(const double* tolerance, double& next) const {
         auto c = [&](int k) { return g_.ceff[k * LANES + l]; };
         for (int r : s_.p.bent_loads) {
             const LaneLoad& x = p.loads[r];
-            if (x.kind == TABLE) knee.table(sweep(x.sensor), s_.p.tables[x.table], [&] { return std::fabs(c(x.c[0])) * felt(x.node); });
-            else knee.heater(sweep(x.sensor), c(x.c[0]), c(x.c[1]), c(x.c[2]), [&] { return felt(x.node); });
+            double own[4];
+            for (int k = 0; k < 4; ++k) own[k] = c(x.c[k]);
+            const Table* tables = s_.p.tables.data() + x.table;
+            auto each = [&] { return felt(x.node); };
+            if (LOAD_LAWS[x.kind].tables) knee.table(sweep(x.follows), *tables, [&] { return std::fabs(own[0]) * each(); });
+            if (x.control != PROPORTIONAL) continue;
+            const double power = load<double>(x.kind, -1, g_.T[x.follows * LANES + l], 0.0, own, nullptr, Tables{tables}, true, false).p;
+            knee.heater(sweep(x.sensor), c(x.d[0]), c(x.d[1]), c(x.d[2]), power, each);
         }
         for (int r : s_.p.bent_conductors) {
             const LaneRow& x = p.rows[r];

@@ -15,9 +15,10 @@ struct LaneTable { const LanePiece* pieces; const int* first; double low, high, 
 // A conductor; `from` and `to`: nodes whose balance counts the heat (-1: a boundary, or the upstream end of a flow).
 // jac: places of df_from/dTa, df_from/dTb, df_to/dTa, df_to/dTb among the matrix entries (-1: none).
 struct LaneRow { int kind, a, b, c0, c1, table, kept, from, to, jac[4]; };  // kept: place of its first table among those of all rows
-struct LaneLoad { int kind, node, sensor, c[4], table, kept, jac; };
+// A load: what its law follows, and what its control follows; control: its kind, -1 for none. jac: of either.
+struct LaneLoad { int kind, node, follows, c[4], table, kept, control, sensor, d[3], limited, jac[2]; };
 // A coefficient that follows an input, and the row that it enters. what: 0 the law's first coefficient, 4 through the temperature
-// of end a (of a load: of its sensor), 5 through that of end b.
+// of end a (of a load: of its law), 5 through that of end b (of a load: of its control's sensor).
 struct LaneEntry { int row, what, coef, input; };
 // Eliminates with pivot k: the entries (i, k), and for each the pairs (k, j) -> (i, j).
 struct LaneLower { int row, entry, first, last; };
@@ -50,7 +51,7 @@ struct LanePlan {
 struct LaneGroup {
     const LanePlan* plan;
     double *coef, *ceff, *cap, *icap;
-    double *T, *Tn, *T1, *f, *qa, *qb, *phi, *slope, *power0;  // T: all nodes; Tn, T1: at the step's start and end
+    double *T, *Tn, *T1, *f, *qa, *qb, *phi, *slope, *bent, *power0;  // T: all nodes; Tn, T1: at the step's start and end
     double *J0, *J1, *lu, *inv;
     double *F, *d0, *dd0, *ddd0, *d1, *g, *base, *guess, *bend, *delta, *err;
     double *fu, *poly, *b, *ab, *aab, *db, *c;  // of each input: fu, b to c

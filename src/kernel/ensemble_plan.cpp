@@ -37,7 +37,13 @@ LaneNetwork::LaneNetwork(const Problem& p) {
     }
     plan.looked = p.con.place.back();
     for (int r = 0; r < p.load.size(); ++r) {
-        LaneLoad x{p.load.kind[r], p.load.node[r], p.load.sensor[r], {}, p.load.table[r], plan.looked, -1};
+        const int j = p.load.control[r];
+        LaneLoad x{p.load.kind[r], p.load.node[r], p.load.sensor[r], {}, p.load.table[r], plan.looked, -1, p.load.sensor[r], {p.nc, p.nc, p.nc}, p.limited(r), {-1, -1}};
+        if (j >= 0) {
+            x.control = p.control.kind[j];
+            x.sensor = p.control.sensor[j];
+            for (int k = 0; k < 3; ++k) x.d[k] = p.control.c[k][j];
+        }
         plan.looked += LOAD_LAWS[x.kind].tables;
         for (int k = 0; k < 4; ++k) x.c[k] = p.load.c[k][r];
         loads_.push_back(x);
@@ -53,7 +59,7 @@ LaneNetwork::LaneNetwork(const Problem& p) {
         for (const Entry& e : from) {
             const int input = p.coef_input[e.coef] < 0 ? -1 : place[p.coef_input[e.coef]];
             if (input < 0) continue;
-            supported = supported && (e.what == 0 || e.what >= 4);
+            supported = supported && (e.what == 0 || e.what == 4 || e.what == 5);
             to.push_back({e.row, e.what, e.coef, input});
         }
     };
@@ -70,7 +76,7 @@ LaneNetwork::LaneNetwork(const Problem& p) {
     plan.nk = static_cast<int>(varying.size());
     plan.curved = false;
     for (int k : p.con.kind) plan.curved = plan.curved || !is(k, STRAIGHT);
-    for (int k : p.load.kind) plan.curved = plan.curved || k != SIGNAL;
+    for (const LaneLoad& x : loads_) plan.curved = plan.curved || x.kind != SIGNAL || x.control >= 0;
     matrix(p);
     plan.rows = rows_.data();
     plan.kind_begin = p.kind_begin;
@@ -109,7 +115,8 @@ void LaneNetwork::matrix(const Problem& p) {
         if (to >= 0) r.jac[3] = entry(to, b);
     }
     for (LaneLoad& r : loads_)
-        if (r.sensor < n && r.kind != SIGNAL) r.jac = entry(r.node, r.sensor);
+        for (int k : {0, 1})
+            if (const int at = k ? r.sensor : r.follows; at < n && (k ? r.control >= 0 : r.kind != SIGNAL)) r.jac[k] = entry(r.node, at);
     plan.entries = static_cast<int>(row_of_.size());
     for (int i = 0; i < n; ++i) {
         off_first_.push_back(static_cast<int>(off_entry_.size()));

@@ -53,13 +53,16 @@ bool Integrator::clear_of_knees(double& next) {
     };
     const Loads& l = p_.load;
     for (int r : p_.bent_loads) {
-        const double c0 = e_.ceff[l.c[0][r]];
-        const Sweep s = sweep(l.sensor[r]);
-        if (l.kind[r] == TABLE) {
-            knee.table(s, p_.tables[l.table[r]], [&] { return std::fabs(c0) * felt(-1, l.node[r]); });
-        } else {
-            knee.heater(s, c0, e_.ceff[l.c[1][r]], e_.ceff[l.c[2][r]], [&] { return felt(-1, l.node[r]); });
-        }
+        double own[4];
+        for (int k = 0; k < 4; ++k) own[k] = e_.ceff[l.c[k][r]];
+        const Table* tables = p_.tables.data() + l.table[r];
+        auto each = [&] { return felt(-1, l.node[r]); };
+        if (LOAD_LAWS[l.kind[r]].tables) knee.table(sweep(l.sensor[r]), *tables, [&] { return std::fabs(own[0]) * each(); });
+        const int j = l.control[r];
+        if (j < 0 || p_.control.kind[j] != PROPORTIONAL) continue;
+        const double power = load<double>(l.kind[r], -1, e_.t[l.sensor[r]], 0.0, own, nullptr, Tables{tables}, true, false).p;
+        auto c = [&](int k) { return e_.ceff[p_.control.c[k][j]]; };
+        knee.heater(sweep(p_.control.sensor[j]), c(0), c(1), c(2), power, each);
     }
     const Conductors& c = p_.con;
     for (int r : p_.bent_conductors) {

@@ -8,8 +8,8 @@ namespace thermid {
 
 // Positive once the thermostat must switch; temperatures and coefficients of eo_.
 double Integrator::gap(int l) const {
-    const double t = eo_.t[p_.load.sensor[l]];
-    return eo_.on[l] ? t - eo_.ceff[p_.load.c[2][l]] : eo_.ceff[p_.load.c[1][l]] - t;
+    const double t = eo_.t[p_.control.sensor[l]];
+    return eo_.on[l] ? t - eo_.ceff[p_.control.c[1][l]] : eo_.ceff[p_.control.c[0][l]] - t;
 }
 
 double Integrator::gap_at(int l, double s) {
@@ -20,9 +20,9 @@ double Integrator::gap_at(int l, double s) {
 // d gap / dt at the end of the step.
 double Integrator::gap_rate(int l) const {
     auto follow = [&](int c) { return c < p_.nc && p_.coef_input[c] >= 0 ? coef_[c] * uder1_[p_.coef_input[c]] : 0.0; };
-    const int s = p_.load.sensor[l];
+    const int s = p_.control.sensor[l];
     const double rate = s < n_ ? d1_[s] : follow(p_.gain[s - n_]) + follow(p_.offset[s - n_]);
-    return eo_.on[l] ? rate - follow(p_.load.c[2][l]) : follow(p_.load.c[1][l]) - rate;
+    return eo_.on[l] ? rate - follow(p_.control.c[1][l]) : follow(p_.control.c[0][l]) - rate;
 }
 
 // At the start: on if the sensor is at or below the lower threshold, unless given. eo_ holds the initial temperatures. A massless node feels its
@@ -30,13 +30,13 @@ double Integrator::gap_rate(int l) const {
 void Integrator::decide_thermostats() {
     auto given = [&](int l) { return o_.on.empty() ? -1 : o_.on[l]; };
     for (int l : p_.thermostats)
-        if (!(eo_.ceff[p_.load.c[1][l]] < eo_.ceff[p_.load.c[2][l]])) throw Failure{BAD_INPUT, p_.load.node[l]};
-    for (int l : p_.thermostats) eo_.on[l] = given(l) >= 0 ? given(l) : eo_.t[p_.load.sensor[l]] <= eo_.ceff[p_.load.c[1][l]];
+        if (!(eo_.ceff[p_.control.c[0][l]] < eo_.ceff[p_.control.c[1][l]])) throw Failure{BAD_INPUT, p_.control.node[l]};
+    for (int l : p_.thermostats) eo_.on[l] = given(l) >= 0 ? given(l) : eo_.t[p_.control.sensor[l]] <= eo_.ceff[p_.control.c[0][l]];
     for (size_t k = 0; !massless_.nodes.empty(); ++k) {
         solve_slaved(massless_, eo_);
         const auto due = std::find_if(p_.thermostats.begin(), p_.thermostats.end(), [&](int l) { return given(l) < 0 && gap(l) >= 0.0; });
         if (due == p_.thermostats.end()) break;
-        if (k > 2 * p_.thermostats.size() + 2) throw Failure{CHATTER, p_.load.node[*due]};
+        if (k > 2 * p_.thermostats.size() + 2) throw Failure{CHATTER, p_.control.node[*due]};
         eo_.on[*due] = !eo_.on[*due];
     }
     e_.on = eo_.on;
@@ -114,8 +114,8 @@ void Integrator::apply_events() {
 // S jumps by (dT/dt before - after) dt*/dp.
 void Integrator::apply_event(int l, double rate) {
     const size_t np = np_;
-    const int threshold = p_.load.c[e_.on[l] ? 2 : 1][l], sensor = p_.load.sensor[l];
-    if (same_time_ > 2 * static_cast<int>(p_.thermostats.size()) + 2) throw Failure{CHATTER, p_.load.node[l]};
+    const int threshold = p_.control.c[e_.on[l] ? 1 : 0][l], sensor = p_.control.sensor[l];
+    if (same_time_ > 2 * static_cast<int>(p_.thermostats.size()) + 2) throw Failure{CHATTER, p_.control.node[l]};
     e_.on[l] = eo_.on[l] = !e_.on[l];
     r_->events.push_back({t_, l, e_.on[l]});
     std::copy(T_.begin(), T_.end(), e_.t.begin());

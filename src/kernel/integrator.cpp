@@ -22,13 +22,14 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     }
     for (const Entry& e : p.load_entry) {
         // Thresholds act through the switching instant only.
-        if (p.load.kind[e.row] == THERMOSTAT && e.what != 0) continue;
+        if (e.what > 4 && p.control.kind[p.load.control[e.row]] == THERMOSTAT) continue;
         if (d.any(e.coef)) parameters_.load.push_back(e);
         if (moves(e.coef)) load_u_.push_back(e);
     }
     parameters_.build(p, d);
     for (int k : p.con.kind) curved_ |= !is(k, STRAIGHT);
-    for (int k : p.load.kind) curved_ |= k != SIGNAL && k != THERMOSTAT;
+    for (int k : p.load.kind) curved_ |= k != SIGNAL;
+    for (int k : p.control.kind) curved_ |= k != THERMOSTAT;
     constant_ = !curved_ && std::all_of(con_u_.begin(), con_u_.end(), [](const Entry& e) { return e.what >= 4; });
     for (auto* v : {&cap_, &inv_cap_}) v->assign(n, 0.0);
     for (int i = 0; i < n_; ++i)
@@ -72,8 +73,8 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     }
     index_slaved(massless_);
     for (int l : p.thermostats) {
-        sensor_boundary_ = sensor_boundary_ || p.load.sensor[l] >= n_;
-        sensor_slaved_ = sensor_slaved_ || p.load.sensor[l] < n_;
+        sensor_boundary_ = sensor_boundary_ || p.control.sensor[l] >= n_;
+        sensor_slaved_ = sensor_slaved_ || p.control.sensor[l] < n_;
     }
 }
 

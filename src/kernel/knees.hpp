@@ -57,13 +57,14 @@ struct Knee {
         where = low;
         steepest = std::max(steepest, felt);
     }
+    // power: what the load would give without its control [W].
     template <class Felt>
-    void heater(const Sweep& s, double gain, double setpoint, double full, Felt felt) {
-        if (!(gain > 0.0)) return;
+    void heater(const Sweep& s, double gain, double setpoint, double full, double power, Felt felt) {
+        if (gain == 0.0 || full == 0.0) return;
         const double turn = s.turn(), third = turn < 1.0 ? s.at(turn) : s.t1;
         const double low = std::min({s.t0, s.t1, third}), high = std::max({s.t0, s.t1, third});
         for (double level : {setpoint, setpoint - full / gain})
-            if (low <= level && level <= high) pass(s, turn, level, gain * felt());
+            if (low <= level && level <= high) pass(s, turn, level, std::fabs(gain / full * power) * felt());
     }
     // felt: as above, for a slope that jumps by one.
     template <class Felt>

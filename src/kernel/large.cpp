@@ -178,7 +178,7 @@ void LargeProblem::prepare() {
     node_slot.resize(node.size());
     for (LoadGroup& g : loads) {
         require(g.begin == done && g.end >= g.begin && g.end <= static_cast<int>(node.size()), "loads: groups must follow one another");
-        require(g.kind >= 0 && g.kind < LOAD_KINDS && g.kind != THERMOSTAT, "loads: no such kind");
+        require(g.kind >= 0 && g.kind < LOAD_KINDS && g.control >= -1 && g.control < CONTROL_KINDS && g.control != THERMOSTAT, "loads: no such kind");
         require(g.input >= -1 && g.input < inputs_n && g.tag >= 0 && g.tag < tags, "loads: no such input or tag");
         require(!LOAD_LAWS[g.kind].tables || (g.table >= 0 && g.table < tables_n), "loads: no such table");
         g.table = std::max(g.table, 0);
@@ -270,16 +270,14 @@ void RowHeat::load_group(const LargeProblem& p, const LoadGroup& g, const double
     const double f = g.input >= 0 ? u[g.input] : 1.0;
     const Table* tables = p.tables.data() + g.table;
     double total = 0.0;
-    with_load(g.kind, [&](auto law) {
-        for (int r = g.begin; r < g.end; ++r) {
-            const int i = p.node_slot[r];
-            const double c[4] = {f * p.c[0][r], p.c[1][r], p.c[2][r], p.c[3][r]};
-            const Heat<double> w = law.heat(t[i], c, Tables{tables}, false);
-            heat[i] += w.p;
-            total += w.p;
-            if (slopes) slope[i] -= w.pt;
-        }
-    });
+    for (int r = g.begin; r < g.end; ++r) {
+        const int i = p.node_slot[r];
+        const double c[4] = {f * p.c[0][r], p.c[1][r], p.c[2][r], p.c[3][r]}, d[3] = {p.d[0][r], p.d[1][r], std::isnan(p.d[2][r]) ? c[0] : p.d[2][r]};
+        const auto w = load<double>(g.kind, g.control, t[i], t[i], c, d, Tables{tables}, false, false);
+        heat[i] += w.p;
+        total += w.p;
+        if (slopes) slope[i] -= w.pt + w.ps;
+    }
     power[g.tag] += total;
 }
 

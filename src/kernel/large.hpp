@@ -51,9 +51,9 @@ struct RowGroup {
 };
 // Loads of one law and one input; `tag` names the load that their energy belongs to.
 struct LoadGroup {
-    int kind, input, table, tag, begin, end;
+    int kind, input, table, tag, begin, end, control;  // control: its kind, -1 for none; it follows the node that is heated
     double total = 0.0;  // of a constant one [W]
-    bool constant() const { return kind == SIGNAL && input < 0; }
+    bool constant() const { return kind == SIGNAL && input < 0 && control < 0; }
 };
 
 struct LargeProblem {
@@ -65,7 +65,7 @@ struct LargeProblem {
     std::vector<double> c0;
     std::vector<LoadGroup> loads;
     std::vector<int> node;
-    std::vector<double> c[4];
+    std::vector<double> c[4], d[3];  // of laws, of controls; NaN as full power: the law's first
     std::vector<int> boundary_input;
     std::vector<double> boundary_offset;
     std::vector<Table> tables;

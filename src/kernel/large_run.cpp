@@ -23,7 +23,7 @@ LargeRun::LargeRun(const LargeProblem& p, const LargeOptions& o)
         inverse_c_[i] = p.capacity[i] > 0.0 ? 1.0 / p.capacity[i] : 0.0;
     }
     for (const RowGroup& g : p.rows) linear_ = linear_ && is(g.kind, STRAIGHT);
-    for (const LoadGroup& g : p.loads) linear_ = linear_ && g.kind == SIGNAL;
+    for (const LoadGroup& g : p.loads) linear_ = linear_ && g.kind == SIGNAL && g.control < 0;
     p.links.sums(link_sum_.data());
 }
 

@@ -261,15 +261,15 @@ enum ConductorTrait { PLAIN = 0, STRAIGHT = 1, ONE_WAY = 2, KNEE_OF_MEAN = 4, KN
     ROW(HINGE_MEAN, Hinge<Mean>, "hinge", 2, 0, KNEE_OF_MEAN)                            \
     ROW(HINGE_DIFF, Hinge<Difference>, "hinge of difference", 2, 0, KNEE_OF_DIFFERENCE)
 
-// ---- Laws of loads
+// ---- Laws of loads: what a load gives, and the share of it that its control lets through
 
-// Power, its slope in the temperature that counts, and dp/dc.
+// Power, its slope in the temperature of the law, and dp/dc.
 template <class X>
 struct Heat { X p, pt, pc[4]; };
 
 struct Signal {  // c0
     template <class X, class T>
-    static THERMID_INLINE Heat<X> heat(X, const X c[4], const T&, bool) {
+    static THERMID_INLINE Heat<X> heat(X, const X c[4], const T&) {
         const X none = number<X>(0.0);
         return {c[0], none, {number<X>(1.0), none, none, none}};
     }
@@ -277,44 +277,26 @@ struct Signal {  // c0
 
 struct Polynomial {  // c0 (1 + c1 x + c2 x^2), x = T - c3
     template <class X, class T>
-    static THERMID_INLINE Heat<X> heat(X t, const X c[4], const T&, bool) {
+    static THERMID_INLINE Heat<X> heat(X t, const X c[4], const T&) {
         const X x = t - c[3], unit = 1.0 + x * (c[1] + c[2] * x), slope = c[0] * (c[1] + 2.0 * c[2] * x);
         return {c[0] * unit, slope, {unit, c[0] * x, c[0] * x * x, -slope}};
     }
 };
 
-struct Exponential {  // c0 exp(c1 (T - c3))
+struct Exponential {  // c0 exp(c1 (T - c2))
     template <class X, class T>
-    static THERMID_INLINE Heat<X> heat(X t, const X c[4], const T&, bool) {
-        const X x = t - c[3], unit = Elementary<X>::exponential(c[1] * x), p = c[0] * unit, slope = p * c[1];
-        return {p, slope, {unit, p * x, number<X>(0.0), -slope}};
+    static THERMID_INLINE Heat<X> heat(X t, const X c[4], const T&) {
+        const X x = t - c[2], unit = Elementary<X>::exponential(c[1] * x), p = c[0] * unit, slope = p * c[1];
+        return {p, slope, {unit, p * x, -slope, number<X>(0.0)}};
     }
 };
 
 struct TabulatedPower {  // c0 g(T)
     template <class X, class T>
-    static THERMID_INLINE Heat<X> heat(X t, const X c[4], const T& tables, bool) {
+    static THERMID_INLINE Heat<X> heat(X t, const X c[4], const T& tables) {
         const Looked<X> x = tables.at(0, t);
         const X none = number<X>(0.0);
         return {c[0] * x.g, c[0] * x.g1, {x.g, none, none, none}};
-    }
-};
-
-struct Thermostat {  // c0 while it is on; c1, c2: where it switches on and off
-    template <class X, class T>
-    static THERMID_INLINE Heat<X> heat(X, const X c[4], const T&, bool on) {
-        const X none = number<X>(0.0);
-        return {on ? c[0] : none, none, {number<X>(on ? 1.0 : 0.0), none, none, none}};
-    }
-};
-
-struct Proportional {  // c0 (c1 - T), between zero and c2
-    template <class X, class T>
-    static THERMID_INLINE Heat<X> heat(X t, const X c[4], const T&, bool) {
-        const X gap = c[1] - t, wanted = c[0] * gap, none = number<X>(0.0);
-        const auto some = wanted > none, full = wanted >= c[2];
-        auto within = [&](X band, X top) { return pick(some, pick(full, top, band), none); };
-        return {within(wanted, c[2]), within(-c[0], none), {within(gap, none), within(c[0], none), within(none, number<X>(1.0)), none}};
     }
 };
 
@@ -322,23 +304,52 @@ struct Proportional {  // c0 (c1 - T), between zero and c2
 #define THERMID_LOADS(ROW)                               \
     ROW(SIGNAL, Signal, "signal", 1, 0)                  \
     ROW(POLY, Polynomial, "polynomial", 4, 0)            \
-    ROW(EXP, Exponential, "exponential", 4, 0)           \
-    ROW(TABLE, TabulatedPower, "table", 1, 1)            \
-    ROW(THERMOSTAT, Thermostat, "thermostat", 3, 0)      \
-    ROW(PROPORTIONAL, Proportional, "proportional", 3, 0)
+    ROW(EXP, Exponential, "exponential", 3, 0)           \
+    ROW(TABLE, TabulatedPower, "table", 1, 1)
+
+// The share of a load's power, from 0 to 1, its slope in the sensor's temperature, and ds/dc.
+template <class X>
+struct Share { X s, st, sc[3]; };
+
+struct Thermostat {  // all while it is on, else nothing; c0, c1: where it switches on and off
+    template <class X>
+    static THERMID_INLINE Share<X> share(X, const X[3], bool on) {
+        const X none = number<X>(0.0);
+        return {number<X>(on ? 1.0 : 0.0), none, {none, none, none}};
+    }
+};
+
+struct Proportional {  // c0 (c1 - T) / c2: gain, set point and full power, which is negative where it cools
+    template <class X>
+    static THERMID_INLINE Share<X> share(X t, const X c[3], bool) {
+        const X gap = c[1] - t, wanted = c[0] * gap, none = number<X>(0.0), per = 1.0 / c[2], part = wanted * per;
+        const auto some = wanted * c[2] > none, full = wanted * c[2] >= c[2] * c[2];  // no power, no share: nothing is divided by zero
+        auto within = [&](X band, X top) { return pick(some, pick(full, top, band), none); };
+        return {within(part, number<X>(1.0)), within(-c[0] * per, none), {within(gap * per, none), within(c[0] * per, none), within(-part * per, none)}};
+    }
+};
+
+// One row for each control: its number, function, name and coefficients.
+#define THERMID_CONTROLS(ROW)                            \
+    ROW(THERMOSTAT, Thermostat, "thermostat", 2)         \
+    ROW(PROPORTIONAL, Proportional, "proportional", 3)
 
 // ---- The tables of laws
 
 #define THERMID_KIND(KIND, ...) KIND,
 enum ConductorKind { THERMID_CONDUCTORS(THERMID_KIND) CONDUCTOR_KINDS };
 enum LoadKind { THERMID_LOADS(THERMID_KIND) LOAD_KINDS };
+enum ControlKind { THERMID_CONTROLS(THERMID_KIND) CONTROL_KINDS };
 #undef THERMID_KIND
 
 struct LawRow { const char *kind, *name; int coefficients, tables, traits; };
 #define THERMID_LAW_ROW(KIND, LAW, NAME, COEFFICIENTS, TABLES, TRAITS) {#KIND, NAME, COEFFICIENTS, TABLES, TRAITS},
 #define THERMID_LOAD_ROW(KIND, LAW, NAME, COEFFICIENTS, TABLES) {#KIND, NAME, COEFFICIENTS, TABLES, PLAIN},
+#define THERMID_CONTROL_ROW(KIND, CONTROL, NAME, COEFFICIENTS) {#KIND, NAME, COEFFICIENTS, 0, PLAIN},
 constexpr LawRow CONDUCTOR_LAWS[] = {THERMID_CONDUCTORS(THERMID_LAW_ROW)};
 constexpr LawRow LOAD_LAWS[] = {THERMID_LOADS(THERMID_LOAD_ROW)};
+constexpr LawRow CONTROL_LAWS[] = {THERMID_CONTROLS(THERMID_CONTROL_ROW)};
+#undef THERMID_CONTROL_ROW
 #undef THERMID_LAW_ROW
 #undef THERMID_LOAD_ROW
 
@@ -359,6 +370,10 @@ template <class F>
 THERMID_INLINE void with_load(int kind, F f) {
     switch (kind) { THERMID_LOADS(THERMID_CASE) }
 }
+template <class F>
+THERMID_INLINE void with_control(int kind, F f) {
+    switch (kind) { THERMID_CONTROLS(THERMID_CASE) }
+}
 #undef THERMID_CASE
 
 // Heat of one conductor; dq/dc1, which may cost a logarithm, where it is SOUGHT.
@@ -372,11 +387,22 @@ inline Conduct<X> conductor(int kind, X ta, X tb, X c0, X c1, const Table* table
     return r;
 }
 
+// Power of a load under its control: slopes in the temperatures of law and sensor, and in the coefficients of both.
 template <class X>
-inline Heat<X> load(int kind, X t, const X c[4], const Table* tables, bool on) {
-    Heat<X> r;
-    with_load(kind, [&](auto law) { r = law.heat(t, c, Tables{tables}, on); });
-    return r;
+struct Controlled { X p, pt, ps, pc[4], sc[3]; };
+
+// c: of the law; d: of the control; control: its kind, or -1 for none. limited: d2 is the law's own c0, so that within the band the power is
+// gain times what is missing, whatever c0 is: its derivative there is zero, and not what rounding leaves of two that cancel.
+template <class X, class T>
+THERMID_INLINE Controlled<X> load(int kind, int control, X t, X sensor, const X c[4], const X d[3], const T& tables, bool on, bool limited) {
+    Heat<X> w;
+    with_load(kind, [&](auto law) { w = law.heat(t, c, tables); });
+    const X none = number<X>(0.0);
+    if (control < 0) return {w.p, w.pt, none, {w.pc[0], w.pc[1], w.pc[2], w.pc[3]}, {none, none, none}};
+    Share<X> k;
+    with_control(control, [&](auto law) { k = law.share(sensor, d, on); });
+    const X by_c0 = limited ? pick(k.s >= number<X>(1.0), w.pc[0], none) : w.pc[0] * k.s;
+    return {w.p * k.s, w.pt * k.s, w.p * k.st, {by_c0, w.pc[1] * k.s, w.pc[2] * k.s, w.pc[3] * k.s}, {w.p * k.sc[0], w.p * k.sc[1], w.p * k.sc[2]}};
 }
 
 }  // namespace thermid

@@ -91,6 +91,14 @@ void Problem::prepare() {
         boundary_entries(con_entry, r, con.a[r], 4);
         boundary_entries(con_entry, r, con.b[r], 5);
     }
+    control.node.assign(control.size(), -1);
+    for (int j = 0; j < control.size(); ++j) {
+        const std::string where = at("control", j);
+        require(control.kind[j] >= 0 && control.kind[j] < CONTROL_KINDS, where + ": no such kind");
+        require(control.sensor[j] >= 0 && control.sensor[j] < nodes(), where + ": no such sensor node");
+        for (int k = 0; k < 3; ++k) slot(control.c[k][j], nc, where);
+        if (control.kind[j] == THERMOSTAT) thermostats.push_back(j);
+    }
     for (int r = 0; r < load.size(); ++r) {
         const std::string where = at("load", r);
         require(load.kind[r] >= 0 && load.kind[r] < LOAD_KINDS, where + ": no such kind");
@@ -99,13 +107,21 @@ void Problem::prepare() {
         require(!LOAD_LAWS[load.kind[r]].tables || (load.table[r] >= 0 && load.table[r] < static_cast<int>(tables.size())), where + ": no such table");
         load.table[r] = std::max(load.table[r], 0);
         for (int k = 0; k < 4; ++k) {
-            slot(load.c[k][r], load.kind[r] == PROPORTIONAL && k == 2 ? nc + 1 : nc, where);
+            slot(load.c[k][r], nc, where);
             if (load.c[k][r] < nc) load_entry.push_back({r, k, load.c[k][r]});
         }
         boundary_entries(load_entry, r, load.sensor[r], 4);
-        if (load.kind[r] == THERMOSTAT) thermostats.push_back(r);
-        if (load.kind[r] == PROPORTIONAL || (load.kind[r] == TABLE && !tables[load.table[r]].bends.empty())) bent_loads.push_back(r);
+        const int j = load.control[r];
+        require(j >= -1 && j < control.size(), where + ": no such control");
+        if ((j >= 0 && control.kind[j] == PROPORTIONAL) || (LOAD_LAWS[load.kind[r]].tables && !tables[load.table[r]].bends.empty())) bent_loads.push_back(r);
+        if (j < 0) continue;
+        if (control.node[j] < 0) control.node[j] = load.node[r];
+        boundary_entries(load_entry, r, control.sensor[j], 5);
+        for (int k = 0; k < 3; ++k)
+            if (control.c[k][j] < nc && !(k == 2 && limited(r))) load_entry.push_back({r, 6 + k, control.c[k][j]});
     }
+    load.felt = load.sensor;
+    for (int r = 0; r < load.size(); ++r) load.felt.push_back(load.control[r] < 0 ? load.sensor[r] : control.sensor[load.control[r]]);
     for (int j = 0; j < nc; ++j)
         if (coef_input[j] >= 0) {
             timed.push_back(j);
@@ -124,8 +140,14 @@ void Problem::find_pattern() {
         cols[con.b[r]].push_back(con.a[r]);
         if (!is(con.kind[r], ONE_WAY)) cols[con.a[r]].push_back(con.b[r]);
     }
-    for (int r = 0; r < load.size(); ++r)
-        if (load.sensor[r] < n && load.kind[r] != SIGNAL) cols[load.node[r]].push_back(load.sensor[r]);
+    // Whether a load's power follows the temperature of its law (r), or of its control's sensor (their number + r).
+    auto follows = [&](int k) {
+        const int r = k % load.size();
+        return load.felt[k] < n && (k < load.size() ? load.kind[r] != SIGNAL : load.control[r] >= 0 && control.kind[load.control[r]] != THERMOSTAT);
+    };
+    const int felt = 2 * load.size();
+    for (int k = 0; k < felt; ++k)
+        if (follows(k)) cols[load.node[k % load.size()]].push_back(load.felt[k]);
     pattern.build(n, cols);
     elimination.build(pattern);
     struct Part { int row, end; double sign; };
@@ -154,8 +176,7 @@ void Problem::find_pattern() {
         }
         slope_begin.push_back(static_cast<int>(slope_at.size()));
     }
-    for (int r = 0; r < load.size(); ++r)
-        load_place.push_back(load.sensor[r] < n && load.kind[r] != SIGNAL ? pattern.at(load.node[r], load.sensor[r]) : -1);
+    for (int k = 0; k < felt; ++k) load_place.push_back(follows(k) ? pattern.at(load.node[k % load.size()], load.felt[k]) : -1);
 }
 
 Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&problem), coef(coefficients) {
@@ -171,8 +192,8 @@ Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&
     qa = qab.data();
     qb = qa + m;
     power.assign(l, 0.0);
-    slope.assign(l, 0.0);
-    on.assign(l, 0);
+    slope.assign(2 * l, 0.0);
+    on.assign(p->control.size(), 0);
     piece.assign(p->con.place.back(), 0);
     f.assign(p->nodes(), 0.0);
     quarter = true;
@@ -205,13 +226,22 @@ double Evaluation::con_slope(const Entry& e) const {
     }
 }
 
+Controlled<double> Evaluation::load(int r) const {
+    return load<double>(r, [&](int i) { return t[i]; }, [&](int k) { return ceff[k]; });
+}
+
+double Evaluation::put_load(int r) {
+    const Controlled<double> y = load(r);
+    slope[r] = y.pt;
+    slope[p->load.size() + r] = y.ps;
+    return power[r] = y.p;
+}
+
 double Evaluation::load_slope(const Entry& e) const {
-    if (e.what == 4) return slope[e.row];
-    const Loads& ld = p->load;
-    const int r = e.row;
-    if (ld.kind[r] == SIGNAL) return 1.0;
-    const double cs[4] = {ceff[ld.c[0][r]], ceff[ld.c[1][r]], ceff[ld.c[2][r]], ceff[ld.c[3][r]]};
-    return thermid::load<double>(ld.kind[r], t[ld.sensor[r]], cs, p->tables.data() + ld.table[r], on[r]).pc[e.what];
+    if (e.what == 4 || e.what == 5) return slope[e.row + (e.what - 4) * p->load.size()];
+    if (p->load.kind[e.row] == SIGNAL && p->load.control[e.row] < 0) return 1.0;
+    const Controlled<double> y = load(e.row);
+    return e.what < 4 ? y.pc[e.what] : y.sc[e.what - 6];
 }
 
 void Scatter::build(const Problem& p, const CoefJacobian& d) {

@@ -11,7 +11,7 @@
 namespace thermid {
 
 // One way in which a coefficient enters a row. what: 0..3 the law's own coefficient, 4 through the temperature of
-// end a (for a load: of its sensor), 5 through that of end b.
+// end a (for a load: of its law), 5 through that of end b (for a load: of its control's sensor), 6..8 a control's coefficient.
 struct Entry { int row, what, coef; };
 
 struct Conductors {
@@ -20,8 +20,16 @@ struct Conductors {
     int size() const { return static_cast<int>(kind.size()); }
 };
 
+// The law of a load and its control, -1 for none; the law follows the temperature of `sensor`.
 struct Loads {
-    std::vector<int> kind, node, c[4], sensor, table;
+    std::vector<int> kind, node, c[4], sensor, table, control;
+    std::vector<int> felt;  // nodes that they follow: of every law, then of every control
+    int size() const { return static_cast<int>(kind.size()); }
+};
+
+// Thermostats and proportional controllers; several loads may have one. node: of the first of these, for messages.
+struct Controls {
+    std::vector<int> kind, sensor, c[3], node;
     int size() const { return static_cast<int>(kind.size()); }
 };
 
@@ -30,12 +38,13 @@ struct Problem {
     std::vector<int> capacity, coef_input, gain, offset;
     Conductors con;  // sorted by kind
     Loads load;
+    Controls control;
     std::vector<Table> tables;
     std::vector<Input> inputs;
 
     // Derived: where coefficients enter, which coefficients follow an input, nodes without capacity and their rows.
     std::vector<Entry> con_entry, load_entry;
-    std::vector<int> timed, massless, thermostats;
+    std::vector<int> timed, massless, thermostats;  // thermostats: which controls are
     std::vector<int> bent_conductors, bent_loads;  // tables with knees, and proportional heaters
     bool knees() const { return !bent_conductors.empty() || !bent_loads.empty(); }
     std::vector<int> moving, moved;              // inputs that are not constant, and the coefficients that follow these
@@ -54,6 +63,8 @@ struct Problem {
     void sum_slopes(double* qab, const double* loads, double* v) const;
 
     int nodes() const { return n + nb; }
+    // Whether a load's control takes the law's first coefficient for its full power.
+    bool limited(int r) const { return load.control[r] >= 0 && control.kind[load.control[r]] == PROPORTIONAL && control.c[2][load.control[r]] == load.c[0][r]; }
     static constexpr int LARGEST = 5000;  // unknowns that the small integrator and a dense Jacobian are meant for
     void prepare();  // checks everything, sorts and derives; throws std::invalid_argument
 
@@ -101,8 +112,8 @@ struct Evaluation {
     std::vector<double> t;              // (nodes)
     std::vector<double> q, phi, qab;    // conductors; q, then -q; qa, qb, room for their negatives, 0
     double *qa, *qb;                    // the first two quarters of qab
-    std::vector<double> power, slope;   // loads
-    std::vector<uint8_t> on;            // thermostat states (loads)
+    std::vector<double> power, slope;   // loads; their slopes in the temperature of the law, then of the control
+    std::vector<uint8_t> on;            // thermostat states (controls)
     std::vector<double> f;              // heat into each unknown node
     std::vector<int> piece;             // of each table that conductors look up, where they stand
     bool quarter = false;               // the exponent of every power law is 1/4, always
@@ -112,6 +123,10 @@ struct Evaluation {
     void set_inputs();       // u -> ceff, boundary temperatures
     void move_inputs();      // the same after a change of moving inputs alone
     void rows();             // t -> rows and f
+    template <class X, class Temperature, class Coefficient>
+    Controlled<X> load(int r, Temperature t, Coefficient c) const;  // t(node), c(place)
+    Controlled<double> load(int r) const;
+    double put_load(int r);  // power and slopes of one load into their places; returns the power
     // Adds w times the heats of conductors and loads after temperatures of all nodes have fallen by delta, to first order.
     void shift(double w, const double* delta, double* conductors, double* loads) const;
     // Adds w times what heats gain, to first order, when all temperatures rise by dir.
@@ -128,6 +143,18 @@ struct Evaluation {
     void pushes_of(const Entry& e, std::vector<Push>& out) const;  // what becomes of an entry of a boundary
 };
 
+template <class X, class Temperature, class Coefficient>
+inline Controlled<X> Evaluation::load(int r, Temperature at, Coefficient value) const {
+    const Loads& l = p->load;
+    const Controls& k = p->control;
+    const int j = l.control[r];
+    X c[4], d[3];
+    for (int i = 0; i < 4; ++i) c[i] = value(l.c[i][r]);
+    for (int i = 0; i < 3 && j >= 0; ++i) d[i] = value(k.c[i][j]);
+    return thermid::load<X>(l.kind[r], j < 0 ? -1 : k.kind[j], at(l.sensor[r]), at(l.felt[l.size() + r]), c, d, Tables{p->tables.data() + l.table[r]},
+                            j >= 0 && on[j], p->limited(r));
+}
+
 // Second derivatives, for a direction of (t, u): that of the Jacobian (values of the pattern) and, added to g (n, np), that of df/dp.
 class SecondOrder {
   public:
@@ -140,7 +167,7 @@ class SecondOrder {
     double *da_, *db_;  // the first two quarters of dab_
     void conductors(const Evaluation& at, bool exponents);
     void loads(const Evaluation& at);
-    std::vector<double> dlc_;  // of the loads' own coefficients (loads, 4)
+    std::vector<double> dlc_;  // of the loads' coefficients and those of their controls (loads, 9), as in Entry::what
 };
 
 }  // namespace thermid

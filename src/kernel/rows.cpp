@@ -62,12 +62,16 @@ THERMID_CLONES void shifted_rows(const int* THERMID_RESTRICT a, const int* THERM
 
 void Evaluation::shift(double w, const double* delta, double* conductors, double* loads) const {
     shifted_rows(p->con.a.data(), p->con.b.data(), q.data(), qa, qb, delta, w, conductors, p->con.size());
-    for (int r = 0; r < p->load.size(); ++r) loads[r] += w * (power[r] - slope[r] * delta[p->load.sensor[r]]);
+    const int m = p->load.size();
+    const int* felt = p->load.felt.data();
+    for (int r = 0; r < m; ++r) loads[r] += w * (power[r] - slope[r] * delta[felt[r]] - slope[m + r] * delta[felt[m + r]]);
 }
 
 void Evaluation::lean(double w, const double* dir, double* conductors, double* loads) const {
     for (int r = 0; r < p->con.size(); ++r) conductors[r] += w * (qa[r] * dir[p->con.a[r]] + qb[r] * dir[p->con.b[r]]);
-    for (int r = 0; r < p->load.size(); ++r) loads[r] += w * slope[r] * dir[p->load.sensor[r]];
+    const int m = p->load.size();
+    const int* felt = p->load.felt.data();
+    for (int r = 0; r < m; ++r) loads[r] += w * (slope[r] * dir[felt[r]] + slope[m + r] * dir[felt[m + r]]);
 }
 
 void Evaluation::rows() {
@@ -86,17 +90,9 @@ void Evaluation::rows() {
         f[i] = s;
     }
     const Loads& ld = p->load;
-    const double* ce = ceff.data();
     for (int r = 0; r < ld.size(); ++r) {
-        if (ld.kind[r] == SIGNAL) {
-            f[ld.node[r]] += power[r] = ce[ld.c[0][r]];
-            continue;
-        }
-        const double cs[4] = {ce[ld.c[0][r]], ce[ld.c[1][r]], ce[ld.c[2][r]], ce[ld.c[3][r]]};
-        const auto y = thermid::load<double>(ld.kind[r], t[ld.sensor[r]], cs, p->tables.data() + ld.table[r], on[r]);
-        power[r] = y.p;
-        slope[r] = y.pt;
-        f[ld.node[r]] += y.p;
+        if (ld.kind[r] == SIGNAL && ld.control[r] < 0) f[ld.node[r]] += power[r] = ceff[ld.c[0][r]];
+        else f[ld.node[r]] += put_load(r);
     }
 }
 
@@ -106,7 +102,7 @@ void Problem::sum_slopes(double* qab, const double* loads, double* v) const {
     for (int i = 0, m = pattern.size(); i < m; ++i) v[i] = qab[first[i]];
     const int *k = slope_further.data(), *end = k + slope_further.size();
     for (; k != end; k += 2) v[k[0]] += qab[k[1]];
-    for (int r = 0; r < load.size(); ++r)
+    for (int r = 0, m = 2 * load.size(); r < m; ++r)
         if (load_place[r] >= 0) v[load_place[r]] += loads[r];
 }
 
@@ -128,8 +124,8 @@ void Evaluation::jacobian(double* j) const {
         }
     }
     const Loads& l = p->load;
-    for (int r = 0; r < l.size(); ++r)
-        if (slope[r] != 0.0 && l.sensor[r] < n) j[static_cast<size_t>(l.node[r]) * n + l.sensor[r]] += slope[r];
+    for (int k = 0; k < 2 * l.size(); ++k)
+        if (slope[k] != 0.0 && l.felt[k] < n) j[static_cast<size_t>(l.node[k % l.size()]) * n + l.felt[k]] += slope[k];
 }
 
 }  // namespace thermid

@@ -13,8 +13,8 @@ SecondOrder::SecondOrder(const Problem& p) {
     dab_.assign(4 * static_cast<size_t>(p.con.size()) + 1, 0.0);
     da_ = dab_.data();
     db_ = da_ + p.con.size();
-    dl_.assign(p.load.size(), 0.0);
-    dlc_.assign(4 * static_cast<size_t>(p.load.size()), 0.0);
+    dl_.assign(2 * p.load.size(), 0.0);
+    dlc_.assign(9 * static_cast<size_t>(p.load.size()), 0.0);
 }
 
 namespace {
@@ -71,17 +71,17 @@ void SecondOrder::conductors(const Evaluation& at, bool exponents) {
 }
 
 void SecondOrder::loads(const Evaluation& at) {
-    const Problem& p = *at.p;
-    const Loads& ld = p.load;
+    const Loads& ld = at.p->load;
     for (int r = 0; r < ld.size(); ++r) {
-        if (ld.kind[r] == SIGNAL || ld.kind[r] == THERMOSTAT) continue;
-        Dual cs[4];
-        for (int k = 0; k < 4; ++k) cs[k] = Dual(at.ceff[ld.c[k][r]], dc_[ld.c[k][r]]);
-        const int sensor = ld.sensor[r];
-        const auto x = thermid::load<Dual>(ld.kind[r], Dual(at.t[sensor], dt_[sensor]), cs, p.tables.data() + ld.table[r],
-                                           at.on[r]);
+        if (ld.kind[r] == SIGNAL && ld.control[r] < 0) continue;
+        const auto x = at.load<Dual>(r, [&](int i) { return Dual(at.t[i], dt_[i]); }, [&](int k) { return Dual(at.ceff[k], dc_[k]); });
         dl_[r] = x.pt.e;
-        for (int k = 0; k < 4; ++k) dlc_[4 * static_cast<size_t>(r) + k] = x.pc[k].e;
+        dl_[ld.size() + r] = x.ps.e;
+        double* to = dlc_.data() + 9 * static_cast<size_t>(r);
+        for (int k = 0; k < 4; ++k) to[k] = x.pc[k].e;
+        to[4] = x.pt.e;
+        to[5] = x.ps.e;
+        for (int k = 0; k < 3; ++k) to[6 + k] = x.sc[k].e;
     }
 }
 
@@ -105,7 +105,7 @@ bool SecondOrder::add(const Evaluation& at, const double* dir_t, const double* d
         *value++ = by_input(e, second, [&](const Entry& x) { return at.con_slope(x); });
     }
     for (const Entry& e : s.load) {
-        const double second = e.what == 4 ? dl_[e.row] : dlc_[4 * static_cast<size_t>(e.row) + e.what];
+        const double second = dlc_[9 * static_cast<size_t>(e.row) + e.what];
         *value++ = by_input(e, second, [&](const Entry& x) { return at.load_slope(x); });
     }
     s.add(g);

@@ -119,14 +119,7 @@ void Integrator::slaved_rows(const Slaved& s, Evaluation& e) const {
         if (s.is[c.b[r]]) e.f[c.b[r]] += x.q;
         if (s.is[c.a[r]] && !is(c.kind[r], ONE_WAY)) e.f[c.a[r]] -= x.q;
     }
-    const Loads& l = p_.load;
-    for (int r : s.load_rows) {
-        const double cs[4] = {e.ceff[l.c[0][r]], e.ceff[l.c[1][r]], e.ceff[l.c[2][r]], e.ceff[l.c[3][r]]};
-        const auto x = load<double>(l.kind[r], e.t[l.sensor[r]], cs, p_.tables.data() + l.table[r], e.on[r]);
-        e.power[r] = x.p;
-        e.slope[r] = x.pt;
-        e.f[l.node[r]] += x.p;
-    }
+    for (int r : s.load_rows) e.f[p_.load.node[r]] += e.put_load(r);
 }
 
 // Rows of the Jacobian that belong to slaved nodes, as values of the pattern.
@@ -138,7 +131,8 @@ void Integrator::slaved_jacobian(const Slaved& s, const Evaluation& e, double* j
             for (int x = p_.slope_begin[k]; x < p_.slope_begin[k + 1]; ++x) j[k] += p_.slope_sign[x] * e.qab[p_.slope_at[x]];
         }
     for (int r : s.load_rows)
-        if (p_.load_place[r] >= 0) j[p_.load_place[r]] += e.slope[r];
+        for (int k : {r, p_.load.size() + r})
+            if (p_.load_place[k] >= 0) j[p_.load_place[k]] += e.slope[k];
 }
 
 // Newton on f = heat of the slaved nodes (none: 0), the others held. Starts with the factors at hand.

@@ -25,6 +25,7 @@ SIGNAL: Final[int]
 POLY: Final[int]
 EXP: Final[int]
 TABLE: Final[int]
+# Kinds of controls
 THERMOSTAT: Final[int]
 PROPORTIONAL: Final[int]
 # Kinds of inputs
@@ -51,6 +52,7 @@ CHATTER: Final[int]
 # The tables of laws: form -> (kind, coefficients, tables, linear in temperatures, one way)
 CONDUCTOR_LAWS: Final[dict[str, tuple[int, int, int, bool, bool]]]
 LOAD_LAWS: Final[dict[str, tuple[int, int, int, bool, bool]]]
+CONTROL_LAWS: Final[dict[str, tuple[int, int, int, bool, bool]]]
 GAS_ANCHOR: Final[float]
 SMOOTHING: Final[float]
 
@@ -103,7 +105,7 @@ class Result:
     @property
     def event_times(self) -> _Reals: ...
     @property
-    def event_loads(self) -> _Ints: ...
+    def event_controls(self) -> _Ints: ...
     @property
     def event_states(self) -> _Ints: ...
     @property
@@ -132,6 +134,10 @@ class Problem:
         load_coef: _Ints,
         load_sensor: _Ints,
         load_table: _Ints,
+        load_control: _Ints,
+        control_kind: _Ints,
+        control_sensor: _Ints,
+        control_coef: _Ints,
         tables: Sequence[tuple[_Reals, _Reals, _Reals]],
         inputs: Sequence[tuple[int, _Reals, _Reals]],
     ) -> None: ...
@@ -261,6 +267,7 @@ class LargeProblem:
         load_groups: _Ints,
         load_node: _Ints,
         load_coef: _Reals,
+        load_control: _Reals,
         tags: int,
         boundary_input: _Ints,
         boundary_offset: _Reals,

@@ -13,7 +13,7 @@ from fuzz.networks import SIGMA, Case
 from thermid import _kernel as k
 from thermid.model.curves import Curve
 from thermid.model.signal import Constant, Sine, Table
-from unit.kernel.reference import Net
+from unit.kernel.reference import PROPORTIONAL, THERMOSTAT, Net
 
 STATUS = ("OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER")
 TIGHT = {"atol": 1e-9, "rtol": 1e-10, "input_atol": 1e-7}
@@ -283,14 +283,14 @@ def _law(net: Net, kind: int, c: list[int], table: int, value: Callable[[int, st
 def _load(net: Net, kind: int, c: list[int], sensor: str, table: int, value: Callable[[int, str], str]) -> dict[str, Any]:
     if kind == k.TABLE:
         return {"table": _curve(net, "temperature", table), "scale": net.coefs[c[0]][0]}
-    if kind == k.THERMOSTAT:
+    if kind == THERMOSTAT:
         limits = {"on_below": value(c[1], "K"), "off_above": value(c[2], "K")}
         return {"power": value(c[0], "W"), "thermostat": limits | {"sensor": sensor}}
-    if kind == k.PROPORTIONAL:
+    if kind == PROPORTIONAL:
         return {"power": value(c[2], "W"), "proportional": {"gain": value(c[0], "W/K"), "setpoint": value(c[1], "K"), "sensor": sensor}}
     out = {"power": value(c[0], "W")}
     if kind == k.EXP:
-        out |= {"exponential_coefficient": value(c[1], "1/K"), "reference_temperature": value(c[3], "K")}
+        out |= {"exponential_coefficient": value(c[1], "1/K"), "reference_temperature": value(c[2], "K")}
     if kind == k.POLY:
         out |= {"temperature_coefficient": value(c[1], "1/K"), "quadratic_coefficient": value(c[2], "1/K^2")}
         out |= {"reference_temperature": value(c[3], "K")}

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from thermid import _kernel as k
-from unit.kernel.reference import Net
+from unit.kernel.reference import THERMOSTAT, Net
 
 PATIENCE = 25_000
 """Evaluations of the right-hand side after which there is no verdict."""
@@ -33,7 +33,7 @@ class Crooked:
         self.calls = 0
         self.middle = 0.0
         self.on = np.zeros(len(net.loads), int)
-        self.thermostats = [i for i, row in enumerate(net.loads) if row[0] == k.THERMOSTAT]
+        self.thermostats = [i for i, row in enumerate(net.loads) if row[0] == THERMOSTAT]
 
     def heat(self, t: float, every: np.ndarray) -> np.ndarray:
         self.calls += 1

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from thermid import _kernel as k
-from unit.kernel.reference import Net
+from unit.kernel.reference import PROPORTIONAL, THERMOSTAT, Net
 
 SIGMA = 5.670374419e-8
 
@@ -195,7 +195,7 @@ def runaway(d: Draw) -> dict[str, Any]:
     n, net = len(d.net.capacity), d.net
     node = int(d.rng.integers(n))
     if d.chance(0.5):
-        net.load(k.EXP, node, net.coef(d.log(0.1, 20)), net.coef(d.log(1e-3, 0.3)), -1, net.coef(300.0))
+        net.load(k.EXP, node, net.coef(d.log(0.1, 20)), net.coef(d.log(1e-3, 0.3)), net.coef(300.0))
     else:
         net.load(k.POLY, node, net.coef(d.log(0.1, 20)), net.coef(d.log(1e-3, 0.5)), net.coef(d.pick(0.0, 1e-4, 0.1)), net.coef(300.0))
     return {}
@@ -209,10 +209,10 @@ def switching(d: Draw) -> dict[str, Any]:
     for _ in range(int(d.rng.integers(1, 3))):
         node, sensor, low = int(d.rng.integers(n)), int(d.rng.integers(n)), float(d.rng.uniform(280, 320))
         if d.chance(0.25):
-            net.load(k.PROPORTIONAL, node, net.coef(d.log(0.1, 1e3)), net.coef(low), net.coef(d.log(1, 50)), sensor=sensor)
+            net.load(PROPORTIONAL, node, net.coef(d.log(0.1, 1e3)), net.coef(low), net.coef(d.log(1, 50)), sensor=sensor)
         else:
             width = float(d.pick(5.0, 1.0, 0.1, 1e-3, 1e-9, 0.0))
-            net.load(k.THERMOSTAT, node, net.coef(d.log(1, 50)), net.coef(low), net.coef(low + width), sensor=sensor)
+            net.load(THERMOSTAT, node, net.coef(d.log(1, 50)), net.coef(low), net.coef(low + width), sensor=sensor)
     return {}
 
 

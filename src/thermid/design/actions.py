@@ -69,7 +69,7 @@ def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -
     network = network_for(model, scenario)
     half = 0.5 * scenario.seconds
     out = [Action("the same test again", scenario)]
-    powers = {row.name: float(value_of(row.coefficients[0])) for row in network.numbers().loads if row.form == "signal"}
+    powers = {row.name: float(value_of(row.coefficients[0])) for row in network.numbers().loads if row.fixed}
     metered = {s.target for s in sensors if s.role == "load"} | set(scenario.loads)
     for load, own in powers.items():
         watts = _level(scenario.loads.get(load), own)

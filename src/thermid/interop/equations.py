@@ -241,7 +241,7 @@ class _Derivation:
         self.sympy, self.network, self.names = sympy, network, names
         self.numbers = network.numbers()
         crooked = [(r.name, r.form) for r in self.numbers.conductors if r.form != "linear" or r.signal]
-        crooked += [(r.name, r.form) for r in self.numbers.loads if r.form != "signal"]
+        crooked += [(r.name, r.control or r.form) for r in self.numbers.loads if not r.fixed]
         crooked += [(node, "a specific heat that changes") for node in network.stores]
         if crooked:
             raise DeckError(

@@ -123,13 +123,14 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
         raise DeckError(f"the specific heat of '{node}' changes with temperature, which is not written to {what}.", network.title)
     sources = []
     for load in numbers.loads:
-        if load.form == "table" and load.curve is not None:
+        if load.form == "table" and not load.control and load.curve is not None:
             signal = wiring.signals[load.signal] if load.signal else Constant(1.0)
             if load.node in network.nodes:
-                sources.append(Source(load.name, load.node, load.coefficients[0], signal, load.curve, load.sensor))  # type: ignore[arg-type]
+                sources.append(Source(load.name, load.node, load.coefficients[0], signal, load.curve, load.node))  # type: ignore[arg-type]
             continue
-        if load.form != "signal":
-            raise DeckError(f"the load '{load.name}' depends on temperature ({load.form}), which is not written to {what}.", network.title)
+        if not load.fixed:
+            law = load.control or load.form
+            raise DeckError(f"the load '{load.name}' depends on temperature ({law}), which is not written to {what}.", network.title)
         signal = wiring.signals[load.signal]
         power: Formula | float = load.coefficients[0]  # type: ignore[assignment]  # formulas stand where numbers do
         if load.signal.startswith("load "):

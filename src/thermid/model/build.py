@@ -9,7 +9,7 @@ import numpy as np
 
 from thermid.errors import DeckError, nearest
 from thermid.model.curves import INTERPOLATIONS, OUTSIDE, Curve, curve, limited
-from thermid.model.elements import LOAD_SLOTS, Conductor, HeatLoad, Joint, MadeIn, Node, Surface
+from thermid.model.elements import CONTROLS, LOAD_SLOTS, Conductor, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model.enclosures import enclosure_from
 from thermid.model.facing import facing_from
 from thermid.model.kinds import KINDS
@@ -269,15 +269,21 @@ def _load(name: str, table: Mapping[str, Any], where: Where) -> HeatLoad:
     shape = shape and limited(shape, positive=False)
     if ("power" in fields) == (shape is not None):
         raise DeckError("a load has power, or a table of power over temperature; one of them.", where(key))
-    controls = [c for c in ("periodic", "sine", "thermostat", "proportional") if c in table]
+    controls = [c for c in CONTROLS if c in table]
+    if len(controls) > 1:
+        raise DeckError(f"{' and '.join(controls)} cannot both control one load. Split it into two loads.", where(key))
     curved = [f for f in fields if f.endswith("_coefficient")]
-    if len(controls) > 1 or (controls and controls[0] in ("thermostat", "proportional") and (curved or shape is not None)):
-        raise DeckError(f"{' and '.join([*controls, *curved])} cannot act on one load. Split it into two loads.", where(key))
+    if curved and shape is not None:
+        raise DeckError(f"{curved[0]} and a table are two laws of one temperature; put both into the table.", where(key))
+    if "proportional" in table and ("proportional.gain" in fields) == ("proportional.band" in fields):
+        raise DeckError("proportional needs gain [W/K] or band [K]; one of them.", where(f"{key}.proportional"))
+    if "proportional.gain" in fields and shape is not None:
+        raise DeckError("a gain in W/K refers to a power, which a table has not. Give band in K.", where(f"{key}.proportional"))
     if curved and "reference_temperature" not in fields:
         raise DeckError(f"{curved[0]} needs reference_temperature: the temperature at which `power` holds.", where(key))
     if "exponential_coefficient" in fields and len(curved) > 1:
         raise DeckError("exponential_coefficient and the polynomial coefficients exclude one another.", where(key))
     if "scale" in fields and shape is None:
         raise DeckError("scale belongs to a table of power; for a constant power change power itself.", where(key))
-    sensor = next((table[c].get("sensor", "") for c in controls if c in ("thermostat", "proportional")), "")
+    sensor = next((table[c].get("sensor", "") for c in controls), "")
     return HeatLoad(table["into"], fields, sensor, shape, table["test_only"])

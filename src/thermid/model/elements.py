@@ -10,7 +10,7 @@ from thermid.model.facing import Facing
 from thermid.model.parameter import Parameter
 from thermid.physics.constants import STANDARD_GRAVITY
 
-__all__ = ["LOAD_SLOTS", "NODE_SLOTS", "Conductor", "Enclosure", "HeatLoad", "Joint", "MadeIn", "Node", "Surface"]
+__all__ = ["CONTROLS", "LOAD_SLOTS", "NODE_SLOTS", "Conductor", "Enclosure", "HeatLoad", "Joint", "MadeIn", "Node", "Surface"]
 
 Fields = Mapping[str, Parameter]
 
@@ -30,8 +30,11 @@ LOAD_SLOTS: Mapping[str, str] = {
     "thermostat.on_below": "temperature",
     "thermostat.off_above": "temperature",
     "proportional.gain": "W/K",
+    "proportional.band": "K",
     "proportional.setpoint": "temperature",
 }
+CONTROLS = ("thermostat", "proportional")
+"""What may control a load: let its power through, or a share of it, by the temperature of a sensor."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +167,8 @@ class HeatLoad:
     ----------
     into : str              The node.
     fields : dict           power [W] and what changes it: see `LOAD_SLOTS`.
-    sensor : str            The node whose temperature a thermostat or proportional heater follows; `into` when empty.
+    sensor : str            The node whose temperature a thermostat or proportional control follows; `into` when empty. What the load would
+                            give without control follows `into`.
     curve : Curve or None   Power over the node's temperature. [W]
     """
 

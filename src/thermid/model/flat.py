@@ -88,7 +88,7 @@ class FlatLoad:
     @property
     def follows_temperature(self) -> bool:
         """Whether its power changes with a temperature other than by being switched."""
-        laws = ("proportional.gain", "command_curve")
+        laws = ("proportional.setpoint", "command_curve")
         return self.curve is not None or any(f in laws or f.endswith("_coefficient") for f in self.fields)
 
 

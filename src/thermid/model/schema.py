@@ -174,10 +174,14 @@ class Thermostat(_Strict):
 
 
 class Proportional(_Strict):
-    """A heater whose power is gain times what is missing to the set point, between zero and `power`."""
+    """A control that lets through a share of the load: what is missing to the set point over the band, between zero and one.
+
+    The band is `power` over `gain`, or given itself.
+    """
 
     sensor: str = ""
-    gain: Value
+    gain: Value | None = None
+    band: Value | None = None
     setpoint: Value
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from thermid.model.build import finish_emissivity, slope_unit
 from thermid.model.curves import INTERPOLATIONS, OUTSIDE, Curve
-from thermid.model.elements import Conductor, MadeIn, Node
+from thermid.model.elements import CONTROLS, Conductor, MadeIn, Node
 from thermid.model.enclosures import enclosure_to
 from thermid.model.facing import facing_to
 from thermid.model.kinds import KINDS
@@ -141,7 +141,7 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
     loads = {}
     for n, load in model.loads.items():
         table = {"into": load.into} | _grouped(load.fields) | _curve_to(load.curve, "W") | flag(load)
-        for control in ("thermostat", "proportional"):
+        for control in CONTROLS:
             if control in table and load.sensor:
                 table[control]["sensor"] = load.sensor
         loads[n] = table

@@ -81,7 +81,7 @@ def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
     """
     numbers = numbers or network.numbers()
     crooked = [row.name for row in numbers.conductors if not row.law.linear or row.signal]
-    crooked += [row.name for row in numbers.loads if row.form != "signal"] + list(network.stores)
+    crooked += [row.name for row in numbers.loads if not row.fixed] + list(network.stores)
     if crooked:
         raise SolverError(
             f"'{crooked[0]}' is not linear, so there is no one matrix. Ask for the time constants at a temperature instead.", network.title

@@ -12,6 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ThermidError
 from thermid.memo import Memo
+from thermid.model.curves import Curve
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.model import Model
 from thermid.model.stores import Store
@@ -189,7 +190,7 @@ def _capacitance(node: FlatNode, values: Mapping[str, Any]) -> Number | None:
 
 
 def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]:
-    """Return the rows of a load: its law, and a second row for the curvature of its command."""
+    """Return the rows of a load, its law first, then those of a command's curvature and of a sine; all have its control."""
     f = {name: values[path] for name, path in load.fields.items()}
     if load.flux is not None:
         return (_absorbed(load, f, values),)
@@ -197,30 +198,49 @@ def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]
     first: Number = f.get("power", f.get("scale", 1.0))
     if load.curve is not None:
         form = "table"
-    elif "thermostat.on_below" in f:
-        form, rest = "thermostat", (f["thermostat.on_below"], f["thermostat.off_above"])
-        if value_of(rest[0]) == value_of(rest[1]):
-            raise DeckError(
-                "the thermostat switches on and off at one temperature, without end. Set off_above some kelvin higher.", load.where
-            )
-        if value_of(rest[0]) > value_of(rest[1]):
-            raise DeckError(
-                "the thermostat switches on above the temperature where it switches off. Exchange on_below and off_above.", load.where
-            )
-    elif "proportional.gain" in f:
-        form, first, rest = "proportional", f["proportional.gain"], (f["proportional.setpoint"], f["power"])
     elif "exponential_coefficient" in f:
         form, rest = "exponential", (f["exponential_coefficient"], f["reference_temperature"])
     elif "temperature_coefficient" in f or "quadratic_coefficient" in f:
         form = "polynomial"
         rest = (f.get("temperature_coefficient", 0.0), f.get("quadratic_coefficient", 0.0), f["reference_temperature"])
-    signal = f"load {load.path}"
-    rows = [LoadRow(load.path, form, load.node, load.sensor, (first, *rest), load.curve, signal)]
+    control, settings = _control(load, f)
+
+    def row(law: str, coefficients: tuple[Number, ...], curve: Curve | None, signal: str) -> LoadRow:
+        return LoadRow(load.path, law, load.node, load.sensor, (*coefficients, *settings), curve, f"{signal} {load.path}", control)
+
+    rows = [row(form, (first, *rest), load.curve, "load")]
     if "command_curve" in f:
-        rows.append(LoadRow(load.path, form, load.node, load.sensor, (first * f["command_curve"], *rest), load.curve, f"curve {load.path}"))
+        rows.append(row(form, (first * f["command_curve"], *rest), load.curve, "curve"))
     if "sine.amplitude" in f:
-        rows.append(LoadRow(load.path, "signal", load.node, load.sensor, (f["sine.amplitude"],), None, f"sine {load.path}"))
+        rows.append(row("signal", (f["sine.amplitude"],), None, "sine"))
     return tuple(rows)
+
+
+def _control(load: FlatLoad, f: Mapping[str, Number]) -> tuple[str, tuple[Number, ...]]:
+    """Return the control of a load and its settings, in the kernel's order.
+
+    Raises
+    ------
+    DeckError   When a thermostat has no hysteresis, or a proportional control no band.
+    """
+    if "thermostat.on_below" in f:
+        low, high = f["thermostat.on_below"], f["thermostat.off_above"]
+        if value_of(low) == value_of(high):
+            raise DeckError(
+                "the thermostat switches on and off at one temperature, without end. Set off_above some kelvin higher.", load.where
+            )
+        if value_of(low) > value_of(high):
+            raise DeckError(
+                "the thermostat switches on above the temperature where it switches off. Exchange on_below and off_above.", load.where
+            )
+        return "thermostat", (low, high)
+    if "proportional.band" in f:
+        if value_of(f["proportional.band"]) == 0.0:
+            raise DeckError("a proportional control needs a band of some kelvin; without one it is a thermostat.", load.where)
+        return "proportional", (1.0, f["proportional.setpoint"], f["proportional.band"])
+    if "proportional.gain" in f:  # gain times what is missing, up to the law's first coefficient
+        return "proportional", (f["proportional.gain"], f["proportional.setpoint"])
+    return "", ()
 
 
 def _absorbed(load: FlatLoad, fields: Mapping[str, Any], values: Mapping[str, Any]) -> LoadRow:

@@ -16,6 +16,7 @@ from thermid.model.curves import FAR, Curve, whole
 __all__ = [
     "ANCHOR",
     "CONDUCTORS",
+    "CONTROLS",
     "LOADS",
     "SMOOTHING",
     "ConductorRow",
@@ -59,6 +60,8 @@ CONDUCTORS: Final[Mapping[str, KernelLaw]] = {name: KernelLaw(*row) for name, ro
 """The kernel's laws of conductors by form."""
 LOADS: Final[Mapping[str, KernelLaw]] = {name: KernelLaw(*row) for name, row in _kernel.LOAD_LAWS.items()}
 """The kernel's laws of loads by form."""
+CONTROLS: Final[Mapping[str, KernelLaw]] = {name: KernelLaw(*row) for name, row in _kernel.CONTROL_LAWS.items()}
+"""The kernel's controls of loads by name."""
 
 
 def conductor_law(form: str, curve: Curve | None = None) -> KernelLaw:
@@ -114,7 +117,7 @@ def heat(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array
     curve : Curve or None       For tables.
     hot, cold : array (times,)  Temperatures of the first and the second end. [K]
     """
-    return _evaluated(form, coefficients, curve, hot, cold)[0]
+    return np.asarray(_evaluated(form, coefficients, curve, hot, cold)[0])
 
 
 def conductance(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array, cold: Array) -> Array:
@@ -158,16 +161,17 @@ class ConductorRow:
 
 @dataclass(frozen=True, eq=False)
 class LoadRow:
-    """One heat load law.
+    """One heat load: a law, and a control that lets through a share of it.
 
     Parameters
     ----------
-    name : str                      Path of the load it comes from.
-    form : str                      signal, polynomial, exponential, table, thermostat or proportional.
-    node, sensor : str              Node that is heated; node whose temperature counts.
-    coefficients : tuple of Number  The first one scales the power.
+    name : str                      Path of the load it comes from; rows of one load have one control.
+    form : str                      One of `LOADS`.
+    node, sensor : str              Node that is heated, whose temperature the law follows; node whose temperature the control follows.
+    coefficients : tuple of Number  Those of the law, the first of which scales the power, then those of the control.
     curve : Curve or None           For tables.
     signal : str                    Name of the input that the first coefficient is multiplied by; empty for none.
+    control : str                   One of `CONTROLS`; empty for none.
     """
 
     name: str
@@ -177,3 +181,19 @@ class LoadRow:
     coefficients: tuple[Number, ...]
     curve: Curve | None = None
     signal: str = ""
+    control: str = ""
+
+    @property
+    def own(self) -> tuple[Number, ...]:
+        """The coefficients of the law."""
+        return self.coefficients[: LOADS[self.form].coefficients]
+
+    @property
+    def settings(self) -> tuple[Number, ...]:
+        """The coefficients of the control; a proportional one without its third, full power, has the law's first for it."""
+        return self.coefficients[LOADS[self.form].coefficients :]
+
+    @property
+    def fixed(self) -> bool:
+        """Whether its power follows no temperature."""
+        return self.form == "signal" and not self.control

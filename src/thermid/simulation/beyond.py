@@ -23,7 +23,7 @@ GOES_ON: Final = {"hold": "stays constant", "linear": "goes on as a straight lin
 def _ranged(network: Network, numbers: Numbers) -> list[tuple[str, Curve, tuple[str, str]]]:
     """Return name, table and the nodes whose mean or difference it is read at, for every table that an author gives and of a gas."""
     found = [(r.name, r.curve, r.ends) for r in numbers.conductors]
-    found += [(r.name, r.curve, (r.sensor, r.sensor)) for r in numbers.loads]
+    found += [(r.name, r.curve, (r.node, r.node)) for r in numbers.loads]
     found = [(name, curve, ends) for name, curve, ends in found if curve is not None and not curve.film]
     found += [
         (c.path, c.curve.film[1], (e, e)) for c in network.flat.conductors if c.curve is not None and len(c.curve.film) > 1 for e in c.ends

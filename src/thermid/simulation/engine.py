@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError
+from thermid.network.rows import CONTROLS
 from thermid.simulation.beyond import NEAR, refused_tables, refuses
 from thermid.simulation.extremes import Turnings, by_column
 from thermid.simulation.kernel_form import break_times, ending, ints, kernel_input, row_form
@@ -65,8 +66,8 @@ class Answer:
     load_energy, boundary_energy, flow_energy       Per load row, boundary and one-way row. [J]
     end : float                                     [s]
     statistics : dict
-    on : array (loads,)                             Which thermostats are on at the end, by load row.
-    switched : tuple of (float, int, int)           Time [s], load row and new state of every switching, in order.
+    on : array (controls,)                          Which thermostats are on at the end.
+    switched : tuple of (float, int, int)           Time [s], control and new state of every switching, in order.
     turnings : dict or None                         Node, eliminated ones too -> turning points between the times; None where not followed.
     """
 
@@ -84,7 +85,7 @@ class Answer:
     turnings: Mapping[str, Turnings] | None = None
 
     def states(self, times: Array) -> NDArray[np.int32]:
-        """Return which thermostats are on (times, loads), from the instants at which they switched."""
+        """Return which thermostats are on (times, controls), from the instants at which they switched."""
         out = np.tile(self.on, (times.size, 1)).astype(np.int32)
         for time, row, state in reversed(self.switched):
             out[times < time, row] = 1 - state
@@ -103,7 +104,8 @@ class Engine:
         self.wiring = wiring
         s = wiring.structure()
         self.conductor_names = tuple(r[5] for r in s["conductors"])
-        self.load_names = tuple(r[5] for r in s["loads"])
+        self.load_names = tuple(r[4] for r in s["loads"])
+        self.control_names = tuple(r[3] for r in s["controls"])
         self.flow_rows = np.array([k for k, r in enumerate(s["conductors"]) if r[0] == "flow"], dtype=int)
         self.problem = self._laid_out(refuse=True)
         self.refuses = refuses(wiring.network, wiring.assemble(np.zeros(0)).numbers)
@@ -116,7 +118,7 @@ class Engine:
         s = self.wiring.structure()
         tables: list[tuple[Array, Array, Array]] = []
         conductors = [row_form(form, places, curve, tables, refuse=refuse) for form, _, _, places, curve, _ in s["conductors"]]
-        loads = [row_form(form, places, curve, tables, load=True, refuse=refuse) for form, _, _, places, curve, _ in s["loads"]]
+        loads = [row_form(form, places, curve, tables, load=True, refuse=refuse) for form, _, places, curve, _, _ in s["loads"]]
         return _kernel.Problem(
             capacity=ints(s["capacity"]),
             coef_input=ints(s["coefficient_input"]),
@@ -130,8 +132,12 @@ class Engine:
             load_kind=ints([r[0] for r in loads]),
             load_node=ints([r[1] for r in s["loads"]]),
             load_coef=ints([r[1] for r in loads]).reshape(-1, 4),
-            load_sensor=ints([r[2] for r in s["loads"]]),
+            load_sensor=ints([r[1] for r in s["loads"]]),
             load_table=ints([r[2] for r in loads]),
+            load_control=ints([r[5] for r in s["loads"]]),
+            control_kind=ints([CONTROLS[r[0]].kind for r in s["controls"]]),
+            control_sensor=ints([r[1] for r in s["controls"]]),
+            control_coef=ints([(*r[2], -1)[:3] for r in s["controls"]]).reshape(-1, 3),
             tables=tables,
             inputs=[kernel_input(self.wiring.signals[name]) for name in self.wiring.used],
         )
@@ -194,11 +200,11 @@ class Engine:
             "reason": why,
             "steps": found.steps,
             "rejected": found.rejected,
-            "switchings": [(float(t), self.load_names[k]) for t, k in zip(found.event_times, found.event_loads, strict=True)],
+            "switchings": [(float(t), self.control_names[k]) for t, k in zip(found.event_times, found.event_controls, strict=True)],
         }
         flows = found.conductor_energy[self.flow_rows] if self.flow_rows.size else np.zeros(0)
         slopes = found.sensitivities if found.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
-        switched = tuple(zip(found.event_times.tolist(), found.event_loads.tolist(), found.event_states.tolist(), strict=True))
+        switched = tuple(zip(found.event_times.tolist(), found.event_controls.tolist(), found.event_states.tolist(), strict=True))
         energies = (found.load_energy, found.boundary_energy, flows)
         turnings = dict(zip((*nodes, *gone), by_column(found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(found.traces, slopes, a.initial, found.final_temperatures, *energies, end, statistics, found.on, switched, turnings)
@@ -212,7 +218,7 @@ class Engine:
         slopes = np.zeros((times.size, len(nodes), 0))
         statistics = {"method": "modal", "reason": "", "steps": found.steps, "rejected": 0, "switchings": []}
         energies = (found.load_energy, found.boundary_energy, np.zeros(0))
-        off = np.zeros(len(self.load_names), dtype=np.int32)
+        off = np.zeros(len(self.control_names), dtype=np.int32)
         turnings = dict(zip((*nodes, *gone), by_column(found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(found.traces, slopes, a.initial, found.final, *energies, end, statistics, off, (), turnings)
 
@@ -416,7 +422,7 @@ class Engine:
         return np.sort(np.where(slow, np.inf, -1.0 / np.where(slow, -1.0, rates)))[::-1]
 
     def powers(self, a: Assembled, temperatures: Array, times: Array, on: NDArray[np.int32] | None = None) -> dict[str, Array]:
-        """Return load -> power (times,), thermostats on or off as given (times, loads); rows of one load are summed. [W]"""
+        """Return load -> power (times,), thermostats on or off as given (times, controls); rows of one load are summed. [W]"""
         table = self.held.load_powers(a.coefficients, temperatures, np.ascontiguousarray(times, dtype=float), on)
         out: dict[str, Array] = {}
         for k, name in enumerate(self.load_names):

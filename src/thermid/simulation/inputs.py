@@ -93,13 +93,20 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
             command = multiplied(command, _square(load.fields, numbers.values, load.where))
         watts = scenario.loads.get(load.path)
         if watts is not None:
+            if load.curve is not None:
+                raise ScenarioError(
+                    f"the power of '{load.path}' is a table, which a power of the scenario cannot stand in place of. Give it a command.",
+                    scenario.title,
+                )
             out[f"watts {load.path}"] = watts
             command = watts
         out[f"load {load.path}"] = command
         out[f"curve {load.path}"] = Constant(0.0) if watts is not None else Mixed(Curvature(), (command,))
         if "sine.amplitude" in load.fields:
             period = value_of(numbers.values[load.fields["sine.period"]])
-            out[f"sine {load.path}"] = Constant(0.0) if watts is not None else Sine(0.0, 1.0, period)
+            wave: Signal = Constant(0.0) if watts is not None else Sine(0.0, 1.0, period)
+            square = _square(load.fields, numbers.values, load.where) if "periodic.period" in load.fields else Constant(1.0)
+            out[f"sine {load.path}"] = multiplied(wave, square)
     return out
 
 

@@ -13,12 +13,9 @@ from thermid.model.curves import Curve
 from thermid.model.signal import Constant, Drawn, Signal, Sine, Table
 from thermid.network.rows import LOADS, conductor_law, curve_arrays, tables_behind
 
-__all__ = ["break_times", "ending", "ints", "kernel_input", "load_places", "row_form"]
+__all__ = ["break_times", "ending", "ints", "kernel_input", "row_form"]
 
 Array = NDArray[np.float64]
-
-PLACES = {"exponential": (0, 1, 3)}
-"""Where the coefficients of a form stand among the kernel's four places, when not simply in order."""
 
 
 def break_times(signals: Iterable[Signal], end: float) -> Array:
@@ -34,18 +31,12 @@ def ints(values: Any) -> NDArray[np.int32]:
     return np.ascontiguousarray(values, dtype=np.int32)
 
 
-def load_places(form: str) -> tuple[int, ...]:
-    """Return where the coefficients of a form stand among the kernel's four places."""
-    return PLACES.get(form, (0, 1, 2, 3))
-
-
 def row_form(
     form: str, places: Sequence[int], curve: Curve | None, tables: list[Any], load: bool = False, refuse: bool = True
 ) -> tuple[int, list[int], int]:
     """Return the kernel's kind, coefficient places and table of a row; without `refuse` tables are held where they would be refused."""
     four = [-1, -1, -1, -1]
-    for place, coefficient in zip(load_places(form), places, strict=False):
-        four[place] = coefficient
+    four[: len(places)] = places
     table = -1
     if curve is not None:
         table = len(tables)

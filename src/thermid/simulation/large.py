@@ -117,7 +117,7 @@ def integrate(
         turnings=extremes,
     )
     if found.status != _kernel.OK:
-        raise SolverError(_message(found, options, end, name, any(g.form != "signal" for g in network.loads)), where)
+        raise SolverError(_message(found, options, end, name, any(not g.fixed for g in network.loads)), where)
     statistics = {
         "method": NAMES[found.method],
         "reason": "",

@@ -22,8 +22,6 @@ Array = NDArray[np.float64]
 LARGE_FROM: Final = 500
 """Nodes from which a model is run as a large network: the small integrator's dense matrices grow with the third power."""
 OTHERS: Final = ("auto", "integrator", "modal")
-STABLE: Final = frozenset({"signal", "proportional"})
-"""Loads that never grow with temperature, so that a balance is stable."""
 
 
 def takes_over(engine: Engine, options: Options, gradients: bool) -> bool:
@@ -58,11 +56,16 @@ def refusal(engine: Engine) -> str:
             return f"the {'exponent' if form == 'power' else 'pressure'} of '{name}' changes in time"
         if (form == "hinge of difference" or (curve is not None and curve.over == "difference")) and a >= n:
             return f"'{name}' is a table over a difference that begins at a boundary"
-    for form, node, sensor, places, _, name in s["loads"]:
-        if form == "thermostat":
+    heated = {control: node for _, node, _, _, _, control in s["loads"]}
+    first = {places[0] for _, _, places, _, _, _ in s["loads"]}
+    for k, (control, sensor, places, name) in enumerate(s["controls"]):
+        if control == "thermostat":
             return f"'{name}' is a thermostat"
-        if form != "signal" and sensor != node:
+        if sensor != heated[k]:
             return f"'{name}' follows the temperature of another node"
+        if any(follows[p] >= 0 for p in places if p not in first):
+            return f"a coefficient of '{name}' changes in time"
+    for _, _, places, _, name, _ in s["loads"]:
         if any(follows[p] >= 0 for p in places[1:]):
             return f"a coefficient of '{name}' changes in time"
     return ""
@@ -70,22 +73,23 @@ def refusal(engine: Engine) -> str:
 
 def sparse_of(engine: Engine, a: Assembled) -> SparseNetwork:
     """Return a model's numbers as flat arrays."""
-    from thermid.simulation.kernel_form import load_places
-
     wiring = engine.wiring
     s, c = wiring.structure(), a.coefficients
     follows = s["coefficient_input"]
     links, rows = _conductors(s["conductors"], c, follows, len(engine.nodes))
     loads = []
-    for tag, (form, node, _, places, curve, _) in enumerate(s["loads"]):
-        four = np.array([[0.0], [0.0], [np.inf if form == "proportional" else 0.0], [0.0]])
-        for place, k in zip(load_places(form), places, strict=False):
-            four[place] = c[k]
-        loads.append(LoadGroup(form, tag, np.array([node], dtype=np.int32), four, follows[places[0]], curve))
+    for tag, (form, node, places, curve, _, j) in enumerate(s["loads"]):
+        law = np.zeros((4, 1))
+        law[: len(places), 0] = c[places]
+        control, settings = "", np.zeros((3, 1))
+        if j >= 0:
+            control, _, own, _ = s["controls"][j]
+            settings[: len(own), 0] = [np.nan if p == places[0] else c[p] for p in own]
+        loads.append(LoadGroup(form, tag, np.array([node], dtype=np.int32), law, follows[places[0]], curve, control, settings))
     gains = tuple(follows[g] if g >= 0 else NONE for g in s["gain"])
     offsets = np.array([c[k] for k in s["offset"]], dtype=float)
     signals = tuple(wiring.signals[name] for name in wiring.used)
-    names = tuple(r[5] for r in s["loads"])
+    names = tuple(r[4] for r in s["loads"])
     return SparseNetwork(engine.capacities(a), links, rows, loads, names, wiring.network.boundaries, gains, offsets, signals)
 
 
@@ -132,18 +136,19 @@ def integrate_model(
         raise SolverError(f"{error}{MAY_HAVE_LEFT}") if engine.refuses else error from None
     slopes = np.zeros((times.size, len(nodes), 0))
     energies = (found.load_energy, found.boundary_energy, np.zeros(0))
-    on = np.zeros(len(engine.load_names), dtype=np.int32)
+    on = np.zeros(len(engine.control_names), dtype=np.int32)
     turnings = dict(zip(nodes, found.turnings, strict=True)) if found.turnings is not None else None
     return Answer(found.watched, slopes, found.initial, found.final, *energies, end, found.statistics, on, (), turnings)
 
 
 def settle_model(engine: Engine, a: Assembled, time: float) -> Array | None:
     """Return the steady temperatures (nodes,) [K] of a model with many nodes; None where the dense way is to be taken."""
+    # powers that never grow with temperature, so that a balance is stable
     if (
         len(engine.nodes) < LARGE_FROM
         or engine.refuses
         or refusal(engine)
-        or any(r[0] not in STABLE for r in engine.wiring.structure()["loads"])
+        or any(r[0] != "signal" for r in engine.wiring.structure()["loads"])
     ):
         return None
     from thermid.simulation.large_steady import settle_large

@@ -66,7 +66,7 @@ def settle_large(network: SparseNetwork, time: float, where: str, accuracy: floa
         temperatures = _moved(problem, time, temperatures, change * min(1.0, LARGEST_MOVE / max(size, 1e-300)), heat)
         if size < accuracy:
             return temperatures, {"method": f"Newton + CG, {made_by}", "newton": k + 1, "iterations": iterations, "last_change": size}
-    raise SolverError(unsettled(any(g.form != "signal" for g in network.loads)), where)
+    raise SolverError(unsettled(any(not g.fixed for g in network.loads)), where)
 
 
 class _Matrix:
@@ -154,5 +154,5 @@ def _no_steady(network: SparseNetwork) -> str:
     """Return why there is no steady state."""
     if not network.boundaries:
         return "there is no steady state: nothing ties the temperatures to a given one. Let a face exchange with a boundary."
-    grows = ", or a power grows faster with temperature than the heat can leave" if any(g.form != "signal" for g in network.loads) else ""
+    grows = ", or a power grows faster with temperature than the heat can leave" if any(not g.fixed for g in network.loads) else ""
     return f"there is no steady state that could be found: a part has no path to a boundary{grows}."

@@ -167,7 +167,7 @@ class Modal:
         moved = np.zeros(capacity.size)
         if name.startswith("boundary "):
             moved = own.sum(axis=1)  # by all boundaries: which of them is the noisy one hardly matters
-        for _, node, _, places, _, _ in s["loads"]:
+        for _, node, places, _, _, _ in s["loads"]:
             if s["coefficient_input"][places[0]] == self.wiring.used[name] and node < capacity.size:
                 moved[node] += a.coefficients[places[0]] / capacity[node]
         jolt = np.abs(moved) * np.diag(own) ** 2 * noise * np.sqrt(np.median(np.diff(signal.times)))
@@ -198,7 +198,7 @@ def _obstacle(wiring: Wiring) -> str:
             return f"the law of '{name}' is not linear"
         if moves(places[0]):
             return f"the conductance of '{name}' changes in time"
-    for form, _, _, _, _, name in s["loads"]:
-        if form != "signal":
+    for form, _, _, _, name, control in s["loads"]:
+        if form != "signal" or control >= 0:
             return f"the power of '{name}' depends on temperature"
     return ""

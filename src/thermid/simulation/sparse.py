@@ -13,7 +13,7 @@ from thermid import _kernel
 from thermid.memo import Memo
 from thermid.model.curves import Curve
 from thermid.model.signal import Constant, Drawn
-from thermid.network.rows import LOADS, conductor_law, curve_arrays, tables_behind
+from thermid.network.rows import CONTROLS, LOADS, conductor_law, curve_arrays, tables_behind
 from thermid.simulation.extremes import Turnings, signal_turnings
 from thermid.simulation.kernel_form import kernel_input
 
@@ -108,12 +108,14 @@ class LoadGroup:
 
     Parameters
     ----------
-    form : str                      signal, polynomial, exponential, table or proportional.
+    form : str                      One of `thermid.network.rows.LOADS`.
     tag : int                       Place of the load's name.
     nodes : array (rows,)           Nodes that are heated.
     coefficients : array (4, rows)  In the places of the kernel. [SI]
     input : int                     Place of the input that multiplies the first; -1 for none.
     curve : Curve or None           Of the form table.
+    control : str                   proportional, by the temperature of the node that is heated; empty for none.
+    settings : array (3, rows)      Coefficients of the control. [SI]
     """
 
     form: str
@@ -122,6 +124,13 @@ class LoadGroup:
     coefficients: Array
     input: int = NONE
     curve: Curve | None = None
+    control: str = ""
+    settings: Array | None = None
+
+    @property
+    def fixed(self) -> bool:
+        """Whether its power follows no temperature."""
+        return self.form == "signal" and not self.control
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,13 +175,16 @@ class SparseNetwork:
             tables.extend(curve_arrays(each, refuse=True) for each in tables_behind(form, curve))
             return len(tables) - len(tables_behind(form, curve))
 
+        def control(group: LoadGroup) -> int:
+            return CONTROLS[group.control].kind if group.control else NONE
+
         rows, done = [], 0
         for g in self.rows:
             rows.append((conductor_law(g.form, g.curve).kind, g.boundary, g.input, table(g.form, g.curve), done, done + g.first.size))
             done += g.first.size
         loads, done = [], 0
         for h in self.loads:
-            loads.append((LOADS[h.form].kind, h.input, table(h.form, h.curve), h.tag, done, done + h.nodes.size))
+            loads.append((LOADS[h.form].kind, h.input, table(h.form, h.curve), h.tag, done, done + h.nodes.size, control(h)))
             done += h.nodes.size
         return _kernel.LargeProblem(
             self.capacities,
@@ -182,9 +194,10 @@ class SparseNetwork:
             joined([g.first for g in self.rows], np.int32),
             joined([g.second if g.boundary == NONE else np.zeros_like(g.first) for g in self.rows], np.int32),
             joined([g.coefficients for g in self.rows], np.float64),
-            np.array(loads, dtype=np.int32).reshape(-1, 6),
+            np.array(loads, dtype=np.int32).reshape(-1, 7),
             joined([h.nodes for h in self.loads], np.int32),
             np.hstack([np.zeros((4, 0)), *(h.coefficients for h in self.loads)]),
+            np.hstack([np.zeros((3, 0)), *(np.zeros((3, h.nodes.size)) if h.settings is None else h.settings for h in self.loads)]),
             len(self.load_names),
             np.array(self.boundary_inputs, dtype=np.int32),
             self.offsets,

@@ -77,7 +77,7 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
                 raise SolverError(f"in the steady state {left}", where)
             moves: Array = -np.linalg.solve(jacobian, slopes).astype(float) if slopes is not None else np.zeros((temperatures.size, 0))
             return temperatures, moves
-    if any(row.form == "thermostat" for row in a.numbers.loads):
+    if any(row.control == "thermostat" for row in a.numbers.loads):
         raise SolverError("no steady state was found: a thermostat keeps switching. Simulate, and take the mean of a late period.", where)
     raise SolverError(unsettled(any(load.follows_temperature for load in engine.wiring.network.flat.loads)), where)
 

@@ -16,7 +16,7 @@ from thermid.model.signal import Constant, Drawn, Signal, Table, common_cycle, l
 from thermid.model.stores import Store
 from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
 from thermid.network.network import Network, Numbers
-from thermid.network.rows import ConductorRow, LoadRow, conductance, heat
+from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
 from thermid.simulation.inputs import check_courses, load_inputs, normalised, read_schedule, scheduled
 from thermid.simulation.scenario import PERIODIC, STEADY, Scenario, Start
@@ -258,9 +258,9 @@ class Wiring:
         for load in numbers.loads:
             if load.node not in self.network.boundaries:
                 powered = load.signal.startswith("load ")
-                out += (
-                    (self._power(load.name, load.coefficients[0], numbers, given), *load.coefficients[1:]) if powered else load.coefficients
-                )
+                out += (self._power(load.name, load.own[0], numbers, given), *load.own[1:]) if powered else load.own
+        for load in self._controlled(numbers):
+            out += load.settings
         return out
 
     def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> dict[str, Any]:
@@ -277,6 +277,7 @@ class Wiring:
         index = {n: k for k, n in enumerate((*reduced.nodes, *self.network.boundaries))}
         structure["conductors"] = self._conductors(reduced.conductors, make, index)
         structure["loads"] = self._loads(numbers, make, index, given)
+        structure["controls"] = [self._control(row, make, index, structure["loads"]) for row in self._controlled(numbers)]
         structure["coefficient_input"] = make.coefficient_input
         return structure
 
@@ -320,19 +321,34 @@ class Wiring:
             out[row.name] = out.get(row.name, 0.0) + law(row.form, coefficients, row.curve, a, b)
         return out
 
+    def _controlled(self, numbers: Numbers) -> list[LoadRow]:
+        """Return the first row of each load that has a control."""
+        rows: dict[str, LoadRow] = {}
+        for row in numbers.loads:
+            if row.control and row.node not in self.network.boundaries:
+                rows.setdefault(row.name, row)
+        return list(rows.values())
+
+    def _control(self, row: LoadRow, make: _Builder, index: Mapping[str, int], loads: Sequence[Any]) -> tuple[Any, ...]:
+        begin = len(row.own)
+        places = [make.add(number, self._follow.get((row.name, 0, begin + c), "")) for c, number in enumerate(row.settings)]
+        if len(places) < CONTROLS[row.control].coefficients:
+            places.append(next(own[0] for _, _, own, _, name, _ in loads if name == row.name))
+        return row.control, index[row.sensor], places, row.name
+
     def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], given: Mapping[str, Number]) -> list[Any]:
-        out = []
+        out, controls = [], [row.name for row in self._controlled(numbers)]
         for row, position in _numbered(numbers.loads):
             if row.node in self.network.boundaries:
                 continue  # heat into a given temperature changes nothing
             places = [make.add(number, signal) for number, signal in self._load_coefficients(row, position, numbers, given)]
-            out.append((row.form, index[row.node], index[row.sensor], places, row.curve, row.name))
+            out.append((row.form, index[row.node], places, row.curve, row.name, controls.index(row.name) if row.control else -1))
         return out
 
     def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, given: Mapping[str, Number]) -> list[tuple[Number, str]]:
-        """Return the coefficients of a load row, each with the input that it is multiplied by."""
+        """Return the coefficients of a load's law, each with the input that it is multiplied by."""
         out = []
-        for c, own in enumerate(row.coefficients):
+        for c, own in enumerate(row.own):
             follow = self._follow.get((row.name, position, c), "")
             signal, number = row.signal if c == 0 else "", own
             if follow and signal and self.signals[signal] != Constant(1.0):

@@ -11,6 +11,8 @@ import numpy as np
 
 from thermid import _kernel as k
 
+THERMOSTAT, PROPORTIONAL = 100, 101
+"""Loads of a constant power under a control, written as one row: power, on, off; gain, set point, power."""
 SMOOTH2 = 1e-4
 ROUND = 1e-3
 ANCHOR = 300.0
@@ -83,6 +85,13 @@ class Net:
         def table(rows: Any) -> np.ndarray:
             return ints(rows).reshape(-1, 4)
 
+        controls = [r for r in self.loads if r[0] >= THERMOSTAT]
+        place = {id(r): j for j, r in enumerate(controls)}
+        laws = [
+            (k.SIGNAL, [r[2][0 if r[0] == THERMOSTAT else 2], -1, -1, -1], r[1]) if r[0] >= THERMOSTAT else (r[0], r[2], r[3])
+            for r in self.loads
+        ]
+        settings = [[r[2][1], r[2][2], -1] if r[0] == THERMOSTAT else r[2][:3] for r in controls]
         return k.Problem(
             capacity=ints(self.capacity),
             coef_input=ints([c[1] for c in self.coefs]),
@@ -93,11 +102,15 @@ class Net:
             conductor_b=ints([self.at(c[2]) for c in self.conductors]),
             conductor_coef=table([c[3] for c in self.conductors]),
             conductor_table=ints([c[4] for c in self.conductors]),
-            load_kind=ints([r[0] for r in self.loads]),
+            load_kind=ints([r[0] for r in laws]),
             load_node=ints([r[1] for r in self.loads]),
-            load_coef=table([r[2] for r in self.loads]),
-            load_sensor=ints([self.at(r[3]) for r in self.loads]),
+            load_coef=table([r[1] for r in laws]),
+            load_sensor=ints([self.at(r[2]) for r in laws]),
             load_table=ints([r[4] for r in self.loads]),
+            load_control=ints([place.get(id(r), -1) for r in self.loads]),
+            control_kind=ints([k.THERMOSTAT if r[0] == THERMOSTAT else k.PROPORTIONAL for r in controls]),
+            control_sensor=ints([self.at(r[3]) for r in controls]),
+            control_coef=ints(settings).reshape(-1, 3),
             tables=self.tables,
             inputs=self.inputs,
         )
@@ -181,13 +194,13 @@ class Net:
         if kind == k.POLY:
             return v[0] * (1 + v[1] * (t - v[3]) + v[2] * (t - v[3]) ** 2)
         if kind == k.EXP:
-            return v[0] * math.exp(v[1] * (t - v[3]))
+            return v[0] * math.exp(v[1] * (t - v[2]))
         if kind == k.TABLE:
             return v[0] * self.look_up(table, t)
-        if kind == k.THERMOSTAT:
+        if kind == THERMOSTAT:
             return v[0] if on else 0.0
-        if kind == k.PROPORTIONAL:
-            return min(max(v[0] * (v[1] - t), 0.0), v[2] if slots[2] >= 0 else math.inf)
+        if kind == PROPORTIONAL:
+            return min(max(v[0] * (v[1] - t), 0.0), v[2])
         return v[0]
 
     def net_heat(self, t: float, temperatures: Any, coef: Any = None, on: Any = ()) -> np.ndarray:

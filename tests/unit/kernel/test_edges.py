@@ -10,7 +10,7 @@ import pytest
 
 from fuzz import exact
 from thermid import _kernel as k
-from unit.kernel.reference import Net
+from unit.kernel.reference import PROPORTIONAL, Net
 from unit.kernel.test_noisy_input import ambient, bench
 from unit.kernel.test_rows import menagerie
 
@@ -149,7 +149,7 @@ def test_continuing_a_run() -> None:
     """Two halves from the state of the first equal the whole, sensitivities included."""
     net = menagerie()
     # A clamp's corner is not located as an event; sensitivities across it are as good as the step is short.
-    net.loads = [row for row in net.loads if row[0] != k.PROPORTIONAL]
+    net.loads = [row for row in net.loads if row[0] != PROPORTIONAL]
     # Nor are sensitivities under error control: at an atol of 1e-10 their error depends on where the steps fall, by up to 6e-5.
     exact = {"rtol": 0.0, "atol": 1e-11}
     whole = net.run([0.0, 25.0, 60.0], sens=True, **exact)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from thermid import _kernel as k
-
-from .reference import Net
+from unit.kernel.reference import Net
 
 Table = tuple[np.ndarray, np.ndarray, np.ndarray]
 LAWS = tuple(k.CONDUCTOR_LAWS)
@@ -105,9 +104,10 @@ def large(form: str, between: bool) -> tuple[np.ndarray, np.ndarray]:
         ints(range(8)),
         ints(range(8, 16)) if between else np.zeros(8, np.int32),
         np.full(8, c[0]),
-        np.zeros((0, 6), np.int32),
+        np.zeros((0, 7), np.int32),
         ints([]),
         np.zeros((4, 0)),
+        np.zeros((3, 0)),
         0,
         ints([-1]),
         np.array([COLD[2]]),

@@ -234,6 +234,6 @@ def test_laws_that_are_not_linear_are_refused() -> None:
     with pytest.raises(ValueError, match="conductor is not linear"):
         modal(net, [0.0, 1.0])
     net = star()
-    net.load(k.EXP, 0, net.coef(1.0), net.coef(0.01), -1, net.coef(300.0))
+    net.load(k.EXP, 0, net.coef(1.0), net.coef(0.01), net.coef(300.0))
     with pytest.raises(ValueError, match="load depends on temperature"):
         modal(net, [0.0, 1.0])

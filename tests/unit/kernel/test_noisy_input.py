@@ -50,7 +50,7 @@ def bench(nonlinear: bool, u: np.ndarray, kind: int = k.SAMPLED_LINEAR) -> Net:
     net.link(k.LINEAR, 12, air, net.coef(0.02))
     for i in range(12):
         if nonlinear and i == 1:
-            net.load(k.EXP, i, net.coef(POWER[i]), net.coef(0.012), -1, net.coef(START))
+            net.load(k.EXP, i, net.coef(POWER[i]), net.coef(0.012), net.coef(START))
         else:
             net.load(k.SIGNAL, i, net.coef(POWER[i]))
     return net

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thermid import _kernel as k
-from unit.kernel.reference import Net
+from unit.kernel.reference import PROPORTIONAL, THERMOSTAT, Net
 
 
 def menagerie() -> Net:
@@ -41,16 +41,16 @@ def menagerie() -> Net:
     net.link(k.LINEAR, s, e, c(0.9))
     net.load(k.SIGNAL, a, c(5.0, hold))
     net.load(k.POLY, b, c(3.0), c(0.01), c(1e-4), c(300.0), sensor=d)
-    net.load(k.EXP, d, c(2.0, sampled), c(0.012), -1, c(297.0))
+    net.load(k.EXP, d, c(2.0, sampled), c(0.012), c(297.0))
     net.load(k.TABLE, e, c(1.5), sensor=air, table=mean)
-    net.load(k.PROPORTIONAL, e, c(0.5), c(310.0), c(50.0))
-    net.load(k.PROPORTIONAL, a, c(0.5), c(310.0), c(4.0), sensor=e)
-    net.load(k.PROPORTIONAL, s, c(0.2), c(330.0))
+    net.load(PROPORTIONAL, e, c(0.5), c(310.0), c(50.0))
+    net.load(PROPORTIONAL, a, c(0.5), c(310.0), c(4.0), sensor=e)
+    net.load(PROPORTIONAL, s, c(0.2), c(330.0), c(1e3))
     net.load(k.POLY, s, c(0.3), c(-0.01), -1, c(300.0), sensor=wall)
     net.link(k.HINGE_MEAN, d, e, c(0.05), c(300.0))
     net.link(k.HINGE_MEAN, a, wall, c(0.04), c(380.0))
     net.link(k.HINGE_DIFF, d, b, c(0.02), c(7.0, constant))
-    net.load(k.THERMOSTAT, d, c(7.0), c(294.0), c(296.0), sensor=e)
+    net.load(THERMOSTAT, d, c(7.0), c(294.0), c(296.0), sensor=e)
     return net
 
 
@@ -94,7 +94,7 @@ def test_flows_and_powers() -> None:
 def test_thermostat_in_powers_follows_its_hysteresis() -> None:
     net = Net()
     node = net.node(1.0, 290.0)
-    net.load(k.THERMOSTAT, node, net.coef(5.0), net.coef(295.0), net.coef(300.0))
+    net.load(THERMOSTAT, node, net.coef(5.0), net.coef(295.0), net.coef(300.0))
     problem = net.problem()
     every = np.array([[297.0], [294.0], [297.0], [301.0], [297.0]])
     times = np.arange(5.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thermid import _kernel as k
-from unit.kernel.reference import Net
+from unit.kernel.reference import PROPORTIONAL, Net
 from unit.kernel.test_rows import menagerie
 
 # Fixed small steps: an adaptive run would put its own step choices into the differences.
@@ -25,7 +25,7 @@ def differences(net: Net, times: np.ndarray, h: float, **options: float) -> np.n
 
 def test_every_coefficient_against_differences() -> None:
     net = menagerie()
-    net.loads = [row for row in net.loads if row[0] != k.PROPORTIONAL]  # a clamp's corner is no event; its band is tested below
+    net.loads = [row for row in net.loads if row[0] != PROPORTIONAL]  # a clamp's corner is no event; its band is tested below
     times = np.array([0.0, 4.0, 11.0, 19.0, 33.0, 60.0])
     r = net.run(times, sens=True, **FIXED)
     assert r.status == k.OK
@@ -49,7 +49,7 @@ def test_variational_equations() -> None:
     net.link(k.RADIATION, b, air, net.coef(4e-9, p2=1e-9))
     net.link(k.LINEAR, a, b, net.coef(0.6, p3=1.0))
     net.link(k.LINEAR, b, d, net.coef(1.3))
-    net.load(k.EXP, d, net.coef(20.0, p6=1.0), net.coef(0.01, p7=1e-3), -1, net.coef(300.0))
+    net.load(k.EXP, d, net.coef(20.0, p6=1.0), net.coef(0.01, p7=1e-3), net.coef(300.0))
     n, m, h = 3, net.parameters, 1e-4
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
@@ -143,7 +143,7 @@ def test_proportional_band() -> None:
     net = Net()
     node = net.node(100.0, 300.0)
     net.link(k.LINEAR, node, net.boundary(offset=net.coef(290.0)), net.coef(1.0))
-    net.load(k.PROPORTIONAL, node, net.coef(3.0, p0=1.0), net.coef(310.0, p1=1.0), net.coef(100.0, p2=1.0))
+    net.load(PROPORTIONAL, node, net.coef(3.0, p0=1.0), net.coef(310.0, p1=1.0), net.coef(100.0, p2=1.0))
     r = net.run([0.0, 40.0], sens=True, rtol=0.0, atol=1e-9)
 
     def exact(gain: float, target: float) -> float:

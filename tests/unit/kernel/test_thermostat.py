@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thermid import _kernel as k
-from unit.kernel.reference import Net
+from unit.kernel.reference import THERMOSTAT, Net
 
 TIGHT = {"rtol": 1e-10, "atol": 1e-10}
 
@@ -24,7 +24,7 @@ def heated(massless_sensor: bool = False) -> Net:
         net.link(k.LINEAR, sensor, b, net.coef(1.7))
     else:
         net.link(k.LINEAR, a, b, net.coef(0.8, p6=1.0))
-    net.load(k.THERMOSTAT, a, net.coef(40.0, p1=1.0), net.coef(295.0, p2=1.0), net.coef(299.0, p3=1.0), sensor=sensor)
+    net.load(THERMOSTAT, a, net.coef(40.0, p1=1.0), net.coef(295.0, p2=1.0), net.coef(299.0, p3=1.0), sensor=sensor)
     return net
 
 
@@ -33,7 +33,7 @@ def test_one_node_closed_form() -> None:
     net = Net()
     node = net.node(100.0, 290.0)
     net.link(k.LINEAR, node, net.boundary(offset=net.coef(290.0)), net.coef(2.0))
-    net.load(k.THERMOSTAT, node, net.coef(40.0), net.coef(300.0), net.coef(302.0))
+    net.load(THERMOSTAT, node, net.coef(40.0), net.coef(300.0), net.coef(302.0))
     r = net.run(np.linspace(0, 300, 61))
     tau, top = 50.0, 310.0
     first = tau * np.log((top - 290) / (top - 302))
@@ -121,12 +121,12 @@ def test_two_thermostats_at_one_instant() -> None:
     node = net.node(100.0, 290.0)
     net.link(k.LINEAR, node, net.boundary(offset=net.coef(290.0)), net.coef(2.0))
     for _ in range(2):
-        net.load(k.THERMOSTAT, node, net.coef(20.0), net.coef(300.0), net.coef(302.0))
+        net.load(THERMOSTAT, node, net.coef(20.0), net.coef(300.0), net.coef(302.0))
     r = net.run(np.linspace(0, 300, 61))
     single = Net()
     node = single.node(100.0, 290.0)
     single.link(k.LINEAR, node, single.boundary(offset=single.coef(290.0)), single.coef(2.0))
-    single.load(k.THERMOSTAT, node, single.coef(40.0), single.coef(300.0), single.coef(302.0))
+    single.load(THERMOSTAT, node, single.coef(40.0), single.coef(300.0), single.coef(302.0))
     expected = single.run(np.linspace(0, 300, 61))
     assert r.status == k.OK
     np.testing.assert_allclose(r.event_times[::2], expected.event_times, atol=1e-6)
@@ -140,7 +140,7 @@ def test_sensor_on_a_measured_boundary() -> None:
     node = net.node(100.0, 290.0)
     air = net.boundary(gain=net.coef(1.0, net.input(k.SAMPLED_LINEAR, t, v)))
     net.link(k.LINEAR, node, air, net.coef(0.1))
-    net.load(k.THERMOSTAT, node, net.coef(5.0), net.coef(288.0), net.coef(296.0), sensor=air)
+    net.load(THERMOSTAT, node, net.coef(5.0), net.coef(288.0), net.coef(296.0), sensor=air)
     r = net.run([0.0, 300.0])
     np.testing.assert_allclose(r.event_times, [180.0, 200 + 1100 / 15], atol=1e-6)
     assert r.load_energy[0] == pytest.approx(5.0 * (20 + 1100 / 15), rel=1e-8)
@@ -151,8 +151,8 @@ def massless_beside(watts: float, other: float = 0.0) -> Net:
     net = Net()
     heavy, light = net.node(1e6, 290.0), net.node(None, 290.0)
     net.link(k.LINEAR, light, heavy, net.coef(1.0))
-    net.load(k.THERMOSTAT, light, net.coef(other), net.coef(300.0), net.coef(301.0), sensor=heavy)
-    net.load(k.THERMOSTAT, light, net.coef(watts), net.coef(300.0), net.coef(310.0))
+    net.load(THERMOSTAT, light, net.coef(other), net.coef(300.0), net.coef(301.0), sensor=heavy)
+    net.load(THERMOSTAT, light, net.coef(watts), net.coef(300.0), net.coef(310.0))
     return net
 
 

@@ -18,6 +18,7 @@ from thermid.network import rows
 from thermid.network.network import compile_network
 
 Build = Callable[..., Model]
+POWERS = {"points": [["0 [degC]", "1 [W]"], ["50 [degC]", "2 [W]"]]}
 
 
 def conductor(**fields: Any) -> dict[str, Any]:
@@ -79,11 +80,23 @@ def conductance(model: Model, name: str = "c") -> float:
                 "loads/heat": {
                     "into": "case",
                     "power": "1 [W]",
-                    "periodic": {"period": "9 [s]", "duty": 0.5},
+                    "proportional": {"band": "9 [K]", "setpoint": "1 [degC]"},
                     "thermostat": {"on_below": "1 [degC]", "off_above": "2 [degC]"},
                 }
             },
-            "periodic and thermostat cannot act on one load. Split it into two loads.",
+            "thermostat and proportional cannot both control one load. Split it into two loads.",
+        ),
+        (
+            {"loads/heat": {"into": "case", "power": "1 [W]", "proportional": {"setpoint": "1 [degC]"}}},
+            "proportional needs gain [W/K] or band [K]; one of them.",
+        ),
+        (
+            {"loads/heat": {"into": "case", "table": POWERS, "proportional": {"gain": "1 [W/K]", "setpoint": "1 [degC]"}}},
+            "a gain in W/K refers to a power, which a table has not. Give band in K.",
+        ),
+        (
+            {"loads/heat": {"into": "case", "table": POWERS, "temperature_coefficient": "1 [1/K]", "reference_temperature": "1 [degC]"}},
+            "temperature_coefficient and a table are two laws of one temperature; put both into the table.",
         ),
     ],
 )

@@ -15,6 +15,7 @@ from thermid.model.kinds import KINDS
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, model_from_dict, save_model, to_dict
 from thermid.network.network import compile_network
+from thermid.network.rows import CONTROLS, LOADS
 from thermid.seals import unsealed
 
 Decks = Callable[..., Model]
@@ -161,7 +162,7 @@ def numbers(model: Model) -> Any:
     return (
         found.capacitances,
         [(r.name, r.form, r.ends, r.coefficients, r.curve) for r in (*found.conductors,)],
-        [(r.name, r.form, r.node, r.sensor, r.coefficients, r.curve, r.signal) for r in found.loads],
+        [(r.name, r.form, r.node, r.sensor, r.coefficients, r.curve, r.signal, r.control) for r in found.loads],
     )
 
 
@@ -172,8 +173,9 @@ def sink(decks: Decks) -> Model:
 
 def test_the_sink_holds_every_kind(sink: Model) -> None:
     assert {c.kind for c in sink.conductors.values()} == set(KINDS)
-    forms = {r.form for r in compile_network(sink).numbers().loads}
-    assert forms == {"signal", "polynomial", "exponential", "table", "thermostat", "proportional"}
+    loads = compile_network(sink).numbers().loads
+    assert {r.form for r in loads} == set(LOADS)
+    assert {r.control for r in loads} == {"", *CONTROLS}
 
 
 def test_round_trip_of_everything(sink: Model, tmp_path: Path) -> None:

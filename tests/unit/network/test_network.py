@@ -205,7 +205,7 @@ def test_rows_of_loads() -> None:
         ("a", "signal", (0.2,), "curve a"),
         ("b", "signal", (2.0,), "load b"),
         ("b", "signal", (0.5,), "sine b"),
-        ("c", "proportional", (0.5, 293.15, 2.0), "load c"),
+        ("c", "signal", (2.0, 0.5, 293.15), "load c"),
     ]
 
 
