@@ -20,7 +20,6 @@ from thermid.model.flat import Flat, FlatConductor
 from thermid.model.kinds import Law
 from thermid.model.signal import Constant, Drawn, Mixed, Signal
 from thermid.model.streams import by_volume, flow_of, fluid_of, streams_of, unfed
-from thermid.network.environment import extremes
 from thermid.network.medium import AIR_RANGE, VACUUM_LIMIT, Media
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
