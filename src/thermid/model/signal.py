@@ -119,6 +119,10 @@ class _Still:
         """Return the times between which it is straight, over a stretch at least. [s]"""
         return np.zeros(1)
 
+    def turns(self, end: float) -> Array:
+        """Return when it turns from rising to falling, or back, from zero to an end. [s]"""
+        return np.zeros(0)
+
     def mean_over(self, begin: float, end: float) -> float:
         """Return its mean over a stretch of time, or its value where the stretch has no length. [SI]"""
         return self.value
@@ -330,6 +334,14 @@ class Table:
         last = self.times[0] + (lead + count) * length
         return replace(self, times=np.append(times, last), values=np.append(values, self.values[-1]), after="hold", log=None)
 
+    def turns(self, end: float) -> Array:
+        """Return when it turns from rising to falling, or back, and its first and last row, from zero to an end. [s]"""
+        drawn = self.drawn(end)
+        steps = np.sign(np.diff(drawn.values))
+        turns = np.concatenate(([True], steps[1:] * steps[:-1] <= 0.0, [True])) if steps.size else np.ones(1, dtype=bool)
+        times = drawn.times[turns]
+        return np.asarray(times[(times >= 0.0) & (times <= end)])
+
     def knots(self, begin: float, end: float) -> Array:
         """Return the times between which it is straight, over a stretch at least; a held value jumps within a moment. [s]"""
         times = self.drawn(end).times if self.after == "repeat" else self.times
@@ -367,6 +379,11 @@ class Sine:
     period: float
     phase: float = 0.0
     unit: str = ""
+
+    def turns(self, end: float) -> Array:
+        """Return when it turns from rising to falling, or back, from zero to an end. [s]"""
+        first = (0.25 - self.phase / (2.0 * np.pi)) % 0.5
+        return np.asarray(self.period * np.arange(first, end / self.period, 0.5))
 
     @property
     def span(self) -> Span:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.model.signal import Constant, Signal, Sine
+from thermid.model.signal import Drawn
 from thermid.physics.constants import ICE_POINT
 
 __all__ = ["Dense", "Extreme", "MemberTurnings", "Turnings", "by_column", "first_above", "resolved", "signal_turnings"]
@@ -191,23 +191,14 @@ def by_column(found: tuple[Any, Array, Array], count: int) -> tuple[Turnings, ..
     return tuple(Turnings(times[i:j], kelvin[i:j]) for i, j in pairwise(ends))
 
 
-def signal_turnings(given: Signal, end: float, offset: float) -> Turnings:
+def signal_turnings(given: Drawn, end: float, offset: float) -> Turnings:
     """Return the turning points of a boundary from zero to `end` [s]: knots where its signal turns, and those of a sine.
 
     Parameters
     ----------
-    given : Signal      [K]
+    given : Drawn       [K]
     end : float         [s]
     offset : float      A constant beside it. [K]
     """
-    if isinstance(given, Constant):
-        return Turnings(np.zeros(0), np.zeros(0))
-    if isinstance(given, Sine):
-        first = (0.25 - given.phase / (2.0 * np.pi)) % 0.5
-        times = given.period * np.arange(first, end / given.period, 0.5)
-    else:
-        steps = np.sign(np.diff(given.values))
-        turns = np.concatenate(([True], steps[1:] * steps[:-1] <= 0.0, [True])) if steps.size else np.ones(1, dtype=bool)
-        times = given.times[turns]
-        times = times[(times >= 0.0) & (times <= end)]
+    times = given.turns(end)
     return Turnings(times, given.at(times) + offset)
