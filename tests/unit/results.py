@@ -88,6 +88,12 @@ def that_take_longer() -> dict[str, Any]:
     }
 
 
+def _written(path: Path) -> Path:
+    """Return a log of three rows."""
+    path.write_text("time_s,T [degC]\n0,20.0\n10,20.5\n20,21.0\n", encoding="utf-8")
+    return path
+
+
 def _compared() -> td.Calibration:
     """Return two sensors on a pair beside what its deck says."""
     return td.compare(pair(), log(pair(), {}, {"T": "a.case", "T2": "b.case"}, samples=31, boundary="room", accuracy=0.2))
@@ -124,6 +130,8 @@ def of_a_run(folder: Path) -> dict[str, Any]:
         "block's run": td.simulate(block, warm),
         "simulator": simulator,
         "solution": simulator.run(sensitivities=True),
+        "steady": td.steady(model, HOT),
+        "look": td.look(_written(folder / "seen.csv")),
         "ensemble": td.ensemble(model, HOT, {HTC: np.array([4.0, 6.0])}),
         "environment": td.Environment(),
         "radiation": td.Irradiation(total="300 [W/m^2]"),
