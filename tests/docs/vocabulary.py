@@ -29,10 +29,10 @@ from thermid.model.signal import Sine, Table
 from thermid.qualify import plan_schema
 from thermid.qualify.criteria import KEYS as CRITERIA_KEYS
 from thermid.qualify.limits import KEYS as LIMIT_KEYS
-from thermid.qualify.number import SLOTS, WORDS
 from thermid.qualify.standards import KEYS
 from thermid.qualify.steps import STEP_KEYS
 from thermid.simulation import pad, surroundings
+from thermid.sourced.number import SLOTS, WORDS
 from thermid.units import TEMPERATURE
 
 from .pages import ROOT, codes, tables

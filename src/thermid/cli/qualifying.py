@@ -134,8 +134,8 @@ def correlate(
     from thermid.cli.output import clean
     from thermid.errors import ScenarioError
     from thermid.qualify.correlation import correlate as compare
-    from thermid.qualify.marks import weigh
     from thermid.qualify.twologs import read_two
+    from thermid.sourced.marks import weigh
 
     ready(to, pdf)
     windows = []

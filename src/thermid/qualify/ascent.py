@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.model.signal import Signal
-from thermid.qualify.marks import Figure
 from thermid.simulation.scenario import Scenario
+from thermid.sourced.marks import Figure
 
 __all__ = ["ASCENT_LIMITS", "AscentCheck", "ascent_checks"]
 

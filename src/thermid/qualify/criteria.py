@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.errors import IdentificationError, ScenarioError, nearest
 from thermid.model.signal import literal
-from thermid.qualify.marks import check_mark
+from thermid.sourced.marks import check_mark
 
 if TYPE_CHECKING:
     from thermid.qualify.correlation import Deviation

@@ -9,8 +9,8 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.qualify.foresight import Foresight
-from thermid.qualify.marks import Figure
-from thermid.qualify.policies import POLICIES, SMC, Policy
+from thermid.sourced.marks import Figure
+from thermid.sourced.policies import POLICIES, SMC, Policy
 
 __all__ = ["HeaterDuty", "heater_duty"]
 

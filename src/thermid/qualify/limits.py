@@ -15,7 +15,7 @@ from thermid.errors import ScenarioError, nearest
 from thermid.model.modelfile import read_toml
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.marks import check_mark
+from thermid.sourced.marks import check_mark
 from thermid.units import TEMPERATURE
 
 __all__ = ["STATES", "Ends", "Limits", "load_limits", "read_limits", "text_of"]

@@ -15,8 +15,8 @@ from thermid.physics.constants import ICE_POINT
 from thermid.qualify.foresight import Foresight
 from thermid.qualify.limit_checks import times_in_state
 from thermid.qualify.limits import Limits
-from thermid.qualify.marks import Figure, weakest
-from thermid.qualify.policies import POLICIES, SMC, Policy, flat_margin
+from thermid.sourced.marks import Figure, weakest
+from thermid.sourced.policies import POLICIES, SMC, Policy, flat_margin
 
 __all__ = ["Margin", "margins"]
 

@@ -19,7 +19,7 @@ from thermid.qualify.basis import basis
 from thermid.qualify.criteria import CRITERIA, CriteriaSet, read_criteria
 from thermid.qualify.limits import Limits, load_limits, read_limits
 from thermid.qualify.macro import macro_model
-from thermid.qualify.policies import POLICIES
+from thermid.sourced.policies import POLICIES
 
 if TYPE_CHECKING:
     from thermid.qualify.plan_schema import PlanFile, TestTable

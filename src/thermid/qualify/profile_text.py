@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.errors import ThermidError
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.number import Number
+from thermid.sourced.number import Number
 
 if TYPE_CHECKING:
     from thermid.qualify.profiles import ThermalProfile

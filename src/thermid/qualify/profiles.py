@@ -12,8 +12,8 @@ from thermid.files import PROFILE, write_text
 from thermid.measure.stability import rule_of
 from thermid.model.signal import literal
 from thermid.physics.constants import ATMOSPHERE
-from thermid.qualify.number import MARKS, SLOTS, WORDS, Number, number, weakest
 from thermid.qualify.steps import Step, steps_of
+from thermid.sourced.number import MARKS, SLOTS, WORDS, Number, number, weakest
 from thermid.units import TEMPERATURE
 
 __all__ = ["KINDS", "ThermalProfile", "pair_of"]

@@ -18,10 +18,10 @@ from thermid.qualify.foresight import IN_TESTS, widened
 from thermid.qualify.limits import Limits
 from thermid.qualify.lock import LockStatus, lock_status, note_look
 from thermid.qualify.margins import Margin, margins
-from thermid.qualify.marks import weigh
 from thermid.qualify.plan import Plan, load_plan
 from thermid.qualify.trial import Trial
 from thermid.qualify.trying import tried
+from thermid.sourced.marks import weigh
 from thermid.units import counted
 
 if TYPE_CHECKING:

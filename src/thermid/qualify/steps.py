@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.errors import ScenarioError, nearest
 from thermid.model.signal import literal
-from thermid.qualify.number import MARKS, SLOTS
+from thermid.sourced.number import MARKS, SLOTS
 from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:

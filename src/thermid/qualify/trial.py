@@ -15,8 +15,8 @@ from thermid.qualify.foresight import Foresight
 from thermid.qualify.heaters import HeaterDuty
 from thermid.qualify.limit_checks import LimitCheck
 from thermid.qualify.limits import Limits
-from thermid.qualify.marks import VERDICTS, weigh
 from thermid.qualify.profile_run import ProfileRun
+from thermid.sourced.marks import VERDICTS, weigh
 
 if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration

@@ -9,7 +9,7 @@ import pytest
 import thermid as td
 from thermid.errors import ScenarioError
 from thermid.qualify.ascent import ASCENT_LIMITS
-from thermid.qualify.marks import Figure
+from thermid.sourced.marks import Figure
 
 
 def curve(*points: tuple[float, float], **more: Any) -> td.Scenario:

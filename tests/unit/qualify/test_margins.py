@@ -14,7 +14,7 @@ from thermid.qualify.foresight import foresee
 from thermid.qualify.heaters import heater_duty
 from thermid.qualify.limits import Limits
 from thermid.qualify.margins import margins
-from thermid.qualify.policies import POLICIES, flat_margin
+from thermid.sourced.policies import POLICIES, flat_margin
 from unit.qualify.things import soak, unit
 
 PROC = Limits("processor", "proc", (253.15, 343.15), loads=("cpu",))

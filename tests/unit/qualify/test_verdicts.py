@@ -15,9 +15,9 @@ from thermid.qualify.correlation import correlate
 from thermid.qualify.criteria import CRITERIA, CriteriaSet
 from thermid.qualify.limit_checks import check_limits
 from thermid.qualify.limits import Limits
-from thermid.qualify.marks import MARKS
-from thermid.qualify.policies import POLICIES
 from thermid.qualify.trial import Trial
+from thermid.sourced.marks import MARKS
+from thermid.sourced.policies import POLICIES
 from unit.qualify.project import LOG, PLAN, measured, project
 from unit.qualify.things import UNIT, soak, unit
 

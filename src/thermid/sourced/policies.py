@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.marks import Figure
+from thermid.sourced.marks import Figure
 
 __all__ = ["POLICIES", "SMC", "Policy", "flat_margin"]
 

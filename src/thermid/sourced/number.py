@@ -9,7 +9,7 @@ from typing import Any, Final
 from thermid.errors import ScenarioError, nearest
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.marks import MARKS as KNOWN
+from thermid.sourced.marks import MARKS as KNOWN
 from thermid.units import TEMPERATURE
 
 __all__ = ["MARKS", "SLOTS", "WORDS", "Number", "number", "weakest"]
