@@ -94,13 +94,17 @@ if TYPE_CHECKING:
     from thermid.prediction.split import split as split
     from thermid.prediction.split_surface import Split as Split
     from thermid.prediction.spread import Spread as Spread
+    from thermid.profiles.cycles import equivalent_cycles as equivalent_cycles
+    from thermid.profiles.profile import ThermalProfile as ThermalProfile
+    from thermid.profiles.standards import load_profile as load_profile
+    from thermid.profiles.standards import profile_names as profile_names
+    from thermid.profiles.standards import profile_of as profile_of
     from thermid.qualify.ascent import AscentCheck as AscentCheck
     from thermid.qualify.ascent import ascent_checks as ascent_checks
     from thermid.qualify.conduct import run_profile as run_profile
     from thermid.qualify.correlation import Correlation as Correlation
     from thermid.qualify.correlation import correlate as correlate
     from thermid.qualify.criteria import CriteriaSet as CriteriaSet
-    from thermid.qualify.cycles import equivalent_cycles as equivalent_cycles
     from thermid.qualify.deliver import check_delivery as check_delivery
     from thermid.qualify.deliver import deliver as deliver
     from thermid.qualify.diagnosis import Diagnosis as Diagnosis
@@ -126,16 +130,12 @@ if TYPE_CHECKING:
     from thermid.qualify.plan import Plan as Plan
     from thermid.qualify.plan import load_plan as load_plan
     from thermid.qualify.profile_run import ProfileRun as ProfileRun
-    from thermid.qualify.profiles import ThermalProfile as ThermalProfile
     from thermid.qualify.programme import Qualification as Qualification
     from thermid.qualify.programme import run_plan as run_plan
     from thermid.qualify.reduce import Reduction as Reduction
     from thermid.qualify.reduce import reduce as reduce
     from thermid.qualify.stabilisation import Stability as Stability
     from thermid.qualify.stabilisation import stability as stability
-    from thermid.qualify.standards import load_profile as load_profile
-    from thermid.qualify.standards import profile_names as profile_names
-    from thermid.qualify.standards import profile_of as profile_of
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.look import Look as Look
@@ -281,13 +281,13 @@ _PUBLIC = {
     "Study": "campaign.study.study",
     "macro_model": "qualify.macro",
     "assumed": "qualify.macro",
-    "profile_of": "qualify.standards",
-    "load_profile": "qualify.standards",
-    "profile_names": "qualify.standards",
-    "ThermalProfile": "qualify.profiles",
+    "profile_of": "profiles.standards",
+    "load_profile": "profiles.standards",
+    "profile_names": "profiles.standards",
+    "ThermalProfile": "profiles.profile",
     "run_profile": "qualify.conduct",
     "ProfileRun": "qualify.profile_run",
-    "equivalent_cycles": "qualify.cycles",
+    "equivalent_cycles": "profiles.cycles",
     "uncertain_runs": "qualify.uncertain",
     "UncertainRuns": "qualify.uncertain",
     "sobol_of": "qualify.drivers",

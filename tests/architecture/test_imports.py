@@ -41,9 +41,10 @@ LOW = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "kno
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
 CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
-TESTED = {"sourced"}
+TESTED = {"sourced", "profiles"}
 ARROWS |= {
     "sourced": LOW,
+    "profiles": LOW | {"sourced"},
     "fit.problem": LOW,
     "fit.least_squares": LOW | {"fit.problem"},
     "fit.uncertainty": LOW | {"fit.problem", "fit.least_squares"},

@@ -26,11 +26,11 @@ from thermid.model import schema
 from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.kinds import KINDS
 from thermid.model.signal import Sine, Table
+from thermid.profiles.standards import KEYS
+from thermid.profiles.steps import STEP_KEYS
 from thermid.qualify import plan_schema
 from thermid.qualify.criteria import KEYS as CRITERIA_KEYS
 from thermid.qualify.limits import KEYS as LIMIT_KEYS
-from thermid.qualify.standards import KEYS
-from thermid.qualify.steps import STEP_KEYS
 from thermid.simulation import pad, surroundings
 from thermid.sourced.number import SLOTS, WORDS
 from thermid.units import TEMPERATURE

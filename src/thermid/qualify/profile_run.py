@@ -10,7 +10,7 @@ from thermid.measure.amounts import duration_text
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
-    from thermid.qualify.profiles import ThermalProfile
+    from thermid.profiles.profile import ThermalProfile
     from thermid.simulation.moisture import Moisture
     from thermid.simulation.scenario import Scenario
     from thermid.simulation.solution import Solution, Trace

@@ -16,6 +16,8 @@ from thermid.model.modelfile import resolve_inside
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.known import Known
+from thermid.profiles.profile import ThermalProfile
+from thermid.profiles.standards import profile_from
 from thermid.qualify.as_run import exchanged, not_covered, not_reached
 from thermid.qualify.assumptions import extrapolations
 from thermid.qualify.conduct import run_profile
@@ -28,10 +30,8 @@ from thermid.qualify.limits import Limits
 from thermid.qualify.overlay import Overlay, overlays, paired
 from thermid.qualify.plan import Plan
 from thermid.qualify.profile_run import ProfileRun
-from thermid.qualify.profiles import ThermalProfile
 from thermid.qualify.run_remarks import in_short
 from thermid.qualify.settled import dwells, settled_by, unsettled
-from thermid.qualify.standards import profile_from
 from thermid.qualify.trial import Trial
 from thermid.simulation.scenario import Scenario, load_scenario
 

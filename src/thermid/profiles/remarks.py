@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from thermid.errors import ScenarioError
-from thermid.qualify.cycles import Equivalence, equivalent_cycles
+from thermid.profiles.cycles import Equivalence, equivalent_cycles
 
 if TYPE_CHECKING:
-    from thermid.qualify.profiles import ThermalProfile
+    from thermid.profiles.profile import ThermalProfile
 
 __all__ = ["remarks"]
 

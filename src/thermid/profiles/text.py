@@ -11,8 +11,8 @@ from thermid.physics.constants import ICE_POINT
 from thermid.sourced.number import Number
 
 if TYPE_CHECKING:
-    from thermid.qualify.profiles import ThermalProfile
-    from thermid.qualify.steps import Step
+    from thermid.profiles.profile import ThermalProfile
+    from thermid.profiles.steps import Step
 
 __all__ = ["as_text", "as_toml"]
 

@@ -12,7 +12,7 @@ from thermid.sourced.number import MARKS, SLOTS
 from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:
-    from thermid.qualify.profiles import ThermalProfile
+    from thermid.profiles.profile import ThermalProfile
 
 __all__ = ["STEP_KEYS", "Step", "steps_of"]
 

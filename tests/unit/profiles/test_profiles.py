@@ -6,7 +6,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import ScenarioError, ThermidError
-from thermid.qualify.cycles import EQUIVALENCE
+from thermid.profiles.cycles import EQUIVALENCE
 from thermid.sourced.number import MARKS
 
 PREDICTED = ("-5 [degC]", "45 [degC]")

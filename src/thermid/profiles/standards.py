@@ -13,7 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
 from thermid.measure.stability import rule_of
 from thermid.model.modelfile import read_toml
-from thermid.qualify.profiles import KINDS, ThermalProfile, pair_of
+from thermid.profiles.profile import KINDS, ThermalProfile, pair_of
 from thermid.sourced.number import SLOTS, WORDS, Number, number
 
 __all__ = ["KEYS", "load_profile", "profile_from", "profile_names", "profile_of"]

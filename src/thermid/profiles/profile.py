@@ -12,7 +12,7 @@ from thermid.files import PROFILE, write_text
 from thermid.measure.stability import rule_of
 from thermid.model.signal import literal
 from thermid.physics.constants import ATMOSPHERE
-from thermid.qualify.steps import Step, steps_of
+from thermid.profiles.steps import Step, steps_of
 from thermid.sourced.number import MARKS, SLOTS, WORDS, Number, number, weakest
 from thermid.units import TEMPERATURE
 
@@ -154,7 +154,7 @@ class ThermalProfile:
         ----------
         beside : float  Cycles over the same range that other tests of the unit run.
         """
-        from thermid.qualify.remarks import remarks
+        from thermid.profiles.remarks import remarks
 
         return remarks(self, beside)
 
@@ -177,13 +177,13 @@ class ThermalProfile:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it as a profile file that `load_profile` reads, every number with its mark."""
-        from thermid.qualify.profile_text import as_toml
+        from thermid.profiles.text import as_toml
 
         write_text(path, as_toml(self), PROFILE)
 
     def __str__(self) -> str:
         """The profile as a table, with clauses and marks."""
-        from thermid.qualify.profile_text import as_text
+        from thermid.profiles.text import as_text
 
         return as_text(self)
 
