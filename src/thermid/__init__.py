@@ -94,14 +94,15 @@ if TYPE_CHECKING:
     from thermid.prediction.split import split as split
     from thermid.prediction.split_surface import Split as Split
     from thermid.prediction.spread import Spread as Spread
+    from thermid.profile_runs.ascent import AscentCheck as AscentCheck
+    from thermid.profile_runs.ascent import ascent_checks as ascent_checks
+    from thermid.profile_runs.conduct import run_profile as run_profile
+    from thermid.profile_runs.profile_run import ProfileRun as ProfileRun
     from thermid.profiles.cycles import equivalent_cycles as equivalent_cycles
     from thermid.profiles.profile import ThermalProfile as ThermalProfile
     from thermid.profiles.standards import load_profile as load_profile
     from thermid.profiles.standards import profile_names as profile_names
     from thermid.profiles.standards import profile_of as profile_of
-    from thermid.qualify.ascent import AscentCheck as AscentCheck
-    from thermid.qualify.ascent import ascent_checks as ascent_checks
-    from thermid.qualify.conduct import run_profile as run_profile
     from thermid.qualify.correlation import Correlation as Correlation
     from thermid.qualify.correlation import correlate as correlate
     from thermid.qualify.criteria import CriteriaSet as CriteriaSet
@@ -129,7 +130,6 @@ if TYPE_CHECKING:
     from thermid.qualify.margins import margins as margins
     from thermid.qualify.plan import Plan as Plan
     from thermid.qualify.plan import load_plan as load_plan
-    from thermid.qualify.profile_run import ProfileRun as ProfileRun
     from thermid.qualify.programme import Qualification as Qualification
     from thermid.qualify.programme import run_plan as run_plan
     from thermid.qualify.reduce import Reduction as Reduction
@@ -203,8 +203,8 @@ _PUBLIC = {
     "ascent_scenario": "simulation.ascent",
     "orbit_irradiation": "simulation.orbit",
     "eclipse_signal": "simulation.orbit",
-    "AscentCheck": "qualify.ascent",
-    "ascent_checks": "qualify.ascent",
+    "AscentCheck": "profile_runs.ascent",
+    "ascent_checks": "profile_runs.ascent",
     "Options": "simulation.engine",
     "simulate": "simulation.transient",
     "prepare": "simulation.simulator",
@@ -285,8 +285,8 @@ _PUBLIC = {
     "load_profile": "profiles.standards",
     "profile_names": "profiles.standards",
     "ThermalProfile": "profiles.profile",
-    "run_profile": "qualify.conduct",
-    "ProfileRun": "qualify.profile_run",
+    "run_profile": "profile_runs.conduct",
+    "ProfileRun": "profile_runs.profile_run",
     "equivalent_cycles": "profiles.cycles",
     "uncertain_runs": "qualify.uncertain",
     "UncertainRuns": "qualify.uncertain",

@@ -11,8 +11,8 @@ import typer
 from thermid.cli.pages import Force
 
 if TYPE_CHECKING:
+    from thermid.profile_runs.profile_run import ProfileRun
     from thermid.profiles.profile import ThermalProfile
-    from thermid.qualify.profile_run import ProfileRun
 
 __all__ = ["register"]
 
@@ -143,7 +143,7 @@ def _run(
 ) -> ProfileRun:
     from thermid.cli.app import _pairs, _with_unit
     from thermid.model.modelfile import load_model
-    from thermid.qualify.conduct import run_profile
+    from thermid.profile_runs.conduct import run_profile
     from thermid.simulation.scenario import load_scenario
 
     return run_profile(

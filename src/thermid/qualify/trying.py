@@ -16,11 +16,13 @@ from thermid.model.modelfile import resolve_inside
 from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.known import Known
+from thermid.profile_runs.conduct import run_profile
+from thermid.profile_runs.profile_run import ProfileRun
+from thermid.profile_runs.remarks import in_short
 from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.standards import profile_from
 from thermid.qualify.as_run import exchanged, not_covered, not_reached
 from thermid.qualify.assumptions import extrapolations
-from thermid.qualify.conduct import run_profile
 from thermid.qualify.correlation import Exclusions, correlate
 from thermid.qualify.diagnosis import diagnose
 from thermid.qualify.foresight import foresee
@@ -29,8 +31,6 @@ from thermid.qualify.limit_checks import LimitCheck, check_limits, check_reading
 from thermid.qualify.limits import Limits
 from thermid.qualify.overlay import Overlay, overlays, paired
 from thermid.qualify.plan import Plan
-from thermid.qualify.profile_run import ProfileRun
-from thermid.qualify.run_remarks import in_short
 from thermid.qualify.settled import dwells, settled_by, unsettled
 from thermid.qualify.trial import Trial
 from thermid.simulation.scenario import Scenario, load_scenario

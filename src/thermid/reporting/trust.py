@@ -19,8 +19,8 @@ from thermid.files import PICTURE, write_bytes
 from thermid.inference.profile import Profile
 from thermid.inference.valley import Valley
 from thermid.physics.constants import ICE_POINT
+from thermid.profile_runs.profile_run import ProfileRun
 from thermid.qualify.hold import Hold
-from thermid.qualify.profile_run import ProfileRun
 from thermid.reporting.extras import extra
 from thermid.reporting.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT, time_unit
 from thermid.reporting.hold import draw_hold

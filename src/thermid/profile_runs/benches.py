@@ -9,8 +9,8 @@ from thermid.errors import ScenarioError, nearest
 from thermid.model.model import Model
 from thermid.model.signal import Constant
 from thermid.network.network import compile_network
+from thermid.profile_runs.legs import Bench, Conditions, memory_of
 from thermid.profiles.profile import ThermalProfile
-from thermid.qualify.legs import Bench, Conditions, memory_of
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import network_for

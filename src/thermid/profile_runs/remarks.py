@@ -10,7 +10,7 @@ import numpy as np
 from thermid.measure.amounts import duration_text
 
 if TYPE_CHECKING:
-    from thermid.qualify.profile_run import ProfileRun
+    from thermid.profile_runs.profile_run import ProfileRun
 
 __all__ = ["in_short", "run_remarks"]
 

@@ -121,7 +121,7 @@ class ProfileRun:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader must know: of the profile, of the run, of the solution."""
-        from thermid.qualify.run_remarks import run_remarks
+        from thermid.profile_runs.remarks import run_remarks
 
         return run_remarks(self)
 

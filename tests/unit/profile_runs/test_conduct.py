@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import ScenarioError, SolverError
-from thermid.qualify.run_remarks import in_short
+from thermid.profile_runs.remarks import in_short
 
 PREDICTED = ("-5 [degC]", "45 [degC]")
 
@@ -65,7 +65,7 @@ def test_heat_closes_over_the_whole_and_stretches_join(run):
 
 def test_the_state_goes_from_phase_to_phase_as_it_is():
     """The temperatures at the end of the last stretch, reached leg by leg, are those of the whole run in one."""
-    from thermid.qualify import conduct
+    from thermid.profile_runs import conduct
 
     kept = []
     own = conduct._finished

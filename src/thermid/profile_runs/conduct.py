@@ -14,14 +14,14 @@ from thermid.errors import ScenarioError
 from thermid.measure.stability import StabilityRule, rule_of
 from thermid.model.model import Model
 from thermid.model.signal import literal
+from thermid.profile_runs.benches import bench_of, node_of, watched
+from thermid.profile_runs.humid import humid
+from thermid.profile_runs.legs import Bench, Conditions, Leg, Plan
+from thermid.profile_runs.profile_run import Phase, ProfileRun
+from thermid.profile_runs.waiting import Wanted, wait
 from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.remarks import ordered
 from thermid.profiles.steps import Step
-from thermid.qualify.benches import bench_of, node_of, watched
-from thermid.qualify.humid import humid
-from thermid.qualify.legs import Bench, Conditions, Leg, Plan
-from thermid.qualify.profile_run import Phase, ProfileRun
-from thermid.qualify.waiting import Wanted, wait
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.transient import simulate

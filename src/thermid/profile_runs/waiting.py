@@ -13,7 +13,7 @@ from thermid.errors import ScenarioError, SolverError
 from thermid.measure.amounts import duration_text
 from thermid.measure.stability import StabilityRule
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.legs import Leg
+from thermid.profile_runs.legs import Leg
 
 __all__ = ["Reached", "wait"]
 
