@@ -111,8 +111,6 @@ if TYPE_CHECKING:
     from thermid.qualify.diagnosis import Diagnosis as Diagnosis
     from thermid.qualify.diagnosis import diagnose as diagnose
     from thermid.qualify.drivers import sobol_of as sobol_of
-    from thermid.qualify.forecast import Forecast as Forecast
-    from thermid.qualify.forecast import forecast as forecast
     from thermid.qualify.foresight import Foresight as Foresight
     from thermid.qualify.foresight import foresee as foresee
     from thermid.qualify.heaters import heater_duty as heater_duty
@@ -134,8 +132,6 @@ if TYPE_CHECKING:
     from thermid.qualify.programme import run_plan as run_plan
     from thermid.qualify.reduce import Reduction as Reduction
     from thermid.qualify.reduce import reduce as reduce
-    from thermid.qualify.stabilisation import Stability as Stability
-    from thermid.qualify.stabilisation import stability as stability
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.look import Look as Look
@@ -173,6 +169,10 @@ if TYPE_CHECKING:
     from thermid.simulation.transient import simulate as simulate
     from thermid.simulation.vapour import Volume as Volume
     from thermid.simulation.vapour import WaterBalance as WaterBalance
+    from thermid.steadiness.forecast import Forecast as Forecast
+    from thermid.steadiness.forecast import forecast as forecast
+    from thermid.steadiness.stabilisation import Stability as Stability
+    from thermid.steadiness.stabilisation import stability as stability
 
 # in reading order: what the hardware is, what is done to it, what was measured, what a fit says, what is shown
 _PUBLIC = {
@@ -299,10 +299,10 @@ _PUBLIC = {
     "Reduction": "qualify.reduce",
     "deliver": "qualify.deliver",
     "check_delivery": "qualify.deliver",
-    "stability": "qualify.stabilisation",
-    "Stability": "qualify.stabilisation",
-    "forecast": "qualify.forecast",
-    "Forecast": "qualify.forecast",
+    "stability": "steadiness.stabilisation",
+    "Stability": "steadiness.stabilisation",
+    "forecast": "steadiness.forecast",
+    "Forecast": "steadiness.forecast",
     "Limits": "qualify.limits",
     "load_limits": "qualify.limits",
     "check_limits": "qualify.limit_checks",

@@ -41,11 +41,12 @@ LOW = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "kno
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
 CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
-TESTED = {"sourced", "profiles", "profile_runs"}
+TESTED = {"sourced", "profiles", "profile_runs", "steadiness"}
 ARROWS |= {
     "sourced": LOW,
     "profiles": LOW | {"sourced"},
     "profile_runs": LOW | {"sourced", "profiles"},
+    "steadiness": LOW | {"profile_runs"},
     "fit.problem": LOW,
     "fit.least_squares": LOW | {"fit.problem"},
     "fit.uncertainty": LOW | {"fit.problem", "fit.least_squares"},

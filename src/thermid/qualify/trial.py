@@ -21,7 +21,7 @@ from thermid.sourced.marks import VERDICTS, weigh
 if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
     from thermid.qualify.plan_schema import TestTable
-    from thermid.qualify.stabilisation import Stability
+    from thermid.steadiness.stabilisation import Stability
 
 __all__ = ["Trial"]
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from thermid.measure.steady import correlation_factor
 from thermid.memo import Memo
-from thermid.qualify.mixture import Mixture
+from thermid.steadiness.mixture import Mixture
 
 __all__ = ["Approach", "approach"]
 

@@ -16,11 +16,11 @@ from thermid.measure.prepare import stretch, within_log
 from thermid.measure.record import Record
 from thermid.measure.stability import SURE, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.profile_runs.profile_run import ProfileRun
-from thermid.qualify.approach import approach
-from thermid.qualify.forecast import FEWEST, GUARD
-from thermid.qualify.foretold import REACH
-from thermid.qualify.stored import Stored, stored_in_log, stored_in_run
 from thermid.simulation.solution import Solution
+from thermid.steadiness.approach import approach
+from thermid.steadiness.forecast import FEWEST, GUARD
+from thermid.steadiness.foretold import REACH
+from thermid.steadiness.stored import Stored, stored_in_log, stored_in_run
 
 __all__ = ["Remaining", "Stability", "stability"]
 

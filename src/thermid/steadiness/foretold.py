@@ -11,8 +11,8 @@ from thermid.errors import RecordError
 from thermid.measure.amounts import duration_text, seconds
 from thermid.measure.stability import StabilityRule
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.approach import Approach
-from thermid.qualify.mixture import Mixture
+from thermid.steadiness.approach import Approach
+from thermid.steadiness.mixture import Mixture
 
 __all__ = ["REACH", "Estimate", "Forecast", "estimate", "with_step"]
 

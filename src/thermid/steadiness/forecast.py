@@ -14,8 +14,8 @@ from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.prepare import stretch, within_log
 from thermid.measure.stability import StabilityRule, resolution_of, rule_of
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.approach import Approach, approach
-from thermid.qualify.foretold import REACH, Estimate, Forecast, estimate, with_step
+from thermid.steadiness.approach import Approach, approach
+from thermid.steadiness.foretold import REACH, Estimate, Forecast, estimate, with_step
 
 if TYPE_CHECKING:
     from thermid.measure.channel import Channel
