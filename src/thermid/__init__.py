@@ -122,18 +122,18 @@ if TYPE_CHECKING:
     from thermid.qualify.limits import Limits as Limits
     from thermid.qualify.limits import load_limits as load_limits
     from thermid.qualify.lock import lock_plan as lock_plan
-    from thermid.qualify.macro import assumed as assumed
-    from thermid.qualify.macro import macro_model as macro_model
     from thermid.qualify.margins import Margin as Margin
     from thermid.qualify.margins import margins as margins
     from thermid.qualify.plan import Plan as Plan
     from thermid.qualify.plan import load_plan as load_plan
     from thermid.qualify.programme import Qualification as Qualification
     from thermid.qualify.programme import run_plan as run_plan
-    from thermid.qualify.reduce import Reduction as Reduction
-    from thermid.qualify.reduce import reduce as reduce
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
+    from thermid.reduction.macro import assumed as assumed
+    from thermid.reduction.macro import macro_model as macro_model
+    from thermid.reduction.reduce import Reduction as Reduction
+    from thermid.reduction.reduce import reduce as reduce
     from thermid.reporting.look import Look as Look
     from thermid.reporting.look import look as look
     from thermid.reporting.page import report as report
@@ -279,8 +279,8 @@ _PUBLIC = {
     "Verdict": "judge.validate",
     "load_study": "campaign.study.file",
     "Study": "campaign.study.study",
-    "macro_model": "qualify.macro",
-    "assumed": "qualify.macro",
+    "macro_model": "reduction.macro",
+    "assumed": "reduction.macro",
     "profile_of": "profiles.standards",
     "load_profile": "profiles.standards",
     "profile_names": "profiles.standards",
@@ -295,8 +295,8 @@ _PUBLIC = {
     "Hold": "qualify.hold",
     "load_hold": "qualify.holdfile",
     "HoldQuestion": "qualify.holdfile",
-    "reduce": "qualify.reduce",
-    "Reduction": "qualify.reduce",
+    "reduce": "reduction.reduce",
+    "Reduction": "reduction.reduce",
     "deliver": "qualify.deliver",
     "check_delivery": "qualify.deliver",
     "stability": "steadiness.stabilisation",

@@ -41,12 +41,13 @@ LOW = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "kno
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
 CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
-TESTED = {"sourced", "profiles", "profile_runs", "steadiness"}
+TESTED = {"sourced", "profiles", "profile_runs", "steadiness", "reduction"}
 ARROWS |= {
     "sourced": LOW,
     "profiles": LOW | {"sourced"},
     "profile_runs": LOW | {"sourced", "profiles"},
     "steadiness": LOW | {"profile_runs"},
+    "reduction": LOW,
     "fit.problem": LOW,
     "fit.least_squares": LOW | {"fit.problem"},
     "fit.uncertainty": LOW | {"fit.problem", "fit.least_squares"},

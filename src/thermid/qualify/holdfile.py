@@ -15,8 +15,8 @@ from thermid.knowledge.values import FittedValues
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
 from thermid.qualify.hold import Hold, check_members, hold, limits_of
-from thermid.qualify.macro import macro_model
 from thermid.qualify.uncertain import Progress, UncertainRuns, uncertain_runs
+from thermid.reduction.macro import macro_model
 from thermid.simulation.scenario import Scenario, load_scenario
 
 __all__ = ["HoldQuestion", "load_hold"]

@@ -18,7 +18,7 @@ from thermid.prediction.known import Known
 from thermid.qualify.basis import basis
 from thermid.qualify.criteria import CRITERIA, CriteriaSet, read_criteria
 from thermid.qualify.limits import Limits, load_limits, read_limits
-from thermid.qualify.macro import macro_model
+from thermid.reduction.macro import macro_model
 from thermid.sourced.policies import POLICIES
 
 if TYPE_CHECKING:

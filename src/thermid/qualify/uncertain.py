@@ -20,8 +20,8 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction.omitted import assumed_left_out, first_line, in_order
 from thermid.prediction.setting import Setting
 from thermid.qualify.campaign_runs import Chunk, Job, Store, chunks
-from thermid.qualify.macro import assumed
 from thermid.qualify.run_plan import CHUNK, Values, plan_runs
+from thermid.reduction.macro import assumed
 from thermid.simulation.engine import Options
 from thermid.simulation.extremes import MemberTurnings
 from thermid.simulation.scenario import Scenario

@@ -21,7 +21,7 @@ from thermid.model.written import made_to
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.qualify.condense import Choice, Condensed, Drive, Part, chain, condensed, part_of
+from thermid.reduction.condense import Choice, Condensed, Drive, Part, chain, condensed, part_of
 from thermid.simulation.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
