@@ -53,8 +53,17 @@ if TYPE_CHECKING:
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
     from thermid.judge.compare import compare as compare
+    from thermid.judge.correlation import Correlation as Correlation
+    from thermid.judge.correlation import correlate as correlate
+    from thermid.judge.criteria import CriteriaSet as CriteriaSet
     from thermid.judge.difference import Difference as Difference
     from thermid.judge.difference import difference as difference
+    from thermid.judge.heaters import heater_duty as heater_duty
+    from thermid.judge.limit_checks import check_limits as check_limits
+    from thermid.judge.limits import Limits as Limits
+    from thermid.judge.limits import load_limits as load_limits
+    from thermid.judge.margins import Margin as Margin
+    from thermid.judge.margins import margins as margins
     from thermid.judge.validate import Criteria as Criteria
     from thermid.judge.validate import Verdict as Verdict
     from thermid.judge.validate import validate as validate
@@ -88,6 +97,8 @@ if TYPE_CHECKING:
     from thermid.power.history import PowerHistory as PowerHistory
     from thermid.power.inverse import power_history as power_history
     from thermid.power.laws import PowerLaw as PowerLaw
+    from thermid.prediction.foresight import Foresight as Foresight
+    from thermid.prediction.foresight import foresee as foresee
     from thermid.prediction.known import Known as Known
     from thermid.prediction.predict import predict as predict
     from thermid.prediction.prediction import Prediction as Prediction
@@ -103,27 +114,16 @@ if TYPE_CHECKING:
     from thermid.profiles.standards import load_profile as load_profile
     from thermid.profiles.standards import profile_names as profile_names
     from thermid.profiles.standards import profile_of as profile_of
-    from thermid.qualify.correlation import Correlation as Correlation
-    from thermid.qualify.correlation import correlate as correlate
-    from thermid.qualify.criteria import CriteriaSet as CriteriaSet
     from thermid.qualify.deliver import check_delivery as check_delivery
     from thermid.qualify.deliver import deliver as deliver
     from thermid.qualify.diagnosis import Diagnosis as Diagnosis
     from thermid.qualify.diagnosis import diagnose as diagnose
     from thermid.qualify.drivers import sobol_of as sobol_of
-    from thermid.qualify.foresight import Foresight as Foresight
-    from thermid.qualify.foresight import foresee as foresee
-    from thermid.qualify.heaters import heater_duty as heater_duty
     from thermid.qualify.hold import Hold as Hold
     from thermid.qualify.hold import hold as hold
     from thermid.qualify.holdfile import HoldQuestion as HoldQuestion
     from thermid.qualify.holdfile import load_hold as load_hold
-    from thermid.qualify.limit_checks import check_limits as check_limits
-    from thermid.qualify.limits import Limits as Limits
-    from thermid.qualify.limits import load_limits as load_limits
     from thermid.qualify.lock import lock_plan as lock_plan
-    from thermid.qualify.margins import Margin as Margin
-    from thermid.qualify.margins import margins as margins
     from thermid.qualify.plan import Plan as Plan
     from thermid.qualify.plan import load_plan as load_plan
     from thermid.qualify.programme import Qualification as Qualification
@@ -303,18 +303,18 @@ _PUBLIC = {
     "Stability": "steadiness.stabilisation",
     "forecast": "steadiness.forecast",
     "Forecast": "steadiness.forecast",
-    "Limits": "qualify.limits",
-    "load_limits": "qualify.limits",
-    "check_limits": "qualify.limit_checks",
+    "Limits": "judge.limits",
+    "load_limits": "judge.limits",
+    "check_limits": "judge.limit_checks",
     "Known": "prediction.known",
-    "Foresight": "qualify.foresight",
-    "foresee": "qualify.foresight",
-    "margins": "qualify.margins",
-    "Margin": "qualify.margins",
-    "heater_duty": "qualify.heaters",
-    "CriteriaSet": "qualify.criteria",
-    "correlate": "qualify.correlation",
-    "Correlation": "qualify.correlation",
+    "Foresight": "prediction.foresight",
+    "foresee": "prediction.foresight",
+    "margins": "judge.margins",
+    "Margin": "judge.margins",
+    "heater_duty": "judge.heaters",
+    "CriteriaSet": "judge.criteria",
+    "correlate": "judge.correlation",
+    "Correlation": "judge.correlation",
     "diagnose": "qualify.diagnosis",
     "Diagnosis": "qualify.diagnosis",
     "load_plan": "qualify.plan",

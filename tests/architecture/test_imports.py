@@ -55,7 +55,7 @@ ARROWS |= {
     "fit": LOW | FIT - {"fit"},
     "power": LOW | FIT,
     "explain": LOW | FIT,
-    "judge": LOW | FIT,
+    "judge": LOW | FIT | {"sourced", "prediction"},
     "prediction": LOW | FIT,
     "design": LOW | FIT | {"prediction"},
     "inference": LOW | FIT | {"design"},

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thermid.judge.correlation import Correlation
+from thermid.judge.heaters import HeaterDuty
+from thermid.judge.limit_checks import LimitCheck
+from thermid.judge.limits import Limits
+from thermid.prediction.foresight import Foresight
 from thermid.prediction.known import Known
 from thermid.profile_runs.profile_run import ProfileRun
-from thermid.qualify.correlation import Correlation
 from thermid.qualify.diagnosis import Diagnosis
-from thermid.qualify.foresight import Foresight
-from thermid.qualify.heaters import HeaterDuty
-from thermid.qualify.limit_checks import LimitCheck
-from thermid.qualify.limits import Limits
 from thermid.sourced.marks import VERDICTS, weigh
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from thermid.arguments import takes_objects
-from thermid.qualify.correlation import Correlation
+from thermid.judge.correlation import Correlation
 from thermid.qualify.programme import Qualification
 from thermid.reporting import qualification_judged as judged
 from thermid.reporting import qualification_tables as tables

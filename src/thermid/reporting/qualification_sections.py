@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from thermid.judge.correlation import Correlation
 from thermid.model.flat import flatten
-from thermid.qualify.correlation import Correlation
 from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
 from thermid.reporting import qualification_judged as judged

@@ -7,9 +7,9 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
-from thermid.qualify.correlation import Exclusions, correlate
-from thermid.qualify.criteria import CRITERIA, CriteriaSet, read_criteria
-from thermid.qualify.overlay import Overlay
+from thermid.judge.correlation import Exclusions, correlate
+from thermid.judge.criteria import CRITERIA, CriteriaSet, read_criteria
+from thermid.judge.overlay import Overlay
 from unit.qualify.things import soak, unit
 
 TIMES = np.arange(0.0, 7200.1, 60.0)

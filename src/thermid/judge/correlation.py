@@ -13,12 +13,12 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.fit.uncertainty.grouping import listed
+from thermid.judge.criteria import CRITERIA, CriteriaSet, Gate, judge
+from thermid.judge.overlay import Overlay, overlays, paired
 from thermid.knowledge.standing import UNJUDGED, Standing, of_model
 from thermid.measure import Record
 from thermid.measure.windows import usual_step
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.criteria import CRITERIA, CriteriaSet, Gate, judge
-from thermid.qualify.overlay import Overlay, overlays, paired
 
 __all__ = ["Correlation", "Deviation", "Exclusions", "correlate"]
 

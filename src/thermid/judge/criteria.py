@@ -13,7 +13,7 @@ from thermid.model.signal import literal
 from thermid.sourced.marks import check_mark
 
 if TYPE_CHECKING:
-    from thermid.qualify.correlation import Deviation
+    from thermid.judge.correlation import Deviation
 
 __all__ = ["CRITERIA", "CriteriaSet", "Gate", "judge", "read_criteria"]
 

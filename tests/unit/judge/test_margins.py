@@ -9,11 +9,11 @@ import pytest
 
 import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
+from thermid.judge.heaters import heater_duty
+from thermid.judge.limits import Limits
+from thermid.judge.margins import margins
+from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
-from thermid.qualify.foresight import foresee
-from thermid.qualify.heaters import heater_duty
-from thermid.qualify.limits import Limits
-from thermid.qualify.margins import margins
 from thermid.sourced.policies import POLICIES, flat_margin
 from unit.qualify.things import soak, unit
 

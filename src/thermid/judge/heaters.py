@@ -8,7 +8,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
-from thermid.qualify.foresight import Foresight
+from thermid.prediction.foresight import Foresight
 from thermid.sourced.marks import Figure
 from thermid.sourced.policies import POLICIES, SMC, Policy
 

@@ -7,8 +7,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
-from thermid.qualify.limit_checks import check_limits
-from thermid.qualify.limits import Limits, load_limits, read_limits
+from thermid.judge.limit_checks import check_limits
+from thermid.judge.limits import Limits, load_limits, read_limits
 
 ONE = td.model_from_dict(
     {

@@ -10,11 +10,11 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.judge.limit_checks import times_in_state
+from thermid.judge.limits import Limits
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.foresight import Foresight
-from thermid.qualify.limit_checks import times_in_state
-from thermid.qualify.limits import Limits
+from thermid.prediction.foresight import Foresight
 from thermid.sourced.marks import Figure, weakest
 from thermid.sourced.policies import POLICIES, SMC, Policy, flat_margin
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
-from thermid.qualify.limits import STATES, Ends, Limits, text_of
+from thermid.judge.limits import STATES, Ends, Limits, text_of
 from thermid.simulation.extremes import Dense, resolved
 from thermid.simulation.solution import Solution, Trace
 
