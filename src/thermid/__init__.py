@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from thermid.explain.balance import energy_balance as energy_balance
     from thermid.explain.criticism import Criticism as Criticism
     from thermid.explain.criticism import criticise as criticise
+    from thermid.explain.diagnosis import Diagnosis as Diagnosis
+    from thermid.explain.diagnosis import diagnose as diagnose
     from thermid.explain.plausibility import Plausibility as Plausibility
     from thermid.explain.plausibility import plausibility as plausibility
     from thermid.fit.calibrate import calibrate as calibrate
@@ -116,8 +118,6 @@ if TYPE_CHECKING:
     from thermid.profiles.standards import profile_of as profile_of
     from thermid.qualify.deliver import check_delivery as check_delivery
     from thermid.qualify.deliver import deliver as deliver
-    from thermid.qualify.diagnosis import Diagnosis as Diagnosis
-    from thermid.qualify.diagnosis import diagnose as diagnose
     from thermid.qualify.drivers import sobol_of as sobol_of
     from thermid.qualify.hold import Hold as Hold
     from thermid.qualify.hold import hold as hold
@@ -315,8 +315,8 @@ _PUBLIC = {
     "CriteriaSet": "judge.criteria",
     "correlate": "judge.correlation",
     "Correlation": "judge.correlation",
-    "diagnose": "qualify.diagnosis",
-    "Diagnosis": "qualify.diagnosis",
+    "diagnose": "explain.diagnosis",
+    "Diagnosis": "explain.diagnosis",
     "load_plan": "qualify.plan",
     "Plan": "qualify.plan",
     "lock_plan": "qualify.lock",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thermid.explain.diagnosis import Diagnosis
 from thermid.judge.correlation import Correlation
 from thermid.judge.heaters import HeaterDuty
 from thermid.judge.limit_checks import LimitCheck
@@ -15,7 +16,6 @@ from thermid.judge.limits import Limits
 from thermid.prediction.foresight import Foresight
 from thermid.prediction.known import Known
 from thermid.profile_runs.profile_run import ProfileRun
-from thermid.qualify.diagnosis import Diagnosis
 from thermid.sourced.marks import VERDICTS, weigh
 
 if TYPE_CHECKING:

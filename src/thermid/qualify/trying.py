@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.explain.diagnosis import diagnose
 from thermid.judge.compare import compare
 from thermid.judge.correlation import Exclusions, correlate
 from thermid.judge.heaters import heater_duty
@@ -29,7 +30,6 @@ from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.standards import profile_from
 from thermid.qualify.as_run import exchanged, not_covered, not_reached
 from thermid.qualify.assumptions import extrapolations
-from thermid.qualify.diagnosis import diagnose
 from thermid.qualify.plan import Plan
 from thermid.qualify.settled import dwells, settled_by, unsettled
 from thermid.qualify.trial import Trial

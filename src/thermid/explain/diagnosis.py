@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
+from thermid.explain.fault_bench import FaultBench, cases_of
+from thermid.explain.suspects import GROUPS, Candidate, suspects
 from thermid.fit.calibration import Calibration
-from thermid.qualify.fault_bench import FaultBench, cases_of
-from thermid.qualify.suspects import GROUPS, Candidate, suspects
 
 __all__ = ["Diagnosis", "Suspect", "diagnose"]
 

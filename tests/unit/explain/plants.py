@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import thermid as td
+from thermid.explain.suspects import laid_open
 from thermid.model.elements import Conductor
 from thermid.model.parameter import parameter
-from thermid.qualify.suspects import laid_open
 
 GROUPS = ("boundary or reference", "power", "link", "sensor", "capacitance")
 NOISE, ACCURACY, VISIBLE = 0.05, 0.2, 0.8

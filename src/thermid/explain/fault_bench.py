@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.explain.suspects import Candidate
 from thermid.fit.calibration import Calibration
-from thermid.qualify.suspects import Candidate
 from thermid.simulation.simulator import Simulator, prepare
 
 __all__ = ["Case", "FaultBench", "cases_of"]

@@ -9,9 +9,9 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError
-from thermid.qualify.diagnosis import diagnose
-from thermid.qualify.suspects import suspects
-from unit.qualify.plants import GROUPS, left_open, plant
+from thermid.explain.diagnosis import diagnose
+from thermid.explain.suspects import suspects
+from unit.explain.plants import GROUPS, left_open, plant
 from unit.qualify.things import soak, unit
 
 SISNAV = Path(__file__).parents[3] / "examples" / "sisnav"
