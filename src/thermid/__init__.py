@@ -88,6 +88,13 @@ if TYPE_CHECKING:
     from thermid.model.modelfile import model_from_dict as model_from_dict
     from thermid.model.modelfile import save_model as save_model
     from thermid.model.replacement import Replacement as Replacement
+    from thermid.monte_carlo.drivers import sobol_of as sobol_of
+    from thermid.monte_carlo.hold import Hold as Hold
+    from thermid.monte_carlo.hold import hold as hold
+    from thermid.monte_carlo.holdfile import HoldQuestion as HoldQuestion
+    from thermid.monte_carlo.holdfile import load_hold as load_hold
+    from thermid.monte_carlo.uncertain import UncertainRuns as UncertainRuns
+    from thermid.monte_carlo.uncertain import uncertain_runs as uncertain_runs
     from thermid.network.environment import Environment as Environment
     from thermid.network.irradiation import Irradiation as Irradiation
     from thermid.network.irradiation import OpenSky as OpenSky
@@ -118,18 +125,11 @@ if TYPE_CHECKING:
     from thermid.profiles.standards import profile_of as profile_of
     from thermid.qualify.deliver import check_delivery as check_delivery
     from thermid.qualify.deliver import deliver as deliver
-    from thermid.qualify.drivers import sobol_of as sobol_of
-    from thermid.qualify.hold import Hold as Hold
-    from thermid.qualify.hold import hold as hold
-    from thermid.qualify.holdfile import HoldQuestion as HoldQuestion
-    from thermid.qualify.holdfile import load_hold as load_hold
     from thermid.qualify.lock import lock_plan as lock_plan
     from thermid.qualify.plan import Plan as Plan
     from thermid.qualify.plan import load_plan as load_plan
     from thermid.qualify.programme import Qualification as Qualification
     from thermid.qualify.programme import run_plan as run_plan
-    from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
-    from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reduction.macro import assumed as assumed
     from thermid.reduction.macro import macro_model as macro_model
     from thermid.reduction.reduce import Reduction as Reduction
@@ -288,13 +288,13 @@ _PUBLIC = {
     "run_profile": "profile_runs.conduct",
     "ProfileRun": "profile_runs.profile_run",
     "equivalent_cycles": "profiles.cycles",
-    "uncertain_runs": "qualify.uncertain",
-    "UncertainRuns": "qualify.uncertain",
-    "sobol_of": "qualify.drivers",
-    "hold": "qualify.hold",
-    "Hold": "qualify.hold",
-    "load_hold": "qualify.holdfile",
-    "HoldQuestion": "qualify.holdfile",
+    "uncertain_runs": "monte_carlo.uncertain",
+    "UncertainRuns": "monte_carlo.uncertain",
+    "sobol_of": "monte_carlo.drivers",
+    "hold": "monte_carlo.hold",
+    "Hold": "monte_carlo.hold",
+    "load_hold": "monte_carlo.holdfile",
+    "HoldQuestion": "monte_carlo.holdfile",
     "reduce": "reduction.reduce",
     "Reduction": "reduction.reduce",
     "deliver": "qualify.deliver",

@@ -41,7 +41,7 @@ LOW = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "kno
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
 CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
-TESTED = {"sourced", "profiles", "profile_runs", "steadiness", "reduction"}
+TESTED = {"sourced", "profiles", "profile_runs", "steadiness", "reduction", "monte_carlo"}
 ARROWS |= {
     "sourced": LOW,
     "profiles": LOW | {"sourced"},
@@ -62,6 +62,7 @@ ARROWS |= {
     "campaign": LOW | FIT | {"judge", "inference"},
     "campaign.swap": LOW | FIT | {"campaign"},
     "campaign.study": LOW | FIT | {"campaign"},
+    "monte_carlo": LOW | FIT | {"prediction", "campaign", "reduction"},
     "qualify": LOW | FIT | ABOVE_FIT | CAMPAIGN | TESTED,
     "reporting": LOW | FIT | ABOVE_FIT | CAMPAIGN | TESTED | {"qualify"},
     "acquire": FOUNDATION | {"measure"},

@@ -16,8 +16,8 @@ from switched import switched
 from thermid.judge.limit_checks import check_limits, check_readings
 from thermid.judge.limits import Limits
 from thermid.judge.margins import margins
+from thermid.monte_carlo.hold import hold
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.hold import hold
 from thermid.simulation.extremes import first_above, resolved, signal_turnings
 from thermid.simulation.solution import Trace
 

@@ -11,11 +11,11 @@ import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
 from thermid.knowledge.sources import Cut, Shifted, Uniform, uniforms
 from thermid.knowledge.values import FittedValue, FittedValues
+from thermid.monte_carlo import chunks as campaign_runs
+from thermid.monte_carlo.drivers import drivers_of
+from thermid.monte_carlo.starts import begun_at
 from thermid.prediction.budget import Target
 from thermid.prediction.known import normal_sources
-from thermid.qualify import campaign_runs
-from thermid.qualify.drivers import drivers_of
-from thermid.qualify.starts import begun_at
 
 POWER, G, C, ROOM = 10.0, 0.5, 500.0, 293.15
 SPREAD = {"air": "2 [K]", "scale.heater": "5 [%]"}

@@ -12,13 +12,13 @@ from thermid.fit.calibration import Calibration
 from thermid.knowledge.sources import Choice, Source
 from thermid.knowledge.values import FittedValues
 from thermid.model.model import Model
+from thermid.monte_carlo.chunks import Job
+from thermid.monte_carlo.starts import begun_at, starts
 from thermid.network.network import compile_network
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import known_of
 from thermid.prediction.spread import Spread
 from thermid.prediction.stated import check_variants
-from thermid.qualify.campaign_runs import Job
-from thermid.qualify.starts import begun_at, starts
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import output_times

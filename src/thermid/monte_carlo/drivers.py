@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
-from thermid.qualify.campaign_runs import Job, MissingPackageError, run_members_of
+from thermid.monte_carlo.chunks import Job, MissingPackageError, run_members_of
 
 __all__ = ["Driver", "Sobol", "drivers_of", "sobol_of"]
 

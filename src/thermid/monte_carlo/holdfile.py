@@ -14,8 +14,8 @@ from thermid.errors import DeckError, nearest
 from thermid.knowledge.values import FittedValues
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
-from thermid.qualify.hold import Hold, check_members, hold, limits_of
-from thermid.qualify.uncertain import Progress, UncertainRuns, uncertain_runs
+from thermid.monte_carlo.hold import Hold, check_members, hold, limits_of
+from thermid.monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs
 from thermid.reduction.macro import macro_model
 from thermid.simulation.scenario import Scenario, load_scenario
 

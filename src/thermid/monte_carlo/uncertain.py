@@ -16,11 +16,11 @@ from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.standing import Standing, of_model
 from thermid.model.model import Model
+from thermid.monte_carlo.chunks import Chunk, Job, Store, chunks
+from thermid.monte_carlo.draws import CHUNK, Values, plan_runs
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.omitted import assumed_left_out, first_line, in_order
 from thermid.prediction.setting import Setting
-from thermid.qualify.campaign_runs import Chunk, Job, Store, chunks
-from thermid.qualify.run_plan import CHUNK, Values, plan_runs
 from thermid.reduction.macro import assumed
 from thermid.simulation.engine import Options
 from thermid.simulation.extremes import MemberTurnings

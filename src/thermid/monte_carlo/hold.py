@@ -15,11 +15,11 @@ from thermid.errors import ScenarioError
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.model.signal import literal
+from thermid.monte_carlo.drivers import Driver, drivers_of
+from thermid.monte_carlo.hold_times import clock, first_crossings, hold_time, proportion
+from thermid.monte_carlo.uncertain import UncertainRuns
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.structural import MISFIT
-from thermid.qualify.drivers import Driver, drivers_of
-from thermid.qualify.hold_times import clock, first_crossings, hold_time, proportion
-from thermid.qualify.uncertain import UncertainRuns
 from thermid.units import TEMPERATURE
 
 __all__ = ["Hold", "HoldPoint", "check_members", "hold", "limits_of"]
