@@ -159,7 +159,7 @@ def of_a_run(folder: Path) -> dict[str, Any]:
 
 def numbers(result: object) -> str:
     """Return a hash of all numbers and names in a result, and of what it works out when asked."""
-    total, seen = hashlib.sha256(), set[int]()
+    total, seen = hashlib.sha256(), dict[int, object]()  # kept, lest another takes the place of one that is gone
 
     def take(value: object) -> None:
         if isinstance(value, np.ndarray):
@@ -169,16 +169,16 @@ def numbers(result: object) -> str:
         elif id(value) in seen:
             return
         elif isinstance(value, Mapping):
-            seen.add(id(value))
+            seen[id(value)] = value
             for key, inner in value.items():
                 take(key if isinstance(key, str) else str(key))
                 take(inner)
         elif isinstance(value, list | tuple):
-            seen.add(id(value))
+            seen[id(value)] = value
             for inner in value:
                 take(inner)
         elif is_dataclass(value) and not isinstance(value, type):
-            seen.add(id(value))
+            seen[id(value)] = value
             for f in fields(value):
                 if f.init:
                     take(getattr(value, f.name))
