@@ -57,6 +57,17 @@ struct Table {
         g2 = 2.0 * p.c2 + 6.0 * t * p.c3;
     }
     void eval(double at, double& g, double& g1) const { double g2; eval(at, g, g1, g2); }
+    // Largest slope, to which an end and the middle of each piece are looked at; where it has no values, none.
+    double steepest() const {
+        double worst = 0.0;
+        for (size_t i = 0; i + 1 < x.size(); ++i)
+            for (double part : {0.0, 0.5, 1.0}) {
+                const LanePiece& p = pieces_[i];
+                const double t = part * (x[i + 1] - x[i]), slope = p.c1 + t * (2.0 * p.c2 + 3.0 * t * p.c3);
+                if (slope > worst) worst = slope;
+            }
+        return worst;
+    }
     // The same, first on the piece of the time before.
     void eval(double at, double& g, double& g1, int& piece) const {
         if (!(at > pieces_[piece].x && at < pieces_[piece + 1].x)) {
