@@ -102,7 +102,7 @@ class Group {
     void drop(unsigned lanes);
     void emit(long from, long last, double* out);
     void turn();
-    double moved_by(const std::vector<double>& knots);
+    double strongest(int k) const;
     void weigh(double time);
     Turnings turnings_;
     std::vector<double> seen_, seen_times_;

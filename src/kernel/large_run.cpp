@@ -200,6 +200,8 @@ void LargeRun::write_fields(const std::vector<double>& times, size_t& next, doub
 // Turning points of what is observed inside the step just made: of a weighted sum those of its cubic, of a largest or smallest those of
 // parabolas through samples.
 void LargeRun::turn(const Observed& seen, double reached) {
+    Summary whole[PARTS + 1];  // of all nodes, shared by those that read it
+    bool known = false;
     for (int k = 0; k < seen.size(); ++k) {
         const int from = seen.indptr[k], to = seen.indptr[k + 1];
         bool smooth = true;
@@ -220,9 +222,12 @@ void LargeRun::turn(const Observed& seen, double reached) {
         }
         double at[PARTS + 1], y[PARTS + 1];
         for (int q = 0; q <= PARTS; ++q) {
+            const Hermite w = hermite(h_ * q / PARTS);
+            if (from == to && !known) whole[q] = summary(T_.data(), T1_.data(), G_.data(), G1_.data(), n_, w);
             at[q] = q == PARTS ? reached : t_ + h_ * q / PARTS;
-            y[q] = observed(seen, k, hermite(h_ * q / PARTS));
+            y[q] = observed(seen, k, w, &whole[q]);
         }
+        known = known || from == to;
         turnings_.see(k, at[0], y[0]);
         for (int q = 2; q <= PARTS; q += 2) turnings_.see_three(k, at[q - 2], y[q - 2], at[q - 1], y[q - 1], at[q], y[q]);
     }
