@@ -24,8 +24,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
 from thermid.profile_runs.conduct import run_profile
-from thermid.profile_runs.profile_run import ProfileRun
-from thermid.profile_runs.remarks import in_short
+from thermid.profile_runs.profile_run import ProfileRun, in_short
 from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.standards import profile_from
 from thermid.qualify.as_run import exchanged, not_covered, not_reached
