@@ -19,9 +19,7 @@ from thermid.profile_runs.humid import humid
 from thermid.profile_runs.legs import Bench, Conditions, Leg, Plan
 from thermid.profile_runs.profile_run import Phase, ProfileRun
 from thermid.profile_runs.waiting import Wanted, wait
-from thermid.profiles.profile import ThermalProfile
-from thermid.profiles.remarks import ordered
-from thermid.profiles.steps import Step
+from thermid.profiles.profile import Step, ThermalProfile, ordered
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.transient import simulate
