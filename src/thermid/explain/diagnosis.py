@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError
+from thermid.errors import IdentificationError, ThermidError
 from thermid.explain.fault_bench import FaultBench, cases_of
 from thermid.explain.suspects import GROUPS, Candidate, suspects
 from thermid.fit.calibration import Calibration
@@ -179,8 +179,6 @@ def _linear(bench: FaultBench, c: Candidate, z: Array) -> Tried:
 
 
 def _refitted(bench: FaultBench, c: Candidate, z: Array, begun: Tried) -> Tried:
-    from thermid.errors import ThermidError
-
     amount, best = begun[1], begun
     for _ in range(ROUNDS):
         try:

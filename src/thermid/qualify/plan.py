@@ -6,18 +6,22 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
+from thermid.campaign.filed import filed
+from thermid.campaign.stages import run_stages
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.judge.criteria import CRITERIA, CriteriaSet, read_criteria
 from thermid.judge.limits import Limits, load_limits, read_limits
+from thermid.model.faults import deck_error
 from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
 from thermid.prediction.known import Known
 from thermid.qualify.basis import basis
+from thermid.qualify.plan_checks import check_parts, check_test
 from thermid.reduction.macro import macro_model
 from thermid.sourced.policies import POLICIES
 
@@ -87,8 +91,6 @@ class Plan:
     def _known(self) -> Known:
         source, folder = self.content.model, self.path.parent
         if source.campaign:
-            from thermid.campaign.stages import run_stages
-
             file = resolve_inside(folder, source.campaign, "model.campaign")
             data = self.data or (resolve_inside(folder, source.data, "model.data") if source.data else None)
             campaign = run_stages(file, data=data, cache=file.parent / "results")
@@ -100,8 +102,6 @@ class Plan:
         model = load_model(resolve_inside(folder, source.deck, "model.deck"))
         if not source.values:
             return Known(model)
-        from thermid.campaign.filed import filed
-
         found = filed(resolve_inside(folder, source.values, "model.values"), model)
         made = bool(found.values.provenance.get("synthetic", False))
         return Known(found.model, (found.values,), synthetic=made, remarks=found.lines)
@@ -116,8 +116,6 @@ class Plan:
 
     def limits_on(self, host: str) -> tuple[Limits, ...]:
         """Return the limits under their paths on a host."""
-        from dataclasses import replace
-
         if not host:
             return self.limits
         at = self.content.hosts[host].unit
@@ -146,8 +144,6 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     """
     from pydantic import ValidationError
 
-    from thermid.model.faults import deck_error
-    from thermid.qualify.plan_checks import check_parts, check_test
     from thermid.qualify.plan_schema import PlanFile
 
     target = Path(path)
