@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
     from thermid.qualify.plan_schema import TestTable
 
-__all__ = ["LEVEL", "dwells", "exchanged", "not_covered", "not_reached", "sensors_of", "settled_by", "tried", "unsettled"]
+__all__ = ["sensors_of", "tried"]
 
 STORED = 6000
 """At most so many stored times of a run: two minutes over eight days."""
