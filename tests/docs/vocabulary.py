@@ -28,8 +28,8 @@ from thermid.model import schema
 from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.kinds import KINDS
 from thermid.model.signal import Sine, Table
+from thermid.profiles.profile import STEP_KEYS
 from thermid.profiles.standards import KEYS
-from thermid.profiles.steps import STEP_KEYS
 from thermid.qualify import plan_schema
 from thermid.simulation import pad, surroundings
 from thermid.sourced.number import SLOTS, WORDS

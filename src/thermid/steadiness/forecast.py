@@ -14,6 +14,7 @@ from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.prepare import stretch, within_log
 from thermid.measure.stability import StabilityRule, resolution_of, rule_of
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation.transient import simulate
 from thermid.steadiness.approach import Approach, approach
 from thermid.steadiness.foretold import REACH, Estimate, Forecast, estimate, with_step
 
@@ -155,8 +156,6 @@ def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]
         raise ScenarioError(
             "a model's time constants belong to conditions: give the scenario of the stretch beside the model.", model.title
         )
-    from thermid.simulation.transient import simulate
-
     found = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=3600.0)).time_constants
     return tuple(float(t) for t in found if np.isfinite(t))
 
