@@ -195,7 +195,7 @@ def test_a_duty_in_per_cent_that_is_taken_as_watts_is_questioned() -> None:
 
 def test_a_mass_that_moves_a_thousand_times_is_questioned_first() -> None:
     """54 g became 54.6 kg, "residuals white: yes"."""
-    true, deck, record = warm(8)
+    _, deck, record = warm(8)
     long = td.Record.from_arrays("ms", 1000.0 * record.times, dict(record.channels))
     fit = td.calibrate(deck, long, ["core.capacitance", "case.capacitance", "skin.effective_htc"])
     assert any("times the deck's" in line for line in str(fit).splitlines()[1:5]), str(fit)
@@ -288,7 +288,8 @@ def test_check_opens_the_logs_of_a_campaign(campaign: Path, old: str, new: str, 
     """A missing file, column or boundary were "0 errors"."""
     findings, inputs = check_campaign(campaign)
     assert not [f for f in findings if f.severity == "error"]
-    assert [(r.source, r.kind, r.name) for r in inputs["box"].rows][0] == ("assumed", "load", "heat")
+    first = inputs["box"].rows[0]
+    assert (first.source, first.kind, first.name) == ("assumed", "load", "heat")
     campaign.write_text(CAMPAIGN.replace(old, new))
     findings, _ = check_campaign(campaign)
     errors = [f for f in findings if f.severity == "error"]

@@ -14,7 +14,7 @@ from thermid.campaign.staging import keyed, readings_of, request_of
 from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
-from thermid.fit.inputs import Input, Inputs, inputs_of
+from thermid.fit.inputs import Input, InputTable, inputs_of
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.inference.identifiability import Identifiability, identifiability, identifiability_of
@@ -82,7 +82,7 @@ def survey(
 
 def check_campaign(
     campaign: str | os.PathLike[str], data: str | os.PathLike[str] | None = None
-) -> tuple[tuple[Finding, ...], dict[str, Inputs]]:
+) -> tuple[tuple[Finding, ...], dict[str, InputTable]]:
     """Return what would stop or mislead a campaign, and the inputs of each stage; every log is opened and bound, and none is fitted.
 
     Of records that verdicts hold out, files, columns and bindings are checked; none of their numbers is shown.
@@ -100,7 +100,7 @@ def check_campaign(
     tables = source.content.stages
     files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(tables)}
     found = [f for file, where in files.items() for f in source.model(file, where).check()]
-    inputs: dict[str, Inputs] = {}
+    inputs: dict[str, InputTable] = {}
     requests: dict[str, Request] = {}
     for k, stage in enumerate(tables):
         where = source.where(f"stages.{k}")
@@ -113,7 +113,7 @@ def check_campaign(
         requests[stage.name] = request
         rows, wrong = _bound(request, where)
         found += wrong
-        inputs[stage.name] = Inputs.of(rows)
+        inputs[stage.name] = InputTable.of(rows)
     for k, verdict in enumerate(source.content.verdicts):
         stage = next(s for s in tables if s.name == verdict.model)
         found += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))

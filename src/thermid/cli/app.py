@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from thermid.campaign.stages import Campaign
     from thermid.errors import ThermidError
-    from thermid.fit.inputs import Inputs
+    from thermid.fit.inputs import InputTable
     from thermid.model.model import Model
     from thermid.simulation.scenario import Scenario
 
@@ -149,7 +149,7 @@ def check(deck: Deck, data: Data = None, as_json: Json = False) -> None:
     from thermid.model.modelfile import load_model, read_toml
 
     content, _ = read_toml(deck)
-    inputs: dict[str, Inputs] = {}
+    inputs: dict[str, InputTable] = {}
     if "stages" in content:
         from thermid.campaign.survey import check_campaign
 

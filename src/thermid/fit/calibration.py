@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.fit.contradicted import BLAME, FIRST, LOUD, contradicted
-from thermid.fit.inputs import Inputs, input_lines, inputs_of
+from thermid.fit.inputs import InputTable, input_lines, inputs_of
 from thermid.fit.problem.residuals import Block, Predictions, Problem
 from thermid.fit.problem.statistics import SensorStatistics, Sums, pooled
 from thermid.fit.sensors import instrument_shares, sensor_shares
@@ -142,10 +142,10 @@ class Calibration:
         return contradicted(self.values)
 
     @property
-    def inputs(self) -> Inputs:
+    def inputs(self) -> InputTable:
         """Every boundary, load and start of every record with its source, what is assumed first; empty where no log was fitted."""
         if self.request is None or self.problem is None:
-            return Inputs()
+            return InputTable()
         return inputs_of(self.request, self.experiments, self.problem.unknowns)
 
     def _sums(self) -> list[tuple[str, str, Sums]]:

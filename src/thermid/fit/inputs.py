@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from thermid.fit.problem.unknowns import Unknown
     from thermid.measure import Channel
 
-__all__ = ["SOURCES", "Input", "Inputs", "input_lines", "inputs_of"]
+__all__ = ["SOURCES", "Input", "InputTable", "input_lines", "inputs_of"]
 
 Source = Literal["assumed", "deck", "scenario", "log"]
 SOURCES: tuple[Source, ...] = ("assumed", "deck", "scenario", "log")
@@ -75,7 +75,7 @@ class Input:
 
 
 @dataclass(frozen=True)
-class Inputs:
+class InputTable:
     """The inputs of all records of a fit.
 
     Parameters
@@ -86,7 +86,7 @@ class Inputs:
     rows: tuple[Input, ...] = field(default=())
 
     @classmethod
-    def of(cls, rows: Iterable[Input]) -> Inputs:
+    def of(cls, rows: Iterable[Input]) -> InputTable:
         """Return inputs in the order of the table."""
         return cls(tuple(sorted(rows, key=lambda r: SOURCES.index(r.source))))
 
@@ -110,7 +110,7 @@ class Inputs:
         return "\n".join(input_lines(self.rows))
 
 
-def inputs_of(request: Request, experiments: Iterable[Experiment], unknowns: Sequence[Unknown] | None = None) -> Inputs:
+def inputs_of(request: Request, experiments: Iterable[Experiment], unknowns: Sequence[Unknown] | None = None) -> InputTable:
     """Return the inputs of some records.
 
     Parameters
@@ -124,7 +124,7 @@ def inputs_of(request: Request, experiments: Iterable[Experiment], unknowns: Seq
     else:
         free = {p for u in unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
     rows = [row for e in experiments for row in (*_boundaries(request, e), *_loads(e, free), *_starts(request, e))]
-    return Inputs.of(rows)
+    return InputTable.of(rows)
 
 
 def _driving(e: Experiment) -> dict[str, Channel]:

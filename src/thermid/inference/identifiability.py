@@ -13,7 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.design.planned import planned_record, sensors_of
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
-from thermid.fit.inputs import Inputs, input_lines, inputs_of
+from thermid.fit.inputs import InputTable, input_lines, inputs_of
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import Problem
@@ -89,7 +89,7 @@ class Identifiability:
     parameters : dict           Path -> `Known`, priors counted.
     groups : tuple of Group     What cannot be told apart: structural ones first.
     cures : tuple of Cure       What would help, the best first.
-    inputs : Inputs             Every boundary, load and start of every record, with its source.
+    inputs : InputTable             Every boundary, load and start of every record, with its source.
     """
 
     title: str
@@ -101,7 +101,7 @@ class Identifiability:
     cures: tuple[Cure, ...]
     information: Information = field(repr=False)
     problem: Problem = field(repr=False)
-    inputs: Inputs = field(default=Inputs(), repr=False)
+    inputs: InputTable = field(default=InputTable(), repr=False)
 
     def __getitem__(self, path: str) -> Known:
         """Return what is known of one parameter."""
@@ -225,7 +225,7 @@ def identifiability_of(request: Request, stage: str = "before", tell: float = TE
     problem = problem_for(request)
     start = np.array([u.to_fitted(u.start) for u in problem.unknowns])
     found = _told(request.name or request.model.title, stage, problem, start, 1.0, tell)
-    return replace(found, inputs=Inputs() if stage == "planned" else inputs_of(request, problem.experiments, problem.unknowns))
+    return replace(found, inputs=InputTable() if stage == "planned" else inputs_of(request, problem.experiments, problem.unknowns))
 
 
 def _after(fit: Calibration, tell: float) -> Identifiability:

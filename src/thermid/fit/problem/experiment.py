@@ -21,7 +21,7 @@ from thermid.model.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.simulation.scenario import Scenario
 
-__all__ = ["SCALE", "Experiment", "Observation", "role_and_target", "meet"]
+__all__ = ["SCALE", "Experiment", "Observation", "meet", "role_and_target"]
 
 Array = NDArray[np.float64]
 SCALE = "scale."
