@@ -41,7 +41,13 @@ LOW = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "kno
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
 CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
+TESTED = {"sourced", "profiles", "profile_runs", "steadiness", "reduction", "monte_carlo"}
 ARROWS |= {
+    "sourced": LOW,
+    "profiles": LOW | {"sourced"},
+    "profile_runs": LOW | {"sourced", "profiles"},
+    "steadiness": LOW | {"profile_runs"},
+    "reduction": LOW,
     "fit.problem": LOW,
     "fit.least_squares": LOW | {"fit.problem"},
     "fit.uncertainty": LOW | {"fit.problem", "fit.least_squares"},
@@ -49,15 +55,16 @@ ARROWS |= {
     "fit": LOW | FIT - {"fit"},
     "power": LOW | FIT,
     "explain": LOW | FIT,
-    "judge": LOW | FIT,
+    "judge": LOW | FIT | {"sourced", "prediction"},
     "prediction": LOW | FIT,
     "design": LOW | FIT | {"prediction"},
     "inference": LOW | FIT | {"design"},
     "campaign": LOW | FIT | {"judge", "inference"},
     "campaign.swap": LOW | FIT | {"campaign"},
     "campaign.study": LOW | FIT | {"campaign"},
-    "qualify": LOW | FIT | ABOVE_FIT | CAMPAIGN,
-    "reporting": LOW | FIT | ABOVE_FIT | CAMPAIGN | {"qualify"},
+    "monte_carlo": LOW | FIT | {"prediction", "campaign", "reduction"},
+    "qualify": LOW | FIT | {"judge", "explain", "prediction", "campaign"} | TESTED,
+    "reporting": LOW | FIT | ABOVE_FIT | CAMPAIGN | TESTED | {"qualify"},
     "acquire": FOUNDATION | {"measure"},
     "interop": FOUNDATION | {"physics", "model", "network", "simulation"},
 }
@@ -144,7 +151,7 @@ def allowed_rooms(package: str) -> set[str]:
     return {room for room in rooms if room.rpartition(".")[0] not in rooms}
 
 
-@pytest.mark.parametrize("package", sorted(FIT | CAMPAIGN | ABOVE_FIT))
+@pytest.mark.parametrize("package", sorted(FIT | CAMPAIGN | ABOVE_FIT | TESTED | {"qualify"}))
 def test_a_package_says_what_it_may_import(modules: dict[str, Module], package: str) -> None:
     """What it is for in a line, what comes in, what goes out, and the contract, in at most six lines."""
     text = ast.get_docstring(modules[f"thermid.{package}"].tree) or ""

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from thermid.arguments import takes_objects
-from thermid.qualify.correlation import Correlation
-from thermid.qualify.marks import VERDICTS, weigh
+from thermid.judge.correlation import Correlation
 from thermid.qualify.programme import Qualification
 from thermid.reporting import qualification_judged as judged
 from thermid.reporting import qualification_tables as tables
@@ -21,6 +20,7 @@ from thermid.reporting.qualification_figures import course
 from thermid.reporting.qualification_sections import all_overlays, sections
 from thermid.reporting.sections import Block, Facts, Figures, Notes, Plot, Section, Words, as_block
 from thermid.reporting.study_page import tile
+from thermid.sourced.marks import VERDICTS, weigh
 from thermid.units import counted
 
 __all__ = ["correlation_report", "qualification_report"]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from thermid.judge.correlation import Correlation
 from thermid.model.flat import flatten
-from thermid.qualify.correlation import Correlation
-from thermid.qualify.marks import VERDICTS
 from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
 from thermid.reporting import qualification_judged as judged
@@ -17,6 +16,7 @@ from thermid.reporting.origins import versions
 from thermid.reporting.qualification_cells import hours, mark
 from thermid.reporting.qualification_figures import overlay
 from thermid.reporting.sections import Block, Facts, Figures, Heading, Notes, Plot, Section, Words, folded
+from thermid.sourced.marks import VERDICTS
 
 __all__ = ["all_overlays", "sections"]
 
