@@ -212,6 +212,7 @@ void Modal::flush(int nobs, double* traces) {
     }
     if (filled_ > 0 && turnings_.on()) {
         collect(nobs, traces);
+        sane_ = sane_ && plausible(seen_.data(), static_cast<size_t>(filled_) * course_base_.size());
     } else if (filled_ > 0) {
         double* to = traces + static_cast<size_t>(done_) * nobs;
         blend(to, rows_.data(), filled_, mix_.data(), terms_, nobs);

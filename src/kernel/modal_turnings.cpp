@@ -9,6 +9,7 @@ namespace thermid {
 
 namespace {
 constexpr double START = 0.01, CALM = 0.1;  // of the shortest time constant: rows are no further apart, just after a kink and long after
+constexpr double PARTS = 30.0;  // of a piece between two knots: with more, it is no part of a calm span
 constexpr double SHORT = 0.1;  // of the shortest time constant: a slope changes sign once at most
 constexpr double CLOSE = 1e-9; // of a stretch: where its slope is zero
 }  // namespace
@@ -107,7 +108,9 @@ void Modal::survey(double t0, double t_end) {
             begin = t;
             low = bottom;
             high = top;
-            empty = !(alone <= Turnings::NOISE && next - t <= longest);
+            const double parts = std::ceil((next - t) / longest);
+            empty = !(alone <= Turnings::NOISE && parts <= PARTS);
+            for (double q = 1.0; !empty && q < parts; ++q) row_times_.push_back(begin = t + (next - t) * q / parts);
             if (empty) {
                 row_times_.push_back(next);
                 mark(next, true);
@@ -158,10 +161,15 @@ void Modal::weave(const double* out_t, long nout) {
 void Modal::collect(int nobs, double* traces) {
     const int columns = static_cast<int>(course_base_.size());
     blend(seen_.data(), rows_.data(), filled_, mix_.data(), terms_, columns);
-    sane_ = sane_ && std::all_of(seen_.begin(), seen_.begin() + static_cast<size_t>(filled_) * columns, [](double t) { return t > COLDEST && t < 1e5; });
     for (int r = 0; r < filled_; ++r)
         if (stored_[done_ + r] >= 0) std::copy_n(seen_.data() + r * columns, nobs, traces + stored_[done_ + r] * nobs);
-    if (!exact_) turnings_.see_rows(row_times_.data() + done_, filled_, seen_.data());
+    if (exact_) return;
+    const auto output = [&](int r) { return stored_[done_ + r] >= 0; };
+    for (int first = 0, last; first < filled_; first = last) {  // but for outputs among outputs, between which nothing happens
+        while (first + 1 < filled_ && output(first) && output(first + 1)) ++first;
+        for (last = first + 1; last < filled_ && !(output(last - 1) && output(last));) ++last;
+        turnings_.see_rows(row_times_.data() + done_ + first, last - first, seen_.data() + first * columns);
+    }
 }
 
 void Modal::parts_of(Stretch& x) const {
