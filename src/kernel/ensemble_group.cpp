@@ -266,17 +266,18 @@ void Group::turn() {
     }
     std::vector<double>& at = seen_times_;
     at.clear();
+    double bend = 0.0;
+    for (int i : s_.observed)
+        for (int q = i * LANES; q < (i + 1) * LANES; ++q) {
+            const double* c = g_.poly + q;
+            const double own = 2.0 * std::fabs(c[2 * m]) + 6.0 * std::fabs(c[3 * m]) + 12.0 * std::fabs(c[4 * m]) + 20.0 * std::fabs(c[5 * m]);
+            bend = own > bend ? own : bend;
+        }
+    const double gap = Turnings::gap(rate, bend / (g_.h * g_.h));
     for (int k = 0; k < g_.plan->nk; ++k)
-        if (active_[k]) input(k).knots(origin_, end_, at, std::min(Turnings::NOISE / rate, g_.h / 8));
+        if (active_[k]) input(k).knots(origin_, end_, at, gap);
     std::sort(at.begin(), at.end());
-    at.erase(std::unique(at.begin(), at.end()), at.end());
-    long next = out_next_;
-    const auto stored = [&](double t) {
-        while (next < static_cast<long>(s_.times.size()) && s_.times[next] < t) ++next;
-        return next < static_cast<long>(s_.times.size()) && s_.times[next] == t;
-    };
-    at.erase(std::remove_if(at.begin(), at.end(), stored), at.end());
-    at.push_back(end_);
+    turnings_.among_outputs(at, out_next_, end_, gap);
     seen_.resize(at.size() * columns);
     for (size_t r = 0; r < at.size(); ++r) {
         weigh(at[r]);

@@ -237,10 +237,17 @@ def uncertain_runs(
     if failed:
         why = next(iter(failed.values()))
         remarks = (*remarks, f"{len(failed)} of {n} members did not reach the end and are left out. One of them: {why}")
+    turnings, blind = _turnings(job, ordered)
+    remarks = (*remarks, *blind)
+    return UncertainRuns(job, np.concatenate([c.temperatures for c in ordered]), turnings, failed, reused, remarks)
+
+
+def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurnings], tuple[str, ...]]:
+    """Return node -> turning points of all members, and a remark on the nodes of which there are none."""
     followed = [node for node in job.nodes if all(node in c.turnings for c in ordered)]
     turnings = {node: MemberTurnings.joined([(c.first, c.turnings[node]) for c in ordered]) for node in followed}
-    if len(followed) < len(job.nodes):
-        blind = ", ".join(node for node in job.nodes if node not in turnings)
-        why = f"only the stored samples of {blind} are known, so a peak between two of them is not counted. Give a shorter 'every'"
-        remarks = (*remarks, why)
-    return UncertainRuns(job, np.concatenate([c.temperatures for c in ordered]), turnings, failed, reused, remarks)
+    if len(followed) == len(job.nodes):
+        return turnings, ()
+    blind = ", ".join(node for node in job.nodes if node not in turnings)
+    why = f"only the stored samples of {blind} are known, so a peak between two of them is not counted. Give a shorter 'every'"
+    return turnings, (why,)
