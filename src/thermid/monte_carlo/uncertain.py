@@ -16,7 +16,7 @@ from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.standing import Standing, of_model
 from thermid.model.model import Model
-from thermid.monte_carlo.chunks import Chunk, Job, Store, chunks
+from thermid.monte_carlo.chunks import Chunk, ChunkStore, Job, chunks
 from thermid.monte_carlo.draws import CHUNK, Values, plan_runs
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.omitted import assumed_left_out, first_line, in_order
@@ -214,7 +214,7 @@ def uncertain_runs(
     job, remarks = plan_runs(
         model, scenario, values, at=at, spread=spread, without=without, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
     )
-    store = Store.of(job, folder) if folder is not None else None
+    store = ChunkStore.of(job, folder) if folder is not None else None
     parts = job.parts(n)
     done: dict[int, Chunk] = {}
     for first, members in parts if store is not None else ():
