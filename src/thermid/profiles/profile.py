@@ -17,13 +17,13 @@ from thermid.profiles.cycles import Equivalence, equivalent_cycles
 from thermid.sourced.number import MARKS, SLOTS, WORDS, Number, number, weakest
 from thermid.units import TEMPERATURE
 
-__all__ = ["KINDS", "STEP_KEYS", "Step", "ThermalProfile", "as_text", "as_toml", "pair_of", "remarks", "steps_of"]
+__all__ = ["KINDS", "STEP_KEYS", "ProfileStep", "ThermalProfile", "as_text", "as_toml", "pair_of", "remarks", "steps_of"]
 
 STEP_KEYS = ("name", "cycle", "to", "over", "ramp", "pressure", "humidity", "wait", "dwell", "power", "mark")
 
 
 @dataclass(frozen=True)
-class Step:
+class ProfileStep:
     """One step of a profile. What is None stays as it was.
 
     Parameters
@@ -54,7 +54,7 @@ class Step:
     mark: str = "read"
 
 
-def steps_of(profile: ThermalProfile) -> tuple[Step, ...]:
+def steps_of(profile: ThermalProfile) -> tuple[ProfileStep, ...]:
     """Return the steps of a profile, every cycle written out.
 
     Raises
@@ -66,14 +66,14 @@ def steps_of(profile: ThermalProfile) -> tuple[Step, ...]:
         raise ScenarioError(f"a profile has a whole number of cycles, at least one, not {profile['cycles'].text}.", profile.title)
     if not profile.plan:
         return tuple(_cycling(profile, count))
-    out: list[Step] = []
+    out: list[ProfileStep] = []
     for k in range(1, count + 1):
         written = (_read(profile, row, f"{profile.title}, step {n}") for n, row in enumerate(profile.plan, 1))
         out += [replace(s, cycle=s.cycle or k) for s in written]
     return tuple(out)
 
 
-def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> Step:
+def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> ProfileStep:
     """Return a step as a file writes it; a value may be the name of a number of the profile."""
     for key in row:
         if key not in STEP_KEYS:
@@ -100,7 +100,7 @@ def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> Step:
     ramp = value("ramp", "K/s")
     if target is not None and over is None and ramp is None:
         ramp = profile.value("ramp")
-    return Step(
+    return ProfileStep(
         str(row.get("name", "step")),
         int(row.get("cycle", 0)),
         target,
@@ -115,28 +115,28 @@ def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> Step:
     )
 
 
-def _cycling(profile: ThermalProfile, count: int) -> Iterator[Step]:
+def _cycling(profile: ThermalProfile, count: int) -> Iterator[ProfileStep]:
     """Yield the steps of cycles between hot and cold."""
     value, has = profile.value, profile.has
     ramp, powered = value("ramp"), profile.word("starts", "never") != "never"
     if has("pressure"):
         if has("rough_pressure"):
-            yield Step("pump down", power=powered, pressure=value("rough_pressure"), over=value("pump_down"))
-        yield Step("high vacuum", power=powered, pressure=value("pressure"), over=value("pump_down") if has("pump_down") else 600.0)
+            yield ProfileStep("pump down", power=powered, pressure=value("rough_pressure"), over=value("pump_down"))
+        yield ProfileStep("high vacuum", power=powered, pressure=value("pressure"), over=value("pump_down") if has("pump_down") else 600.0)
     first = profile.word("first", "hot")
     order = (first, "cold" if first == "hot" else "hot")
     for k in range(1, count + 1):
         for side in order:
             yield from _plateau(profile, side, k, count, ramp, powered)
     if profile.word("last", order[1]) != order[1]:
-        yield Step(f"to {first}, closing half cycle", 0, value(first), None, ramp, wait=True, power=powered)
-        yield Step(f"{first}, closing half cycle", 0, dwell=value("dwell") if has("dwell") else 0.0)
-    yield Step("return", 0, value("ambient"), None, ramp, power=powered)
+        yield ProfileStep(f"to {first}, closing half cycle", 0, value(first), None, ramp, wait=True, power=powered)
+        yield ProfileStep(f"{first}, closing half cycle", 0, dwell=value("dwell") if has("dwell") else 0.0)
+    yield ProfileStep("return", 0, value("ambient"), None, ramp, power=powered)
     if has("pressure"):
-        yield Step("let in gas", 0, pressure=profile.ground, over=600.0)
+        yield ProfileStep("let in gas", 0, pressure=profile.ground, over=600.0)
 
 
-def _plateau(profile: ThermalProfile, side: str, k: int, count: int, ramp: float, powered: bool) -> Iterator[Step]:
+def _plateau(profile: ThermalProfile, side: str, k: int, count: int, ramp: float, powered: bool) -> Iterator[ProfileStep]:
     """Yield one stay at hot or cold: there, stable, dwell, off, start, operation until the soak is over."""
     value = profile.value
 
@@ -151,14 +151,14 @@ def _plateau(profile: ThermalProfile, side: str, k: int, count: int, ramp: float
     off = value("off") if start and profile.has("off") else 0.0
     operate = at_ends("operate") if side == "hot" and start else 0.0
     left = max(at_ends("soak") - dwell - off, operate)
-    yield Step(f"to {side}", k, value(side), None, ramp, wait=profile.has("stable"), power=powered)
+    yield ProfileStep(f"to {side}", k, value(side), None, ramp, wait=profile.has("stable"), power=powered)
     if start:
         if dwell:
-            yield Step(f"{side} dwell", k, dwell=dwell)
-        yield Step(f"{side}, off", k, dwell=off, power=False)
-        yield Step(f"{side} start", k, dwell=left, power=True)
+            yield ProfileStep(f"{side} dwell", k, dwell=dwell)
+        yield ProfileStep(f"{side}, off", k, dwell=off, power=False)
+        yield ProfileStep(f"{side} start", k, dwell=left, power=True)
     elif dwell + left > 0.0:
-        yield Step(f"{side} soak" if not dwell else f"{side} dwell", k, dwell=dwell + left)
+        yield ProfileStep(f"{side} soak" if not dwell else f"{side} dwell", k, dwell=dwell + left)
 
 
 KINDS: Final = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")
@@ -245,7 +245,7 @@ class ThermalProfile:
         return str(self.numbers[name].value) if name in self.numbers else otherwise
 
     @property
-    def steps(self) -> tuple[Step, ...]:
+    def steps(self) -> tuple[ProfileStep, ...]:
         """What is done, one step after the other, every cycle written out."""
         return steps_of(self)
 
@@ -371,7 +371,7 @@ def _numbers(profile: ThermalProfile) -> Mapping[str, Number]:
         return profile.numbers
 
 
-def _step(step: Step) -> str:
+def _step(step: ProfileStep) -> str:
     """Return a step in words."""
     parts = []
     if step.target is not None:
