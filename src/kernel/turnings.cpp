@@ -278,6 +278,7 @@ void Integrator::turnings_knots(const Outputs& out, double gap) {
     if (active > 1) std::sort(at.begin(), at.end());
     turnings_.among_outputs(at, out.next, end_, gap);
     count_ = POWERS + 4 * active;
+    slope_count_ = POWERS + 2 * active;
     const int sums = o_.sums.size(), wide = static_cast<int>(followed_.size()), columns = out.nobs + sums;
     const long many = static_cast<long>(at.size());
     seen_values_.resize(static_cast<size_t>(many) * wide);

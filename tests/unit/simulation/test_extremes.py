@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from switched import switched
 from thermid.judge.limit_checks import check_limits, check_readings
 from thermid.judge.limits import Limits
 from thermid.judge.margins import margins
+from thermid.model.signal import Table
 from thermid.monte_carlo.hold import hold
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.extremes import first_above, resolved, signal_turnings
@@ -192,6 +194,50 @@ def test_a_crossing_is_found_to_the_dense_output() -> None:
     assert np.diff(finer)[np.flatnonzero(np.diff(np.sign(above)))[0]] < 1e-3
 
 
+def noisy(hold: bool) -> tuple[td.Model, td.Scenario]:
+    """Two masses and a massless joint in an hour of air logged every second, with noise of 0.2 K and steps of 3 K."""
+    lead = {"kind": "conduction", "conductance": "0.5 [W/K]"}
+    ends = {"a": ["chip", "mid"], "b": ["mid", "case"], "c": ["case", "air"]}
+    conductors = {name: lead | {"between": pair} for name, pair in ends.items()}
+    conductors["d"] = lead | {"between": ["mid", "air"], "conductance": "2 [mW/K]"}
+    nodes = {"chip": {"capacitance": "20 [J/K]"}, "case": {"capacitance": "60 [J/K]"}, "mid": {}}
+    loads = {"q": {"into": "chip", "power": "2 [W]"}}
+    model = td.model_from_dict({"title": "n", "needs": ["air"], "nodes": nodes, "conductors": conductors, "loads": loads})
+    times = np.arange(3601.0)
+    values = 293.15 + 0.2 * np.random.default_rng(3).standard_normal(times.size) + 3.0 * ((times + 3.0) % 1300.0 > 703.0)
+    return model, td.Scenario(title="log", duration="1 [h]", boundaries={"air": Table(times, values, hold=hold)}, start=293.15)
+
+
+def strayed(trace: Trace, fine: Trace, every: float) -> float:
+    """Return by how much the highest or lowest of an interval between samples differs from that of a fine course. [K]"""
+    edges = np.arange(0.0, fine.times[-1] + every / 2, every)
+    worst, (times, kelvin) = 0.0, trace.course
+    for start, stop in pairwise(edges):
+        own, want = (k[(t >= start) & (t <= stop)] for t, k in ((times, kelvin), (fine.times, fine.kelvin)))
+        worst = max(worst, abs(own.max() - want.max()), abs(own.min() - want.min()))
+    return worst
+
+
+@pytest.mark.parametrize("hold", [False, True])
+@pytest.mark.parametrize("method", ["modal", "integrator"])
+def test_extremes_of_every_interval_under_noise_hold_to_the_millikelvins_left_out(method: str, hold: bool) -> None:
+    model, scenario = noisy(hold)
+    fine = td.simulate(model, scenario, every=0.5, options=td.Options(method=method, extremes=False))
+    for every in (1.0, 20.0, 600.0):
+        run = td.simulate(model, scenario, every=every, options=td.Options(method=method))
+        for node in ("chip", "case", "mid"):
+            assert strayed(run[node], fine[node], every) < 3e-3
+    assert strayed(Trace("chip", run.times, run["chip"].kelvin), fine["chip"], 600.0) > 0.3
+
+
+def test_extremes_of_members_under_noise_hold_to_the_millikelvins_left_out() -> None:
+    model, scenario = noisy(False)
+    many = td.ensemble(model, scenario, {"c.conductance": np.linspace(0.4, 0.6, 9)}, every=120.0, nodes=["chip", "case"])
+    one = td.simulate(model.with_values({"c.conductance": "0.4 [W/K]"}), scenario, every=0.5, options=td.Options(extremes=False))
+    for node in ("chip", "case"):
+        assert strayed(many.trace(0, node), one[node], 120.0) < 3e-3
+
+
 def compared(seed: int) -> tuple[float, float]:
     """Return how far the extremes of a random switched deck are off [K], and the ratio of processor times with and without tracking."""
     deck, course = switched(seed)
@@ -227,3 +273,29 @@ def test_extremes_of_200_random_models_and_what_they_cost() -> None:
     found = np.array([compared(seed) for seed in range(200)])
     assert found[:, 0].max() < 5e-3, np.flatnonzero(found[:, 0] >= 5e-3)
     assert np.median(found[:, 1]) < 1.2
+
+
+@pytest.mark.parametrize("method", ["integrator", "modal"])
+def test_the_value_before_a_jump_at_a_stored_time_was_lost(method: str) -> None:
+    """A node without capacitance follows a power that rises by a line and ends at once, on a stored time: its peak is just before."""
+    model = td.model_from_dict(
+        {
+            "title": "jump",
+            "needs": ["air"],
+            "nodes": {"m": {}, "b": {"capacitance": "1000 [J/K]"}},
+            "conductors": {
+                "a": {"kind": "conduction", "between": ["m", "air"], "conductance": "1 [W/K]"},
+                "c": {"kind": "conduction", "between": ["m", "b"], "conductance": "0.5 [W/K]"},
+            },
+            "loads": {"q": {"into": "m", "power": "50 [W]"}},
+        }
+    )
+    ramp = {"times": ["0 [s]", "12 [s]", "12.000001 [s]"], "values": [0.0, 1.0, 0.0], "after": "hold"}
+    step = {"times": ["0 [s]", "12 [s]"], "values": [1.0, 0.0], "hold": True}
+    for command, times in ((step, [0.0, 6.0, 12.0, 18.0]), (step, [0.0, 12.0, 24.0]), (ramp, [0.0, 6.0, 12.000001, 18.0])):
+        scenario = td.Scenario("s", boundaries={"air": "20 [degC]"}, commands={"q": command}, start="20 [degC]", duration=times[-1])
+        options = td.Options(method=method, tolerance=1e-9)
+        fine = td.simulate(model, scenario, times=np.append(np.linspace(0.0, 12.0 - 1e-6, 601), times[-1]), options=options)["m"]
+        trace = td.simulate(model, scenario, times=times, options=options)["m"]
+        assert trace.highest == pytest.approx(float(fine.celsius.max()), abs=1e-3)
+        assert trace.maximum.time == pytest.approx(12.0, abs=1e-3)
