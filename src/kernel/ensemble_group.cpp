@@ -252,9 +252,10 @@ void Group::turn() {
     double rate = 0.0, moved = 0.0;
     for (int k = 0; leftover_ && k < g_.plan->nk; ++k) {
         if (!active_[k]) continue;
-        const double most = input(k).furthest(in_[k], origin_, end_, hint_[k]), b = strongest(k);
+        const double b = strongest(k), spread = g_.h * std::sqrt(in_[k].variance);
+        const double most = b * spread < 0.1 * Turnings::NOISE ? 2.0 * spread / g_.h : input(k).furthest(in_[k], origin_, end_, hint_[k]);
         rate += b * most;
-        moved += b * g_.h * std::min(0.5 * most, std::sqrt(in_[k].variance));
+        moved += b * std::min(0.5 * g_.h * most, spread);
     }
     if (moved < Turnings::NOISE) {
         for (int j = 0, many = 1; j < nobs; j += many) {  // nodes that stand side by side at once
@@ -267,12 +268,7 @@ void Group::turn() {
     std::vector<double>& at = seen_times_;
     at.clear();
     double bend = 0.0;
-    for (int i : s_.observed)
-        for (int q = i * LANES; q < (i + 1) * LANES; ++q) {
-            const double* c = g_.poly + q;
-            const double own = 2.0 * std::fabs(c[2 * m]) + 6.0 * std::fabs(c[3 * m]) + 12.0 * std::fabs(c[4 * m]) + 20.0 * std::fabs(c[5 * m]);
-            bend = own > bend ? own : bend;
-        }
+    for (int i : s_.observed) bend = std::max(bend, Turnings::most_bent(g_.poly + i * LANES, m, LANES));
     const double gap = Turnings::gap(rate, bend / (g_.h * g_.h));
     for (int k = 0; k < g_.plan->nk; ++k)
         if (active_[k]) input(k).knots(origin_, end_, at, gap);
@@ -292,8 +288,7 @@ void Group::turn() {
 double Group::strongest(int k) const {
     const double* b = g_.b + static_cast<size_t>(k) * g_.plan->n * LANES;
     double most = 0.0;
-    for (int i : s_.observed)
-        for (int l = i * LANES; l < (i + 1) * LANES; ++l) most = std::fabs(b[l]) > most ? std::fabs(b[l]) : most;
+    for (int i : s_.observed) most = std::max(most, Turnings::steepest(b + i * LANES, LANES));
     return most;
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "four.hpp"
 #include "integrator.hpp"
@@ -12,6 +13,7 @@
 namespace thermid {
 
 namespace {
+constexpr int WIDE = 8;   // columns side by side
 constexpr int PARTS = 2;  // of a step, where a course is sampled, and halfway between
 // Columns whose polynomials have no turning point within the step, and which go on as they went: they move on to their ends. Others are busy.
 THERMID_CLONES void go_on(const double* THERMID_RESTRICT c, size_t m, const double* THERMID_RESTRICT y, int count, double end, double small, double flat,
@@ -51,16 +53,36 @@ THERMID_CLONES void spread(const double* THERMID_RESTRICT y, int m, double time,
 // Whether the highest or lowest of any column passes both the output before and this one.
 THERMID_CLONES bool passes(const double* THERMID_RESTRICT y, int m, double small, const double* THERMID_RESTRICT high, const double* THERMID_RESTRICT low,
                            const double* THERMID_RESTRICT above, const double* THERMID_RESTRICT below) {
-    double most = 0.0;
+    int64_t many = 0;
     for (int j = 0; j < m; ++j) {
         const double top = y[j] > above[j] ? y[j] : above[j], bottom = y[j] < below[j] ? y[j] : below[j];
-        const double over = high[j] - top, under = bottom - low[j], further = over > under ? over : under;
-        most = further > most ? further : most;
+        many += (high[j] - top > small) | (bottom - low[j] > small);
     }
-    return most > small;
+    return many > 0;
 }
 
 }  // namespace
+
+THERMID_CLONES double Turnings::steepest(const double* b, int count) {
+    double most[WIDE] = {};
+    int j = 0;
+    for (; j + WIDE <= count; j += WIDE)
+        for (int l = 0; l < WIDE; ++l) most[l] = std::fabs(b[j + l]) > most[l] ? std::fabs(b[j + l]) : most[l];
+    for (; j < count; ++j) most[0] = std::max(most[0], std::fabs(b[j]));
+    return *std::max_element(most, most + WIDE);
+}
+
+THERMID_CLONES double Turnings::most_bent(const double* c, std::size_t m, int count) {
+    const auto of = [=](int j) {
+        return 2.0 * std::fabs(c[2 * m + j]) + 6.0 * std::fabs(c[3 * m + j]) + 12.0 * std::fabs(c[4 * m + j]) + 20.0 * std::fabs(c[5 * m + j]);
+    };
+    double most[WIDE] = {};
+    int j = 0;
+    for (; j + WIDE <= count; j += WIDE)
+        for (int l = 0; l < WIDE; ++l) most[l] = of(j + l) > most[l] ? of(j + l) : most[l];
+    for (; j < count; ++j) most[0] = std::max(most[0], of(j));
+    return *std::max_element(most, most + WIDE);
+}
 
 void Turnings::see_polynomials(int first, int count, const double* c, std::size_t stride, double t, double h, double end, const double* y) {
     if (open_) close();
@@ -186,12 +208,18 @@ Integrator::Unrest Integrator::unrest() const {
     Unrest all;
     for (int k = 0; k < nk_; ++k) {
         if (!noise_[k].active) continue;
-        const double most = p_.inputs[k].furthest(in_[k], t_, end_, hint_[k]);
         double b = 0.0, direct = 0.0;
         for (int i : followed_) b = std::max(b, std::fabs(noise_[k].b[i]));
         for (const auto& parts : sum_parts_)
             for (const SumPart& x : parts)
                 if (x.input == k) direct = std::max(direct, std::fabs(x.weight));
+        const double spread = h_ * std::sqrt(in_[k].variance);  // |int v| is no more
+        if (direct == 0.0 && b * spread < 0.1 * Turnings::NOISE) {
+            all.moved += b * spread;
+            all.rate += b * spread / h_;
+            continue;
+        }
+        const double most = p_.inputs[k].furthest(in_[k], t_, end_, hint_[k]);
         all.rate += b * most;
         all.moved += b * h_ * std::min(0.5 * most, std::sqrt(in_[k].variance));
         all.direct += direct * most;
@@ -207,13 +235,9 @@ void Integrator::turnings_end(const Outputs& out) {
     const Unrest x = leftover_ ? unrest() : Unrest();
     if (x.jumps) return turnings_sampled(out);
     if (x.moved + x.direct < Turnings::NOISE) return turnings_smooth(out);
-    double bend = 0.0;  // of the polynomials; halfway between points that are gap apart a course passes them by bend gap^2 / 8
-    for (int i : followed_) {
-        const double* c = poly_.data() + i;
-        const size_t n = n_;
-        bend = std::max(bend, (2.0 * std::fabs(c[2 * n]) + 6.0 * std::fabs(c[3 * n]) + 12.0 * std::fabs(c[4 * n]) + 20.0 * std::fabs(c[5 * n])) / (h_ * h_));
-    }
-    turnings_knots(out, x.direct > Turnings::NOISE ? 0.0 : Turnings::gap(x.rate, bend));
+    double bend = 0.0;
+    for (int i : followed_) bend = std::max(bend, Turnings::most_bent(poly_.data() + i, n_, 1));
+    turnings_knots(out, x.direct > Turnings::NOISE ? 0.0 : Turnings::gap(x.rate, bend / (h_ * h_)));
 }
 
 // Turning points of the polynomials of nodes and sums.

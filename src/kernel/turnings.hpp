@@ -28,6 +28,8 @@ class Turnings {
     // How far points may be apart under noise that moves a node by `rate` [K/s] at most, where polynomials bend by `bend` [K/s^2]: between two of
     // them it strays by rate gap / 2 and bend gap^2 / 8.
     static double gap(double rate, double bend) { return std::min(2.0 * NOISE / rate, std::sqrt(2.0 * NOISE / std::max(bend, 1e-300))); }
+    static double steepest(const double* b, int count);                           // the largest magnitude
+    static double most_bent(const double* c, std::size_t stride, int count);      // of polynomials in s / h: h^2 times the most they bend
     struct Point { int column; double time, kelvin; };
     std::vector<Point> found;
 

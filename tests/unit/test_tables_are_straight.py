@@ -130,13 +130,14 @@ def test_large_networks_read_the_same_tables_to_a_millikelvin(method: str) -> No
     )
 
 
-def test_a_knee_that_an_estimate_of_the_step_does_not_see_shortens_steps_of_large_networks() -> None:
-    """A conductance that doubles within a hundredth of a kelvin, at a rough tolerance."""
-    law = {"points": points([(0.0, 0.1), (12.0, 0.1), (12.01, 2.0), (40.0, 2.0)], "W/K")}
-    fine = td.simulate(box(law, "40 [W]"), bench(), every=5.0)
-    for method in LARGE:
-        run = td.simulate(box(law, "40 [W]"), bench(), every=5.0, options=td.Options(method=method))
-        assert np.abs(run["x"].celsius - fine["x"].celsius).max() < 1e-3
+@pytest.mark.parametrize("method", LARGE)
+def test_a_rough_step_of_a_large_network_does_not_pass_over_a_melting_point(method: str) -> None:
+    """At a tolerance of 0.1 K the estimate of a step of TR-BDF2 saw nothing of the knee between its stages: 1.4 K."""
+    model = lump(wax([*WAX[:2], (27.0, 258e3), WAX[3]]), "0 [W]", "2 [W/K]")
+    hot = bench(boundaries={"air": "60 [degC]"}, duration="5 [h]")
+    fine = td.simulate(model, hot, every=60.0)
+    run = td.simulate(model, hot, every=60.0, options=td.Options(method=method, large_tolerance=0.1))
+    assert np.abs(run["x"].celsius - fine["x"].celsius).max() < 0.2
 
 
 @pytest.mark.parametrize("name", ["air", "initial.x"])

@@ -317,11 +317,7 @@ def uncertain_runs(
     )
     store = ChunkStore.of(job, folder) if folder is not None else None
     parts = job.parts(n)
-    done: dict[int, Chunk] = {}
-    for first, members in parts if store is not None else ():
-        found = store.load(first, members) if store is not None else None
-        if found is not None:
-            done[first] = found
+    done = _kept(store, parts)
     reused = sum(c.temperatures.shape[0] for c in done.values())
     if progress is not None:
         progress(reused, n)
@@ -352,3 +348,9 @@ def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurni
     blind = ", ".join(node for node in job.nodes if node not in turnings)
     why = f"only the stored samples of {blind} are known, so a peak between two of them is not counted. Give a shorter 'every'"
     return turnings, (why,)
+
+
+def _kept(store: Store | None, parts: Sequence[tuple[int, int]]) -> dict[int, Chunk]:
+    """Return first member -> chunk, of those that an earlier run left in the folder."""
+    loaded = {} if store is None else {first: store.load(first, members) for first, members in parts}
+    return {first: chunk for first, chunk in loaded.items() if chunk is not None}

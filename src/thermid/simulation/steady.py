@@ -157,7 +157,8 @@ def _moved(balance: _Balance, temperatures: Array, step: Array, imbalance: float
 def _drifted(temperatures: Array, heat: Array, jacobian: Array, k: int) -> Array:
     """Return the temperatures after step k in time of a network whose nodes all have a time constant of one, steps getting longer.
 
-    Each step is one of Newton's method for the implicit Euler method, which passes knees where less heat left over leads to none of the balances.
+    Each step is one of Newton's method for the implicit Euler method, which passes knees where the way of less heat left over ends before
+    any balance.
     """
     pace = np.abs(np.diag(jacobian)) / (0.5 * DRIFT**k)
     step = np.asarray(np.linalg.solve(jacobian - np.diag(np.maximum(pace, 1e-300)), -heat), dtype=np.float64)
