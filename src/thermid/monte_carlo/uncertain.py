@@ -350,7 +350,7 @@ def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurni
     return turnings, (why,)
 
 
-def _kept(store: Store | None, parts: Sequence[tuple[int, int]]) -> dict[int, Chunk]:
+def _kept(store: ChunkStore | None, parts: Sequence[tuple[int, int]]) -> dict[int, Chunk]:
     """Return first member -> chunk, of those that an earlier run left in the folder."""
     loaded = {} if store is None else {first: store.load(first, members) for first, members in parts}
     return {first: chunk for first, chunk in loaded.items() if chunk is not None}
