@@ -47,6 +47,10 @@ class Extreme:
         return self.kelvin - ICE_POINT
 
 
+SAME = 1e-9
+"""By which a turning point at the time of a sample differs from it by rounding alone. [K]"""
+
+
 @dataclass(frozen=True, eq=False)
 class Turnings:
     """Turning points of one course: of every interval between two samples the highest and the lowest.
@@ -66,11 +70,15 @@ class Turnings:
         return np.asarray(self.times[np.concatenate((order[:most], order[-most:]))])
 
     def beside(self, times: Array, kelvin: Array) -> tuple[Array, Array]:
-        """Return samples (times,) with the turning points among them: times [s] and temperatures [K]."""
+        """Return samples (times,) with the turning points among them: times [s] and temperatures [K].
+
+        A sample on a jump has the value after it; the one before it, a turning point at the same time, stands ahead of it.
+        """
         if not self.times.size:
             return times, kelvin
-        new = ~np.isin(self.times, times)
-        joined = np.concatenate((times, self.times[new])), np.concatenate((kelvin, self.kelvin[new]))
+        k = np.clip(np.searchsorted(times, self.times), 0, times.size - 1)
+        new = (self.times != times[k]) | (np.abs(self.kelvin - kelvin[k]) > SAME)
+        joined = np.concatenate((self.times[new], times)), np.concatenate((self.kelvin[new], kelvin))
         order = np.argsort(joined[0], kind="stable")
         return joined[0][order], joined[1][order]
 
