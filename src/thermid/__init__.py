@@ -138,10 +138,10 @@ if TYPE_CHECKING:
     from thermid.qualify.standards import profile_of as profile_of
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
+    from thermid.reporting.blocks.pdf import page_to_pdf as page_to_pdf
     from thermid.reporting.look import Look as Look
     from thermid.reporting.look import look as look
     from thermid.reporting.page import report as report
-    from thermid.reporting.pdf import page_to_pdf as page_to_pdf
     from thermid.reporting.qualification_page import correlation_report as correlation_report
     from thermid.reporting.qualification_page import qualification_report as qualification_report
     from thermid.reporting.structures_page import Structure as Structure
@@ -323,7 +323,7 @@ _PUBLIC = {
     "run_plan": "qualify.programme",
     "Qualification": "qualify.programme",
     "report": "reporting.page",
-    "page_to_pdf": "reporting.pdf",
+    "page_to_pdf": "reporting.blocks.pdf",
     "study_report": "reporting.study_page",
     "structures_report": "reporting.structures_page",
     "Structure": "reporting.structures_page",

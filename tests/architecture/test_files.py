@@ -45,8 +45,8 @@ NO_INPUT = {
     "thermid.cli.deliver": "the delivery of this command",
     "thermid.qualify.deliver": "the delivery of this command, or one that is checked",
     "thermid.qualify.lock": "the lock is carried on",
-    "thermid.reporting.extras": "templates of the package",
-    "thermid.reporting.pdf": "what the browser printed",
+    "thermid.reporting.blocks.extras": "templates of the package",
+    "thermid.reporting.blocks.pdf": "what the browser printed",
     "thermid.studio.server": "scripts of the package",
 }
 

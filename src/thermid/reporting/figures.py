@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from thermid.fit.problem.residuals import Block
 from thermid.physics.constants import ICE_POINT
+from thermid.reporting.blocks.sections import Drawn, Entry
 from thermid.reporting.chart import Area, Line, Panel, chart, nice_ticks, number_text, thinned
 
 if TYPE_CHECKING:
     from thermid.simulation.solution import Solution
 
-__all__ = ["Dots", "Drawn", "Entry", "choose", "compared", "overview", "prediction", "thinned", "time_unit", "trace"]
+__all__ = ["Dots", "choose", "compared", "overview", "prediction", "thinned", "time_unit", "trace"]
 
 Array = NDArray[np.float64]
 
@@ -39,33 +40,6 @@ SHAPES = (
 )
 MOST_TRACES = 12
 LOOKS = {"measured": ("--f-measured", MEASURED), "simulated": ("--f-simulated", SIMULATED), "residual": ("--f-residual", RESIDUAL)}
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One line of a legend: what it is, the variable of its colour, its dash pattern ('band' for an area), or its mark; its width. [px]"""
-
-    label: str
-    variable: str
-    dash: str = ""
-    mark: str = ""
-    width: float = 2.0
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """A figure as markup to stand in the page.
-
-    Parameters
-    ----------
-    markup : str                    An inline SVG.
-    legend : tuple of Entry         What the colours mean.
-    points : int                    How many points were drawn.
-    """
-
-    markup: str
-    legend: tuple[Entry, ...]
-    points: int
 
 
 @dataclass(frozen=True)

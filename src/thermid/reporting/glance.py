@@ -15,7 +15,7 @@ from thermid.fit.uncertainty.moves import MOVED
 from thermid.knowledge.values import FittedValue
 from thermid.model.resolve import ParameterSet
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.cells import Cell, Column, Line, Table, absolute, number, pretty, significant
+from thermid.reporting.blocks.cells import Cell, Column, Line, Table, absolute, number, pretty, significant
 from thermid.reporting.tables import STRONG, at_bound, criterion_words
 
 __all__ = ["Glance", "glance", "interval", "tightest"]

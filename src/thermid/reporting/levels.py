@@ -6,7 +6,7 @@ import math
 
 from thermid.fit.calibration import Calibration
 from thermid.fit.uncertainty.moves import MOVED, NOT_REJECTED, UNDECIDED, Group, Move
-from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, significant
+from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, significant
 from thermid.units import unit
 
 __all__ = ["moved"]

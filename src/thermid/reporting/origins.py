@@ -13,7 +13,7 @@ from thermid.fit.calibration import Calibration
 from thermid.measure import Record
 from thermid.model.flat import flatten
 from thermid.model.resolve import ParameterSet
-from thermid.reporting.cells import DASH, Cell, Column, Line, Table, duration, plain, pretty
+from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, duration, plain, pretty
 from thermid.units import NAMES, Dimension, unit
 
 __all__ = ["data", "held", "made_records", "models", "versions"]

@@ -14,10 +14,11 @@ from thermid.arguments import takes_objects
 from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
 from thermid.reporting import figures, levels, origins, tables
-from thermid.reporting.cells import Cell, Column, Line, Table, duration, number
+from thermid.reporting.blocks.cells import Cell, Column, Line, Table, duration, number
+from thermid.reporting.blocks.extras import write_page
+from thermid.reporting.blocks.sections import Drawn
 from thermid.reporting.diagram import diagram
-from thermid.reporting.extras import write_page
-from thermid.reporting.figures import Dots, Drawn
+from thermid.reporting.figures import Dots
 from thermid.reporting.glance import glance, tightest
 from thermid.reporting.trust_section import trust
 

@@ -6,7 +6,7 @@ import math
 
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.marks import MARKS
-from thermid.reporting.cells import DASH, Cell, plain
+from thermid.reporting.blocks.cells import DASH, Cell, plain
 
 __all__ = ["celsius", "given", "hours", "mark", "verdict"]
 

@@ -11,8 +11,9 @@ from thermid.qualify.limit_checks import spans
 from thermid.qualify.limits import Limits
 from thermid.qualify.overlay import Overlay
 from thermid.qualify.trial import Trial
+from thermid.reporting.blocks.sections import Drawn
 from thermid.reporting.curves import Band, Curve, curves
-from thermid.reporting.figures import Drawn, compared
+from thermid.reporting.figures import compared
 
 __all__ = ["course", "overlay"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from thermid.qualify.programme import Qualification
-from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, pretty, signed
+from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, pretty, signed
 from thermid.reporting.qualification_cells import celsius, given, hours, verdict
 
 __all__ = ["assumed", "counted", "margin_table", "outside", "service"]

@@ -12,14 +12,13 @@ from thermid.qualify.marks import VERDICTS, weigh
 from thermid.qualify.programme import Qualification
 from thermid.reporting import qualification_judged as judged
 from thermid.reporting import qualification_tables as tables
-from thermid.reporting.cells import DASH, Table
-from thermid.reporting.extras import write_page
-from thermid.reporting.figures import Entry
+from thermid.reporting.blocks.cells import DASH, Table
+from thermid.reporting.blocks.extras import write_page
+from thermid.reporting.blocks.sections import Block, Entry, Facts, Figures, Notes, Plot, Section, Words, as_block
 from thermid.reporting.origins import versions
 from thermid.reporting.qualification_cells import hours
 from thermid.reporting.qualification_figures import course
 from thermid.reporting.qualification_sections import all_overlays, sections
-from thermid.reporting.sections import Block, Facts, Figures, Notes, Plot, Section, Words, as_block
 from thermid.reporting.study_page import tile
 from thermid.units import counted
 

@@ -10,10 +10,10 @@ from statistics import median
 
 from thermid.arguments import takes_objects
 from thermid.reporting import figures, origins
-from thermid.reporting.cells import DASH, Cell, Column, Line, Table, number, pretty, significant
-from thermid.reporting.extras import write_page
+from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, pretty, significant
+from thermid.reporting.blocks.extras import write_page
+from thermid.reporting.blocks.sections import Block, Figures, Heading, Notes, Plot, Section, Words, folded
 from thermid.reporting.figures import Dots
-from thermid.reporting.sections import Block, Figures, Heading, Notes, Plot, Section, Words, folded
 
 __all__ = ["Structure", "structures_report"]
 

@@ -16,7 +16,7 @@ from thermid.model.areas import ledger
 from thermid.model.model import Model
 from thermid.model.resolve import ParameterSet, parameter_table
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
+from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
 from thermid.units import unit
 
 __all__ = ["HTC_NAMES", "STRONG", "areas", "at_bound", "correlations", "instruments", "levels", "locals_", "parameters", "records"]

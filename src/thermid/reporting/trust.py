@@ -21,7 +21,7 @@ from thermid.inference.valley import Valley
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.hold import Hold
 from thermid.qualify.profile_run import ProfileRun
-from thermid.reporting.extras import extra
+from thermid.reporting.blocks.extras import extra
 from thermid.reporting.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT, time_unit
 from thermid.reporting.hold import draw_hold
 from thermid.reporting.profile_run import draw_run

@@ -224,7 +224,7 @@ class TestReport:
     def test_a_missing_browser_is_told_before_anything_runs(
         self, call: Call, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from thermid.reporting import pdf
+        from thermid.reporting.blocks import pdf
 
         monkeypatch.setenv("PATH", str(tmp_path))
         monkeypatch.setattr(pdf, "PLACES", ())
@@ -235,7 +235,7 @@ class TestReport:
         assert list(tmp_path.glob("page*")) == []
 
     def test_a_pdf_alone_leaves_no_page_behind(self, call: Call, campaign: Path, tmp_path: Path) -> None:
-        from thermid.reporting import pdf
+        from thermid.reporting.blocks import pdf
 
         try:
             pdf.browser()

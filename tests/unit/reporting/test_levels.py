@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from thermid.fit.uncertainty.moves import Group, Move, Moves
-from thermid.reporting.cells import DASH
+from thermid.reporting.blocks.cells import DASH
 from thermid.reporting.levels import moved
 
 

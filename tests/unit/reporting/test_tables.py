@@ -10,7 +10,7 @@ import pytest
 
 from thermid.campaign.stages import Campaign
 from thermid.reporting import origins, tables
-from thermid.reporting.cells import DASH, Cell, Column, Table, number, pretty, signed, significant
+from thermid.reporting.blocks.cells import DASH, Cell, Column, Table, number, pretty, signed, significant
 
 
 def column(table: Table, title: str) -> list[str]:

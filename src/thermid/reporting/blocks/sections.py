@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from thermid.reporting.cells import Table
-from thermid.reporting.figures import Drawn, Entry
+from thermid.reporting.blocks.cells import Table
 
-__all__ = ["Block", "Code", "Facts", "Figures", "Folded", "Formulas", "Heading", "Notes", "Picture", "Plot", "Section", "Tabled", "Words"]
-__all__ += ["as_block", "folded"]
+__all__ = ["Block", "Code", "Drawn", "Entry", "Facts", "Figures", "Folded", "Formulas", "Heading", "Notes", "Picture", "Plot"]
+__all__ += ["Section", "Tabled", "Words", "as_block", "folded"]
 
 
 @dataclass(frozen=True)
@@ -43,6 +42,33 @@ class Facts:
 
     pairs: tuple[tuple[str, str], ...]
     kind: str = "facts"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of a legend: what it is, the variable of its colour, its dash pattern ('band' for an area), or its mark; its width. [px]"""
+
+    label: str
+    variable: str
+    dash: str = ""
+    mark: str = ""
+    width: float = 2.0
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure as markup to stand in the page.
+
+    Parameters
+    ----------
+    markup : str                    An inline SVG.
+    legend : tuple of Entry         What the colours mean.
+    points : int                    How many points were drawn.
+    """
+
+    markup: str
+    legend: tuple[Entry, ...]
+    points: int
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from thermid.errors import ThermidError
 from thermid.files import PAGE, write_text
-from thermid.reporting.cells import typeset
+from thermid.reporting.blocks.cells import typeset
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -99,4 +99,4 @@ def css_text(text: str) -> str:
 def _asset(name: str) -> str:
     from importlib.resources import files
 
-    return files("thermid.reporting").joinpath(name).read_text(encoding="utf-8")
+    return files("thermid.reporting.blocks").joinpath(name).read_text(encoding="utf-8")
