@@ -10,7 +10,7 @@ from work import BENCH, HERE, Vacuum, Work
 
 import thermid as td
 from thermid.reporting.blocks.sections import Drawn, Figures, Plot
-from thermid.reporting.curves import Band, Curve, curves
+from thermid.reporting.pictures.curves import Band, Curve, curves
 
 SYNTHETIC = "synthetic: virtual laboratory"
 SMALL = (360, 225)

@@ -139,15 +139,15 @@ if TYPE_CHECKING:
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.blocks.pdf import page_to_pdf as page_to_pdf
-    from thermid.reporting.look import Look as Look
-    from thermid.reporting.look import look as look
     from thermid.reporting.page import report as report
+    from thermid.reporting.pictures.look import Look as Look
+    from thermid.reporting.pictures.look import look as look
+    from thermid.reporting.pictures.trust import picture as picture
     from thermid.reporting.qualification_page import correlation_report as correlation_report
     from thermid.reporting.qualification_page import qualification_report as qualification_report
     from thermid.reporting.structures_page import Structure as Structure
     from thermid.reporting.structures_page import structures_report as structures_report
     from thermid.reporting.study_page import study_report as study_report
-    from thermid.reporting.trust import picture as picture
     from thermid.simulation.ascent import Trajectory as Trajectory
     from thermid.simulation.ascent import ascent_scenario as ascent_scenario
     from thermid.simulation.ascent import read_trajectory as read_trajectory
@@ -225,8 +225,8 @@ _PUBLIC = {
     "SensorPart": "measure",
     "SensorCertificate": "measure",
     "Record": "measure",
-    "look": "reporting.look",
-    "Look": "reporting.look",
+    "look": "reporting.pictures.look",
+    "Look": "reporting.pictures.look",
     "read_record": "measure",
     "compare": "judge.compare",
     "align": "fit.clocks.alignment",
@@ -329,7 +329,7 @@ _PUBLIC = {
     "Structure": "reporting.structures_page",
     "qualification_report": "reporting.qualification_page",
     "correlation_report": "reporting.qualification_page",
-    "picture": "reporting.trust",
+    "picture": "reporting.pictures.trust",
     "compare_htc": "physics.htc",
     "HtcComparison": "physics.htc",
     "read_initfcn": "interop.initfcn",

@@ -66,7 +66,7 @@ def profile(
     if csv is not None:
         run.solution.to_csv(csv)
     if picture is not None:
-        from thermid.reporting.trust import picture as draw
+        from thermid.reporting.pictures.trust import picture as draw
 
         draw(run, picture)
     typer.echo(json.dumps(clean({"schema": 1, "status": "ok", **run.as_object()})) if as_json else str(run))

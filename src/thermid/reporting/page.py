@@ -13,13 +13,14 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
-from thermid.reporting import figures, levels, origins, tables
+from thermid.reporting import levels, origins, tables
 from thermid.reporting.blocks.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.blocks.sections import Drawn
 from thermid.reporting.diagram import diagram
-from thermid.reporting.figures import Dots
 from thermid.reporting.glance import glance, tightest
+from thermid.reporting.pictures import figures
+from thermid.reporting.pictures.figures import Dots
 from thermid.reporting.trust_section import trust
 
 if TYPE_CHECKING:

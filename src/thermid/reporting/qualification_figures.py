@@ -12,8 +12,8 @@ from thermid.qualify.limits import Limits
 from thermid.qualify.overlay import Overlay
 from thermid.qualify.trial import Trial
 from thermid.reporting.blocks.sections import Drawn
-from thermid.reporting.curves import Band, Curve, curves
-from thermid.reporting.figures import compared
+from thermid.reporting.pictures.curves import Band, Curve, curves
+from thermid.reporting.pictures.figures import compared
 
 __all__ = ["course", "overlay"]
 

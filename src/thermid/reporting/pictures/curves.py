@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.reporting.blocks.sections import Drawn, Entry
-from thermid.reporting.chart import Area, Line, Panel, chart
-from thermid.reporting.figures import INK, MEASURED, RESIDUAL, SERIES, SIMULATED, time_unit
+from thermid.reporting.pictures.chart import Area, Line, Panel, chart
+from thermid.reporting.pictures.figures import INK, MEASURED, RESIDUAL, SERIES, SIMULATED, time_unit
 
 __all__ = ["Band", "Curve", "curves"]
 

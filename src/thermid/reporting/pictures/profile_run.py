@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.profile_run import Phase, ProfileRun
-from thermid.reporting.figures import DASHES, GRID, INK, RESIDUAL, SERIES, SIMULATED, SOFT, time_unit
+from thermid.reporting.pictures.figures import DASHES, GRID, INK, RESIDUAL, SERIES, SIMULATED, SOFT, time_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

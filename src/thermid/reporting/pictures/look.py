@@ -21,8 +21,8 @@ from thermid.measure.guess import Column, columns_of
 from thermid.measure.stamps import Clock, Times, clock_column, read_times
 from thermid.measure.textfile import Cells
 from thermid.measure.windows import even_step, gap_from, usual_step
-from thermid.reporting.chart import Line, Panel, chart
-from thermid.reporting.figures import DASHES, SERIES, time_unit
+from thermid.reporting.pictures.chart import Line, Panel, chart
+from thermid.reporting.pictures.figures import DASHES, SERIES, time_unit
 from thermid.units import counted
 
 __all__ = ["Look", "look"]

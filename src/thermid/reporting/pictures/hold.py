@@ -9,7 +9,7 @@ import numpy as np
 
 from thermid.qualify.hold import Hold, HoldPoint, driven_by
 from thermid.qualify.hold_times import clock
-from thermid.reporting.figures import DASHES, INK, SERIES, SOFT, time_unit
+from thermid.reporting.pictures.figures import DASHES, INK, SERIES, SOFT, time_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

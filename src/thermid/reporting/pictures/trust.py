@@ -22,9 +22,9 @@ from thermid.physics.constants import ICE_POINT
 from thermid.qualify.hold import Hold
 from thermid.qualify.profile_run import ProfileRun
 from thermid.reporting.blocks.extras import extra
-from thermid.reporting.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT, time_unit
-from thermid.reporting.hold import draw_hold
-from thermid.reporting.profile_run import draw_run
+from thermid.reporting.pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT, time_unit
+from thermid.reporting.pictures.hold import draw_hold
+from thermid.reporting.pictures.profile_run import draw_run
 from thermid.units import unit
 
 if TYPE_CHECKING:
