@@ -13,7 +13,7 @@ import thermid as td
 from thermid.reporting import tables
 from thermid.reporting.blocks.cells import Cell, Column, Line, Table
 from thermid.reporting.blocks.sections import Block, Code, Facts, Formulas, Heading, Notes, Picture, Section, Words, folded
-from thermid.reporting.diagram import diagram
+from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.study_page import study_report
 
 WATERMARK = "Demonstration: 22 assumed parameters, synthetic data"

@@ -23,7 +23,7 @@ import work
 import thermid as td
 from thermid.reporting.blocks.cells import Table
 from thermid.reporting.blocks.sections import Drawn
-from thermid.reporting.diagram import diagram
+from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.study_page import parts
 
 TARGET = work.HERE.parents[1] / "docs" / "studies"

@@ -40,7 +40,7 @@ ARROWS: dict[str, set[str]] = {
 LOW = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "knowledge"}
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
 CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
-REPORTING = {"reporting.blocks", "reporting.pictures"}
+REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
 ARROWS |= {
     "fit.problem": LOW,
@@ -58,9 +58,10 @@ ARROWS |= {
     "campaign.swap": LOW | FIT | {"campaign"},
     "campaign.study": LOW | FIT | {"campaign"},
     "qualify": LOW | FIT | ABOVE_FIT | CAMPAIGN,
-    "reporting": LOW | FIT | ABOVE_FIT | CAMPAIGN | {"qualify", "reporting.blocks", "reporting.pictures"},
+    "reporting": LOW | FIT | ABOVE_FIT | CAMPAIGN | {"qualify", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
     "reporting.blocks": LOW | FIT | {"qualify"},
     "reporting.pictures": LOW | FIT | {"explain", "inference", "qualify", "reporting.blocks"},
+    "reporting.diagrams": LOW,
     "acquire": FOUNDATION | {"measure"},
     "interop": FOUNDATION | {"physics", "model", "network", "simulation"},
 }

@@ -21,7 +21,7 @@ from thermid.qualify.deliver import deliver
 from thermid.qualify.limit_checks import check_limits
 from thermid.qualify.limits import Limits
 from thermid.qualify.macro import assumed, host_values
-from thermid.reporting.diagram import STYLES, diagram
+from thermid.reporting.diagrams.diagram import STYLES, diagram
 from thermid.studio.project import Project
 from thermid.units import unit
 

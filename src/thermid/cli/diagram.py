@@ -27,7 +27,7 @@ def diagram(
     from thermid.errors import ScenarioError
     from thermid.files import PICTURE, write_text
     from thermid.model.modelfile import load_model
-    from thermid.reporting.diagram import diagram as draw
+    from thermid.reporting.diagrams.diagram import diagram as draw
 
     if to.suffix.lower() != ".svg":
         raise ScenarioError(f"a diagram is written as SVG; '{to.name}' does not end in .svg.", "--to")

@@ -17,7 +17,7 @@ from thermid.reporting import levels, origins, tables
 from thermid.reporting.blocks.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.blocks.sections import Drawn
-from thermid.reporting.diagram import diagram
+from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.glance import glance, tightest
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots

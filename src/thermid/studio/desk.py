@@ -20,8 +20,8 @@ from thermid.fit.problem.wired import Bench
 from thermid.model.model import Model
 from thermid.model.resolve import parameter_table
 from thermid.network.network import compile_network
-from thermid.reporting.diagram import diagram
-from thermid.reporting.folding import parts_of
+from thermid.reporting.diagrams.diagram import diagram
+from thermid.reporting.diagrams.folding import parts_of
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution

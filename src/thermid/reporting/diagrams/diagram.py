@@ -9,9 +9,9 @@ from thermid.dual import value_of
 from thermid.model.flat import FlatConductor, FlatLoad
 from thermid.model.model import Model
 from thermid.network.network import Numbers, compile_network
-from thermid.reporting.diagram_values import conductances, notes, pooled, quantity, watts
-from thermid.reporting.folding import Folded, fold
-from thermid.reporting.layout import LOAD_PORT, LOAD_WIDTH, MARGIN, PORT, Layout, Row, Wire, arrange, clipped, width_of
+from thermid.reporting.diagrams.folding import Folded, fold
+from thermid.reporting.diagrams.layout import LOAD_PORT, LOAD_WIDTH, MARGIN, PORT, Layout, Row, Wire, arrange, clipped, width_of
+from thermid.reporting.diagrams.values import conductances, notes, pooled, quantity, watts
 
 __all__ = ["diagram"]
 

@@ -10,7 +10,7 @@ from thermid.dual import value_of
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import conductance
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.folding import Folded
+from thermid.reporting.diagrams.folding import Folded
 
 __all__ = ["conductances", "notes", "pooled", "quantity", "watts"]
 
