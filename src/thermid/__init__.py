@@ -139,15 +139,15 @@ if TYPE_CHECKING:
     from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
     from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
     from thermid.reporting.blocks.pdf import page_to_pdf as page_to_pdf
-    from thermid.reporting.page import report as report
+    from thermid.reporting.pages.campaign import report as report
+    from thermid.reporting.pages.structures import Structure as Structure
+    from thermid.reporting.pages.structures import structures_report as structures_report
+    from thermid.reporting.pages.study import study_report as study_report
     from thermid.reporting.pictures.look import Look as Look
     from thermid.reporting.pictures.look import look as look
     from thermid.reporting.pictures.trust import picture as picture
     from thermid.reporting.qualification_page import correlation_report as correlation_report
     from thermid.reporting.qualification_page import qualification_report as qualification_report
-    from thermid.reporting.structures_page import Structure as Structure
-    from thermid.reporting.structures_page import structures_report as structures_report
-    from thermid.reporting.study_page import study_report as study_report
     from thermid.simulation.ascent import Trajectory as Trajectory
     from thermid.simulation.ascent import ascent_scenario as ascent_scenario
     from thermid.simulation.ascent import read_trajectory as read_trajectory
@@ -322,11 +322,11 @@ _PUBLIC = {
     "lock_plan": "qualify.lock",
     "run_plan": "qualify.programme",
     "Qualification": "qualify.programme",
-    "report": "reporting.page",
+    "report": "reporting.pages.campaign",
     "page_to_pdf": "reporting.blocks.pdf",
-    "study_report": "reporting.study_page",
-    "structures_report": "reporting.structures_page",
-    "Structure": "reporting.structures_page",
+    "study_report": "reporting.pages.study",
+    "structures_report": "reporting.pages.structures",
+    "Structure": "reporting.pages.structures",
     "qualification_report": "reporting.qualification_page",
     "correlation_report": "reporting.qualification_page",
     "picture": "reporting.pictures.trust",

@@ -356,7 +356,7 @@ def report(
     """Run a campaign and write its report page, its PDF, or both."""
     from thermid.cli.output import campaign_standing
     from thermid.errors import ScenarioError
-    from thermid.reporting.page import report as write
+    from thermid.reporting.pages.campaign import report as write
 
     if to is None and pdf is None:
         raise ScenarioError("say where the report goes: --to page.html, --pdf page.pdf, or both.", "command line")

@@ -15,11 +15,11 @@ from thermid.reporting import qualification_tables as tables
 from thermid.reporting.blocks.cells import DASH, Table
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.blocks.sections import Block, Entry, Facts, Figures, Notes, Plot, Section, Words, as_block
-from thermid.reporting.origins import versions
+from thermid.reporting.pages.origins import versions
+from thermid.reporting.pages.study import tile
 from thermid.reporting.qualification_cells import hours
 from thermid.reporting.qualification_figures import course
 from thermid.reporting.qualification_sections import all_overlays, sections
-from thermid.reporting.study_page import tile
 from thermid.units import counted
 
 __all__ = ["correlation_report", "qualification_report"]

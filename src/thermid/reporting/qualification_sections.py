@@ -14,7 +14,7 @@ from thermid.reporting import qualification_margins as concluded
 from thermid.reporting import qualification_tables as tables
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number
 from thermid.reporting.blocks.sections import Block, Facts, Figures, Heading, Notes, Plot, Section, Words, folded
-from thermid.reporting.origins import versions
+from thermid.reporting.pages.origins import versions
 from thermid.reporting.qualification_cells import hours, mark
 from thermid.reporting.qualification_figures import overlay
 

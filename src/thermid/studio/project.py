@@ -28,7 +28,7 @@ from thermid.model.modelfile import load_model, read_toml, resolve_inside
 from thermid.model.resolve import ParameterSet, deck_text, parameter_table
 from thermid.network.network import compile_network
 from thermid.reporting.blocks.cells import Table
-from thermid.reporting.tables import levels
+from thermid.reporting.pages.tables import levels
 from thermid.simulation.scenario import Scenario, load_scenario
 from thermid.studio.desk import Desk
 from thermid.studio.stage_state import StageState

@@ -14,7 +14,7 @@ import pytest
 import thermid as td
 from studio.browser import CHROMIUM, DRIVER, Page
 from thermid.campaign.stages import Campaign
-from thermid.reporting.page import report
+from thermid.reporting.pages.campaign import report
 
 EVIL = "\"><script>window.caught=1</script><img src=x onerror='window.caught=2'> ' & </style></svg> {{ 7*7 }} "
 NAMES = (EVIL, "W" * 180, "مستشعر درجة الحرارة", "\u202egnp.exe", "温度センサー", "a.very.long.path" * 9)

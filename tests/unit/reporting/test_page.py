@@ -16,7 +16,7 @@ import pytest
 import thermid as td
 from thermid.campaign.stages import Campaign
 from thermid.errors import ThermidError
-from thermid.reporting.page import report
+from thermid.reporting.pages.campaign import report
 from webpage import without_script
 
 VOID = {"meta", "br", "img", "hr", "input", "link"}

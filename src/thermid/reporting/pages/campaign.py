@@ -13,15 +13,15 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
-from thermid.reporting import levels, origins, tables
 from thermid.reporting.blocks.cells import Cell, Column, Line, Table, duration, number
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.blocks.sections import Drawn
 from thermid.reporting.diagrams.diagram import diagram
-from thermid.reporting.glance import glance, tightest
+from thermid.reporting.pages import levels, origins, tables
+from thermid.reporting.pages.glance import glance, tightest
+from thermid.reporting.pages.trust import trust
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
-from thermid.reporting.trust_section import trust
 
 if TYPE_CHECKING:
     from thermid.fit.problem.residuals import Block

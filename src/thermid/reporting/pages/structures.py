@@ -9,10 +9,10 @@ from pathlib import Path
 from statistics import median
 
 from thermid.arguments import takes_objects
-from thermid.reporting import origins
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, pretty, significant
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.blocks.sections import Block, Figures, Heading, Notes, Plot, Section, Words, folded
+from thermid.reporting.pages import origins
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
 

@@ -16,7 +16,7 @@ from thermid.knowledge.values import FittedValue
 from thermid.model.resolve import ParameterSet
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.cells import Cell, Column, Line, Table, absolute, number, pretty, significant
-from thermid.reporting.tables import STRONG, at_bound, criterion_words
+from thermid.reporting.pages.tables import STRONG, at_bound, criterion_words
 
 __all__ = ["Glance", "glance", "interval", "tightest"]
 

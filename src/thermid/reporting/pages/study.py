@@ -14,11 +14,11 @@ from thermid.campaign.study.study import Study
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting import origins, tables
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, signed
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.blocks.sections import Block, Facts, Heading, Notes, Section, Words, as_block, folded
-from thermid.reporting.glance import glance, tightest
+from thermid.reporting.pages import origins, tables
+from thermid.reporting.pages.glance import glance, tightest
 
 __all__ = ["parts", "provenance", "step_log", "steps", "study_report", "tile"]
 
