@@ -146,8 +146,8 @@ if TYPE_CHECKING:
     from thermid.reporting.pictures.look import Look as Look
     from thermid.reporting.pictures.look import look as look
     from thermid.reporting.pictures.trust import picture as picture
-    from thermid.reporting.qualification_page import correlation_report as correlation_report
-    from thermid.reporting.qualification_page import qualification_report as qualification_report
+    from thermid.reporting.qualification.page import correlation_report as correlation_report
+    from thermid.reporting.qualification.page import qualification_report as qualification_report
     from thermid.simulation.ascent import Trajectory as Trajectory
     from thermid.simulation.ascent import ascent_scenario as ascent_scenario
     from thermid.simulation.ascent import read_trajectory as read_trajectory
@@ -327,8 +327,8 @@ _PUBLIC = {
     "study_report": "reporting.pages.study",
     "structures_report": "reporting.pages.structures",
     "Structure": "reporting.pages.structures",
-    "qualification_report": "reporting.qualification_page",
-    "correlation_report": "reporting.qualification_page",
+    "qualification_report": "reporting.qualification.page",
+    "correlation_report": "reporting.qualification.page",
     "picture": "reporting.pictures.trust",
     "compare_htc": "physics.htc",
     "HtcComparison": "physics.htc",

@@ -40,7 +40,7 @@ ARROWS: dict[str, set[str]] = {
 LOW = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "knowledge"}
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
 CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
-REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages"}
+REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages", "reporting.qualification"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
 ARROWS |= {
     "fit.problem": LOW,
@@ -58,18 +58,15 @@ ARROWS |= {
     "campaign.swap": LOW | FIT | {"campaign"},
     "campaign.study": LOW | FIT | {"campaign"},
     "qualify": LOW | FIT | ABOVE_FIT | CAMPAIGN,
-    "reporting": LOW
-    | FIT
-    | ABOVE_FIT
-    | CAMPAIGN
-    | {"qualify", "reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages"},
-    "reporting.blocks": LOW | FIT | {"qualify"},
+    "reporting": set(),
+    "reporting.blocks": LOW | {"qualify"},
     "reporting.pictures": LOW | FIT | {"explain", "inference", "qualify", "reporting.blocks"},
     "reporting.diagrams": LOW,
     "reporting.pages": LOW
     | FIT
     | CAMPAIGN
     | {"explain", "judge", "inference", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
+    "reporting.qualification": LOW | {"qualify", "reporting.blocks", "reporting.pictures", "reporting.pages"},
     "acquire": FOUNDATION | {"measure"},
     "interop": FOUNDATION | {"physics", "model", "network", "simulation"},
 }

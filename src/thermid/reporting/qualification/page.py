@@ -10,16 +10,15 @@ from thermid.arguments import takes_objects
 from thermid.qualify.correlation import Correlation
 from thermid.qualify.marks import VERDICTS, weigh
 from thermid.qualify.programme import Qualification
-from thermid.reporting import qualification_judged as judged
-from thermid.reporting import qualification_tables as tables
 from thermid.reporting.blocks.cells import DASH, Table
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.blocks.sections import Block, Entry, Facts, Figures, Notes, Plot, Section, Words, as_block
 from thermid.reporting.pages.origins import versions
 from thermid.reporting.pages.study import tile
-from thermid.reporting.qualification_cells import hours
-from thermid.reporting.qualification_figures import course
-from thermid.reporting.qualification_sections import all_overlays, sections
+from thermid.reporting.qualification import judged, tables
+from thermid.reporting.qualification.cells import hours
+from thermid.reporting.qualification.figures import course
+from thermid.reporting.qualification.sections import all_overlays, sections
 from thermid.units import counted
 
 __all__ = ["correlation_report", "qualification_report"]

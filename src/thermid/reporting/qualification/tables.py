@@ -13,7 +13,7 @@ from thermid.qualify.trial import Trial
 from thermid.qualify.trying import sensors_of
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
 from thermid.reporting.blocks.sections import Block, as_block, folded
-from thermid.reporting.qualification_cells import celsius, hours, mark, verdict
+from thermid.reporting.qualification.cells import celsius, hours, mark, verdict
 
 __all__ = ["boundaries", "changes", "duties", "flows", "foreseen", "phases", "sensors", "tests"]
 

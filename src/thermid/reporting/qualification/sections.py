@@ -9,14 +9,13 @@ from thermid.qualify.correlation import Correlation
 from thermid.qualify.marks import VERDICTS
 from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
-from thermid.reporting import qualification_judged as judged
-from thermid.reporting import qualification_margins as concluded
-from thermid.reporting import qualification_tables as tables
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number
 from thermid.reporting.blocks.sections import Block, Facts, Figures, Heading, Notes, Plot, Section, Words, folded
 from thermid.reporting.pages.origins import versions
-from thermid.reporting.qualification_cells import hours, mark
-from thermid.reporting.qualification_figures import overlay
+from thermid.reporting.qualification import judged, tables
+from thermid.reporting.qualification import margins as concluded
+from thermid.reporting.qualification.cells import hours, mark
+from thermid.reporting.qualification.figures import overlay
 
 __all__ = ["all_overlays", "sections"]
 

@@ -8,7 +8,7 @@ from thermid.qualify.correlation import Correlation
 from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, plain, signed
-from thermid.reporting.qualification_cells import celsius, given, hours, mark, verdict
+from thermid.reporting.qualification.cells import celsius, given, hours, mark, verdict
 
 __all__ = ["checks", "deviations", "diagnoses", "excluded", "gates", "settled"]
 

@@ -6,7 +6,7 @@ import math
 
 from thermid.qualify.programme import Qualification
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, pretty, signed
-from thermid.reporting.qualification_cells import celsius, given, hours, verdict
+from thermid.reporting.qualification.cells import celsius, given, hours, verdict
 
 __all__ = ["assumed", "counted", "margin_table", "outside", "service"]
 
