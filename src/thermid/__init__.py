@@ -71,7 +71,7 @@ if TYPE_CHECKING:
     from thermid.model.block import Block as Block
     from thermid.model.identity import Identity as Identity
     from thermid.model.identity import identities as identities
-    from thermid.model.law import law as law
+    from thermid.model.laws.law import law as law
     from thermid.model.model import Model as Model
     from thermid.model.modelfile import load_model as load_model
     from thermid.model.modelfile import model_from_dict as model_from_dict
@@ -183,7 +183,7 @@ _PUBLIC = {
     "load_model": "model.modelfile",
     "model_from_dict": "model.modelfile",
     "save_model": "model.modelfile",
-    "law": "model.law",
+    "law": "model.laws.law",
     "ledger": "model.areas",
     "Block": "model.block",
     "compile_network": "network.network",

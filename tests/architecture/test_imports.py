@@ -18,6 +18,8 @@ from .source import Module, room_of, within
 
 FOUNDATION = {"arguments", "errors", "files", "seals", "memo", "_units_table", "units", "expression", "dual"}
 
+MODEL = {"model", "model.laws"}
+
 # Package: the packages it may import; of a room with packages inside, each has its own line. `thermid/__init__.py` offers the public names
 # of all of them and stands outside.
 ARROWS: dict[str, set[str]] = {
@@ -31,13 +33,14 @@ ARROWS: dict[str, set[str]] = {
     "units": {"errors", "_units_table"},
     "expression": {"errors", "units", "dual"},
     "physics": FOUNDATION,
-    "model": FOUNDATION | {"physics"},
-    "network": FOUNDATION | {"physics", "model", "_kernel"},
+    "model": FOUNDATION | {"physics", "model.laws"},
+    "model.laws": FOUNDATION,
+    "network": FOUNDATION | MODEL | {"physics", "_kernel"},
     "measure": FOUNDATION,
-    "knowledge": FOUNDATION | {"physics", "model", "measure"},
-    "simulation": FOUNDATION | {"physics", "model", "network", "measure", "knowledge", "_kernel"},
+    "knowledge": FOUNDATION | MODEL | {"physics", "measure"},
+    "simulation": FOUNDATION | MODEL | {"physics", "network", "measure", "knowledge", "_kernel"},
 }
-LOW = FOUNDATION | {"physics", "model", "network", "measure", "simulation", "knowledge"}
+LOW = FOUNDATION | MODEL | {"physics", "network", "measure", "simulation", "knowledge"}
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
 CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
 REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages", "reporting.qualification"}
@@ -68,7 +71,7 @@ ARROWS |= {
     | {"explain", "judge", "inference", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
     "reporting.qualification": LOW | {"qualify", "reporting.blocks", "reporting.pictures", "reporting.pages"},
     "acquire": FOUNDATION | {"measure"},
-    "interop": FOUNDATION | {"physics", "model", "network", "simulation"},
+    "interop": FOUNDATION | MODEL | {"physics", "network", "simulation"},
 }
 TOP = {"cli", "studio", "__main__"}
 ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}

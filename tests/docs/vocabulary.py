@@ -25,7 +25,7 @@ from thermid.measure.steps import STEPS
 from thermid.model import schema
 from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.kinds import KINDS
-from thermid.model.signal import Sine, Table
+from thermid.model.laws.signal import Sine, Table
 from thermid.qualify import plan_schema
 from thermid.qualify.criteria import KEYS as CRITERIA_KEYS
 from thermid.qualify.limits import KEYS as LIMIT_KEYS

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.signal import Sine
+from thermid.model.laws.signal import Sine
 
 DECK = Path(__file__).parents[2] / "examples" / "01_accelerometer" / "accelerometer.toml"
 HTC, MASS, TAU, RISE = "skin.effective_htc", "case.mass", 1027.2604, 8.917191

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 
 import thermid as td
 from thermid.errors import DeckError, SolverError
-from thermid.model.curves import curve, evaluate, slopes
+from thermid.model.laws.curves import curve, evaluate, slopes
+from thermid.model.laws.stores import store
 from thermid.model.modelfile import to_dict
-from thermid.model.stores import store
 
 CONDUCTANCE = [(0.0, 0.1), (10.0, 0.1), (20.0, 0.5), (40.0, 0.3)]
 POWER = [(0.0, 40.0), (15.0, 34.0), (30.0, 28.0), (80.0, 5.0)]

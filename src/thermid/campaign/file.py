@@ -15,9 +15,9 @@ from thermid.errors import DeckError, MissingDataError, RecordError, ThermidErro
 from thermid.fit.problem.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.memo import Memo
+from thermid.model.laws.signal import literal
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
-from thermid.model.signal import literal
 from thermid.simulation.scenario import Scenario
 
 if TYPE_CHECKING:

@@ -22,8 +22,8 @@ from thermid.fit.problem.request import Request
 from thermid.judge.looks import look
 from thermid.judge.validate import Criteria, Verdict, not_judged, validate
 from thermid.knowledge.standing import Standing, worst
+from thermid.model.laws.signal import literal
 from thermid.model.resolve import parameter_table
-from thermid.model.signal import literal
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import VerdictTable

@@ -203,8 +203,8 @@ def simulate(
     from thermid.errors import ScenarioError, SolverError
     from thermid.files import NETCDF, TABLE, may_write
     from thermid.knowledge.standing import of_model
+    from thermid.model.laws.signal import literal
     from thermid.model.modelfile import load_model
-    from thermid.model.signal import literal
     from thermid.simulation import simulate as run
     from thermid.simulation import steady as settle
     from thermid.simulation.simulator import output_times

@@ -17,8 +17,8 @@ from thermid.fit.problem.sensor_parts import at_their_seats, attached
 from thermid.measure import Record
 from thermid.measure.amounts import short
 from thermid.measure.steady import SteadyPoint
+from thermid.model.laws.signal import Constant
 from thermid.model.model import Model
-from thermid.model.signal import Constant
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.engine import Engine
 from thermid.simulation.scenario import Scenario

@@ -14,8 +14,8 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.uncertainty.grouping import Group, listed, percent
 from thermid.fit.uncertainty.information import Information
 from thermid.model.elements import HeatLoad
+from thermid.model.laws.signal import Table
 from thermid.model.parameter import parameter
-from thermid.model.signal import Table
 
 __all__ = ["Cure", "cures"]
 

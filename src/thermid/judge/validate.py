@@ -18,7 +18,7 @@ from thermid.fit.problem.statistics import SensorStatistics
 from thermid.judge.looks import Look
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.simulation.scenario import Scenario
 from thermid.units import counted
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.signal import Signal, literal, signal
+from thermid.model.laws.signal import Signal, literal, signal
 
 __all__ = ["FACES", "Block", "Exchange", "Heater"]
 

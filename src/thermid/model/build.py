@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import DeckError, nearest
-from thermid.model.curves import INTERPOLATIONS, OUTSIDE, Curve, curve, limited
 from thermid.model.elements import CONTROLS, LOAD_SLOTS, Conductor, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model.enclosures import enclosure_from
 from thermid.model.facing import facing_from
 from thermid.model.kinds import KINDS
+from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve, curve, limited, slope_unit
+from thermid.model.laws.signal import literal
+from thermid.model.laws.stores import TABULATED, melting, tabulated
 from thermid.model.parameter import Parameter, parameter
-from thermid.model.signal import literal
-from thermid.model.stores import TABULATED, melting, tabulated
 from thermid.physics.finishes import finish
 from thermid.physics.gas import GASES, gas_named
 
-__all__ = ["elements_from", "finish_emissivity", "made_from", "slope_unit"]
+__all__ = ["elements_from", "finish_emissivity", "made_from"]
 
 Where = Callable[[str], str]
 LIQUID = "liquid"
@@ -98,11 +98,6 @@ def _curve(given: Mapping[str, Any], over: str, slots: tuple[str, ...], where: s
     points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in given["points"]]
     kind, outside = given.get("interpolation") or INTERPOLATIONS[0], given.get("outside") or OUTSIDE[0]
     return curve(over, points, where, given.get("source") or "", given.get("basis") or "", kind, outside, steps)
-
-
-def slope_unit(slot: str) -> str:
-    """Return the unit of a slope over temperature."""
-    return {"W/K": "W/K^2", "W": "W/K", "W/(m K)": "W/(m K^2)", "J/(kg K)": "J/(kg K^2)", "J/kg": "J/(kg K)"}[slot]
 
 
 def elements_from(deck: Mapping[str, Any], where: Where) -> dict[str, dict[str, Any]]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from thermid.model.curves import Curve
 from thermid.model.facing import Facing
+from thermid.model.laws.curves import Curve
 from thermid.model.parameter import Parameter
 from thermid.physics.constants import STANDARD_GRAVITY
 

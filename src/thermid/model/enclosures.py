@@ -14,7 +14,7 @@ from thermid.errors import DeckError, nearest
 from thermid.memo import Memo
 from thermid.model.elements import Enclosure, Surface
 from thermid.model.kinds import Law
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.model.takes import Take, exposed_area
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.enclosure import exchange_areas_of, factor_faults

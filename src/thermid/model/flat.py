@@ -7,16 +7,16 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from thermid.errors import DeckError, ThermidError
-from thermid.model.curves import Curve
 from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
 from thermid.model.enclosures import Face, pairs
 from thermid.model.facing import Facing
 from thermid.model.kinds import KINDS, Law
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Signal
+from thermid.model.laws.stores import Store, potential, store
 from thermid.model.model import Model
 from thermid.model.names import Names
 from thermid.model.resolve import ParameterSet
-from thermid.model.signal import Signal
-from thermid.model.stores import Store, potential, store
 from thermid.model.takes import Take
 from thermid.units import require
 

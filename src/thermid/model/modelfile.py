@@ -14,8 +14,8 @@ from thermid.errors import DeckError, nearest
 from thermid.expression import NAME
 from thermid.files import parse_toml, read_text
 from thermid.model.build import elements_from, made_from
-from thermid.model.curves import Curve
 from thermid.model.identity import definition_of
+from thermid.model.laws.curves import Curve
 from thermid.model.lines import line_numbers
 from thermid.model.model import Layer, Model, Submodel
 from thermid.model.parameter import Parameter, parameter

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from thermid.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, nearest
-from thermid.model.curves import Curve
 from thermid.model.elements import Conductor
 from thermid.model.kinds import KINDS
+from thermid.model.laws.curves import Curve
 from thermid.model.model import Model
 from thermid.model.parameter import Parameter, check_bounds
 from thermid.units import Dimension

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from thermid.model.elements import LOAD_SLOTS
 from thermid.model.kinds import KINDS
-from thermid.model.options import Box, Source, StandsFor
+from thermid.model.laws.options import Box, Source, StandsFor
 from thermid.physics.view_factors import SHAPES
 
 __all__ = ["Deck", "json_schema"]

@@ -12,10 +12,10 @@ from thermid.arguments import takes_objects
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ThermidError
 from thermid.memo import Memo
-from thermid.model.curves import Curve
 from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.stores import Store
 from thermid.model.model import Model
-from thermid.model.stores import Store
 from thermid.model.streams import unclosed
 from thermid.model.surroundings import into_gas, radiates_into
 from thermid.model.takes import exposed_area

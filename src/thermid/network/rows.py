@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.dual import Number
-from thermid.model.curves import FAR, Curve, whole
+from thermid.model.laws.curves import FAR, Curve, whole
 
 __all__ = [
     "ANCHOR",

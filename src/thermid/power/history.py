@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError
 from thermid.fit.problem.residuals import Block
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 
 if TYPE_CHECKING:
     from thermid.model.model import Model

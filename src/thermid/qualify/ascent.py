@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
-from thermid.model.signal import Signal
+from thermid.model.laws.signal import Signal
 from thermid.qualify.marks import Figure
 from thermid.simulation.scenario import Scenario
 

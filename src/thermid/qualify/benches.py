@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from thermid.errors import ScenarioError, nearest
+from thermid.model.laws.signal import Constant
 from thermid.model.model import Model
-from thermid.model.signal import Constant
 from thermid.network.network import compile_network
 from thermid.qualify.legs import Bench, Conditions, memory_of
 from thermid.qualify.profiles import ThermalProfile

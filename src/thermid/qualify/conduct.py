@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.measure.stability import StabilityRule, rule_of
+from thermid.model.laws.signal import literal
 from thermid.model.model import Model
-from thermid.model.signal import literal
 from thermid.qualify.benches import bench_of, node_of, watched
 from thermid.qualify.humid import humid
 from thermid.qualify.legs import Bench, Conditions, Leg, Plan

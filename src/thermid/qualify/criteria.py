@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.errors import IdentificationError, ScenarioError, nearest
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.qualify.marks import check_mark
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.standing import UNJUDGED, Standing
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.structural import MISFIT
 from thermid.qualify.drivers import Driver, drivers_of

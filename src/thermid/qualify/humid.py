@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from thermid.errors import ScenarioError, SolverError
+from thermid.model.laws.signal import Signal
 from thermid.model.model import Model
-from thermid.model.signal import Signal
 from thermid.network.network import compile_network
 from thermid.simulation.moisture import Moisture, moisture
 from thermid.simulation.scenario import Scenario

@@ -10,7 +10,7 @@ from typing import Any, Final
 from thermid.errors import ScenarioError, nearest
 from thermid.files import PROFILE, write_text
 from thermid.measure.stability import rule_of
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.physics.constants import ATMOSPHERE
 from thermid.qualify.number import MARKS, SLOTS, WORDS, Number, number, weakest
 from thermid.qualify.steps import Step, steps_of

@@ -14,9 +14,9 @@ from thermid.errors import DeckError, ScenarioError
 from thermid.model.elements import LOAD_SLOTS
 from thermid.model.flat import FlatConductor, FlatLoad
 from thermid.model.kinds import KINDS
+from thermid.model.laws.signal import literal
 from thermid.model.model import Model
 from thermid.model.modelfile import model_from_dict
-from thermid.model.signal import literal
 from thermid.model.written import made_to
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError, nearest
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.simulation.scenario import SLOTS, Scenario
 
 __all__ = ["begun_at", "starts"]

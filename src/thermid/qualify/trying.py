@@ -12,8 +12,8 @@ from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.judge.compare import compare
 from thermid.measure import Record, read_record
 from thermid.model.flat import flatten
+from thermid.model.laws.signal import literal
 from thermid.model.modelfile import resolve_inside
-from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.known import Known
 from thermid.qualify.as_run import exchanged, not_covered, not_reached

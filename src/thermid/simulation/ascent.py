@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError, nearest
 from thermid.measure import read_plain
-from thermid.model.signal import Constant, Signal, Table, joined, literal, signal
+from thermid.model.laws.signal import Constant, Signal, Table, joined, literal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import HOTTEST, Irradiation
 from thermid.physics.atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere

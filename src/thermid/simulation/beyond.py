@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.model.curves import Curve
+from thermid.model.laws.curves import Curve
 from thermid.network.network import Network, Numbers
 
 __all__ = ["NEAR", "left_tables", "read_nodes", "refused_tables", "refuses"]

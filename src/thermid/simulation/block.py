@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.model.block import FACES, Block, Exchange
 from thermid.model.block_cells import exchange_cells, links
-from thermid.model.signal import Constant, Drawn, literal, multiplied
+from thermid.model.laws.signal import Constant, Drawn, literal, multiplied
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation.block_solution import Again, BlockSolution
 from thermid.simulation.engine import Options

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, SolverError, nearest
 from thermid.memo import Memo
 from thermid.model.block import Block
-from thermid.model.signal import Constant, multiplied
+from thermid.model.laws.signal import Constant, multiplied
 from thermid.simulation.engine import Options
 from thermid.simulation.extremes import Turnings
 from thermid.simulation.kernel_form import break_times

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.model.signal import Drawn
+from thermid.model.laws.signal import Drawn
 from thermid.physics.constants import ICE_POINT
 
 __all__ = ["Dense", "Extreme", "MemberTurnings", "Turnings", "by_column", "first_above", "resolved", "signal_turnings"]

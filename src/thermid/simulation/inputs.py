@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ScenarioError, nearest
-from thermid.model.signal import Constant, Drawn, Mixed, Signal, Sine, Table, multiplied, pulses, signal, together
+from thermid.model.laws.signal import Constant, Drawn, Mixed, Signal, Sine, Table, multiplied, pulses, signal, together
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow, LoadRow
 from thermid.simulation.scenario import Scenario

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
-from thermid.model.curves import Curve
-from thermid.model.signal import Constant, Drawn, Signal, Sine, Table
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, Table
 from thermid.network.rows import LOADS, conductor_law, curve_arrays, tables_behind
 
 __all__ = ["break_times", "ending", "ints", "kernel_input", "row_form"]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.errors import ScenarioError
-from thermid.model.signal import Constant, Sine, Table
+from thermid.model.laws.signal import Constant, Sine, Table
 from thermid.simulation.wiring import Assembled, Wiring
 
 __all__ = ["METHODS", "Exact", "Modal", "Work"]

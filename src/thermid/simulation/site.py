@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, ThermidError
 from thermid.model.facing import degrees
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.physics.atmosphere import standard_atmosphere
 
 if TYPE_CHECKING:

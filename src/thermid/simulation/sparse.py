@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.memo import Memo
-from thermid.model.curves import Curve
-from thermid.model.signal import Constant, Drawn
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Constant, Drawn
 from thermid.network.rows import CONTROLS, LOADS, conductor_law, curve_arrays, tables_behind
 from thermid.simulation.extremes import Turnings, signal_turnings
 from thermid.simulation.kernel_form import kernel_input

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, SolverError
 from thermid.model.block import Block
+from thermid.model.laws.signal import literal
 from thermid.model.model import Model
-from thermid.model.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import MEAN, PERIODIC, STEADY, Scenario
 

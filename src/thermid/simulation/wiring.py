@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import ScenarioError, nearest
-from thermid.model.signal import Constant, Drawn, Signal, Table, common_cycle, literal, multiplied
-from thermid.model.stores import Store
+from thermid.model.laws.signal import Constant, Drawn, Signal, Table, common_cycle, literal, multiplied
+from thermid.model.laws.stores import Store
 from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from thermid.measure import Channel, Record
+from thermid.model.laws.signal import Signal
 from thermid.model.model import Model
 from thermid.model.modelfile import model_from_dict
-from thermid.model.signal import Signal
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
 

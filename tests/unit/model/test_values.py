@@ -71,7 +71,7 @@ def test_wrong_dimension_laid_over_is_shown_with_its_origin(part: Build) -> None
 
 def test_temperature_in_a_slot_of_differences(part: Build) -> None:
     """No field of a deck is a difference; a sine of a signal is."""
-    from thermid.model.signal import signal
+    from thermid.model.laws.signal import signal
 
     with pytest.raises(UnitError, match=r"'\[degC\]' is a temperature on the scale; a difference is needed here\. Write it in \[K\]\."):
         signal({"mean": "24 [degC]", "amplitude": "3 [degC]", "period": "24 [h]"}, "temperature")

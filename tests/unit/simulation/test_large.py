@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import SolverError
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 from thermid.simulation import large_model, large_steady
 from thermid.simulation.simulator import prepare
 

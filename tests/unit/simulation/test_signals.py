@@ -12,7 +12,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import RecordError, ScenarioError
-from thermid.model.signal import Constant, MeanOf, Mixed, Signal, Sine, Table, added, common_cycle, joined, multiplied, signal
+from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, Sine, Table, added, common_cycle, joined, multiplied, signal
 from thermid.qualify.starts import begun_at
 from thermid.simulation.ascent import Trajectory
 

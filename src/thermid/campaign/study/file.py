@@ -13,10 +13,10 @@ from thermid.campaign.file import read_campaign
 from thermid.campaign.study.study import Action, Component, SensorSpec, Study
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.model.boxes import part_boxes
+from thermid.model.laws.signal import literal
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
 from thermid.model.names import Names
-from thermid.model.signal import literal
 from thermid.simulation.engine import Options
 from thermid.units import TEMPERATURE
 

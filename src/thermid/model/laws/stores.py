@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError
-from thermid.model.curves import Curve, curve, ends, hermite, limited, slopes, value_and_slope
+from thermid.model.laws.curves import Curve, curve, ends, hermite, limited, slopes, value_and_slope
 
 __all__ = ["TABULATED", "Store", "melting", "potential", "store", "tabulated"]
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError, nearest
-from thermid.model.curves import Curve, hermite
-from thermid.model.options import Source
-from thermid.model.signal import literal
+from thermid.model.laws.curves import Curve, hermite
+from thermid.model.laws.options import Source
+from thermid.model.laws.signal import literal
 
 __all__ = ["law"]
 
