@@ -23,9 +23,9 @@ from thermid.measure.bindings import _KEYS as CHANNEL_KEYS
 from thermid.measure.part import _NUMBERS as PART_NUMBERS
 from thermid.measure.steps import STEPS
 from thermid.model import schema
-from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS
-from thermid.model.kinds import KINDS
 from thermid.model.laws.signal import Sine, Table
+from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS
+from thermid.model.parts.kinds import KINDS
 from thermid.qualify import plan_schema
 from thermid.qualify.criteria import KEYS as CRITERIA_KEYS
 from thermid.qualify.limits import KEYS as LIMIT_KEYS

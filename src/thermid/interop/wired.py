@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
 from thermid.interop.formula import Formula, with_formulas
-from thermid.model.kinds import HINGES
 from thermid.model.laws.curves import Curve, slopes, whole
 from thermid.model.laws.signal import Constant, Drawn, Table
 from thermid.model.model import Model
+from thermid.model.parts.kinds import HINGES
 from thermid.network.network import Network
 from thermid.network.rows import ConductorRow
 from thermid.network.streams import signal_of

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from thermid.model.model import Model
+from thermid.model.parts.standing import CREDIBLE, UNJUDGED, Standing, State, worst
 from thermid.model.resolve import parameter_table
-from thermid.model.standing import CREDIBLE, UNJUDGED, Standing, State, worst
 
 __all__ = ["CREDIBLE", "UNJUDGED", "Standing", "State", "of_model", "worst"]
 

@@ -16,7 +16,7 @@ from thermid.knowledge.sources import KNOWN, Kind, LeftOut, Source
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.model.identity import depth, inside
 from thermid.model.model import Model
-from thermid.model.parameter import Parameter, exact
+from thermid.model.parts.parameter import Parameter, exact
 from thermid.model.replacement import Dropped
 from thermid.model.resolve import Entry, deck_text, parameter_table
 

@@ -9,7 +9,7 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.model.flat import flatten
 from thermid.model.model import Model
-from thermid.model.takes import exposed_area
+from thermid.model.parts.takes import exposed_area
 
 __all__ = ["LedgerLine", "ledger"]
 

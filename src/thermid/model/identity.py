@@ -13,7 +13,7 @@ from thermid.arguments import takes_objects
 
 if TYPE_CHECKING:
     from thermid.model.model import Layer, Model
-    from thermid.model.parameter import Parameter
+    from thermid.model.parts.parameter import Parameter
 
 __all__ = [
     "APART",

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
-from thermid.model.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
-from thermid.model.parameter import Parameter, parameter
-from thermid.model.standing import UNJUDGED
+from thermid.model.parts.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
+from thermid.model.parts.parameter import Parameter, parameter
+from thermid.model.parts.standing import UNJUDGED
 
 if TYPE_CHECKING:
     from thermid.model.replacement import Replacement

@@ -18,7 +18,7 @@ from thermid.model.identity import definition_of
 from thermid.model.laws.curves import Curve
 from thermid.model.lines import line_numbers
 from thermid.model.model import Layer, Model, Submodel
-from thermid.model.parameter import Parameter, parameter
+from thermid.model.parts.parameter import Parameter, parameter
 
 __all__ = ["load_model", "model_from_dict", "project_root", "refuse_another_kind", "resolve_inside", "save_model", "to_dict"]
 

@@ -15,7 +15,7 @@ from thermid.units import unit
 
 if TYPE_CHECKING:
     from thermid.model.model import Layer, Model
-    from thermid.model.parameter import Parameter
+    from thermid.model.parts.parameter import Parameter
 
 __all__ = ["PLACE", "SCATTER", "Dropped", "Replacement", "Start", "coefficients", "replaced", "short_text"]
 

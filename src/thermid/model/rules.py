@@ -17,9 +17,9 @@ from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.identity import APART, cuts_of, local_identities
 from thermid.model.laws.curves import evaluate
 from thermid.model.model import Model
+from thermid.model.parts.takes import exposed_area
 from thermid.model.streams import unclosed, unfed
 from thermid.model.surroundings import bare, into_gas, radiates_into, still
-from thermid.model.takes import exposed_area
 
 __all__ = ["RULES", "Finding", "findings"]
 

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
-from thermid.model.elements import LOAD_SLOTS
-from thermid.model.kinds import KINDS
 from thermid.model.laws.options import Box, Source, StandsFor
+from thermid.model.parts.elements import LOAD_SLOTS
+from thermid.model.parts.kinds import KINDS
 from thermid.physics.view_factors import SHAPES
 
 __all__ = ["Deck", "json_schema"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from thermid.model.elements import Conductor, HeatLoad, Joint, Surface
 from thermid.model.model import Element, Model
+from thermid.model.parts.elements import Conductor, HeatLoad, Joint, Surface
 from thermid.model.resolve import ParameterSet
 
 __all__ = ["Touching", "touching"]

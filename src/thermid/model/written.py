@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from thermid.model.build import finish_emissivity
-from thermid.model.elements import CONTROLS, Conductor, MadeIn, Node
-from thermid.model.enclosures import enclosure_to
-from thermid.model.facing import facing_to
-from thermid.model.kinds import KINDS
 from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve, slope_unit
 from thermid.model.laws.stores import TABULATED
 from thermid.model.model import Model
-from thermid.model.parameter import Parameter
+from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity
+from thermid.model.parts.enclosures import enclosure_to
+from thermid.model.parts.facing import facing_to
+from thermid.model.parts.kinds import KINDS
+from thermid.model.parts.parameter import Parameter
 from thermid.units import unit
 
 __all__ = ["elements_to", "made_to", "written"]

@@ -16,9 +16,9 @@ from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.stores import Store
 from thermid.model.model import Model
+from thermid.model.parts.takes import exposed_area
 from thermid.model.streams import unclosed
 from thermid.model.surroundings import into_gas, radiates_into
-from thermid.model.takes import exposed_area
 from thermid.network.gas_checks import TRACE, refuse_unsaid, traced
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import Media

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ThermidError
-from thermid.model.elements import HeatLoad
+from thermid.model.parts.elements import HeatLoad
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from thermid.errors import IdentificationError, nearest
 from thermid.knowledge.values import FittedValues
 from thermid.model.flat import FlatConductor
 from thermid.model.model import Model
-from thermid.model.takes import exposed_area
+from thermid.model.parts.takes import exposed_area
 from thermid.network.network import Network, compile_network
 from thermid.physics.air import dry_air
 from thermid.physics.bodies import body_htc, conduction_floor

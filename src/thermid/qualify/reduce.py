@@ -11,12 +11,12 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
-from thermid.model.elements import LOAD_SLOTS
 from thermid.model.flat import FlatConductor, FlatLoad
-from thermid.model.kinds import KINDS
 from thermid.model.laws.signal import literal
 from thermid.model.model import Model
 from thermid.model.modelfile import model_from_dict
+from thermid.model.parts.elements import LOAD_SLOTS
+from thermid.model.parts.kinds import KINDS
 from thermid.model.written import made_to
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError
-from thermid.model.facing import degrees
 from thermid.model.laws.signal import Constant, Signal, Table, joined, literal, signal
+from thermid.model.parts.facing import degrees
 from thermid.network.irradiation import Irradiation
 from thermid.physics.exposure import SOLAR_CONSTANT, eclipse, planet_share
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.measure import Weather
-from thermid.model.facing import Facing, degrees
 from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, Table, literal, signal
+from thermid.model.parts.facing import Facing, degrees
 from thermid.network.environment import Environment
 from thermid.network.irradiation import OpenSky
 from thermid.physics.air import dry_air

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, ThermidError
-from thermid.model.facing import degrees
 from thermid.model.laws.signal import literal
+from thermid.model.parts.facing import degrees
 from thermid.physics.atmosphere import standard_atmosphere
 
 if TYPE_CHECKING:

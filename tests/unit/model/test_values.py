@@ -12,7 +12,7 @@ from thermid.dual import Dual
 from thermid.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, UnitError
 from thermid.model.flat import flatten
 from thermid.model.model import Model
-from thermid.model.parameter import parameter
+from thermid.model.parts.parameter import parameter
 from thermid.model.resolve import ParameterSet
 
 Build = Callable[..., Model]

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import thermid as td
-from thermid.model.elements import Conductor
-from thermid.model.parameter import parameter
+from thermid.model.parts.elements import Conductor
+from thermid.model.parts.parameter import parameter
 from thermid.qualify.suspects import laid_open
 
 GROUPS = ("boundary or reference", "power", "link", "sensor", "capacitance")

@@ -18,7 +18,7 @@ from thermid.model.areas import ledger
 from thermid.model.laws.signal import Constant
 from thermid.model.model import Model
 from thermid.model.modelfile import load_model
-from thermid.model.parameter import exact
+from thermid.model.parts.parameter import exact
 from thermid.model.replacement import Start
 from thermid.model.resolve import ParameterSet
 from thermid.model.touching import touching

@@ -9,7 +9,7 @@ from typing import Any, Final, get_args
 from thermid.errors import DeckError, ThermidError, UnitError
 from thermid.expression import Expression, Literal, parse
 from thermid.model.laws.options import Source
-from thermid.model.standing import Standing
+from thermid.model.parts.standing import Standing
 from thermid.units import describe, unit
 
 __all__ = ["Parameter", "exact", "parameter"]

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from thermid.dual import Number, gradient_of, value_of
 from thermid.errors import DeckError, nearest
 from thermid.memo import Memo
-from thermid.model.elements import Enclosure, Surface
-from thermid.model.kinds import Law
 from thermid.model.laws.signal import literal
-from thermid.model.takes import Take, exposed_area
+from thermid.model.parts.elements import Enclosure, Surface
+from thermid.model.parts.kinds import Law
+from thermid.model.parts.takes import Take, exposed_area
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.enclosure import exchange_areas_of, factor_faults
 from thermid.physics.view_factors import SHAPES
