@@ -13,11 +13,11 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.expression import NAME
 from thermid.files import parse_toml, read_text
-from thermid.model.build import elements_from, made_from
 from thermid.model.identity import definition_of
 from thermid.model.laws.curves import Curve
 from thermid.model.lines import line_numbers
 from thermid.model.model import Layer, Model, Submodel
+from thermid.model.parts.build import elements_from, made_from
 from thermid.model.parts.parameter import Parameter, parameter
 
 __all__ = ["load_model", "model_from_dict", "project_root", "refuse_another_kind", "resolve_inside", "save_model", "to_dict"]

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve, slope_unit
+from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve
 from thermid.model.laws.stores import TABULATED
 from thermid.model.model import Model
-from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity
+from thermid.model.parts.build import finish_emissivity, slope_unit
+from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node
 from thermid.model.parts.enclosures import enclosure_to
 from thermid.model.parts.facing import facing_to
 from thermid.model.parts.kinds import KINDS

@@ -28,7 +28,6 @@ __all__ = [
     "evaluate",
     "hermite",
     "limited",
-    "slope_unit",
     "slopes",
     "value_and_slope",
     "whole",
@@ -209,8 +208,3 @@ def value_and_slope(given: Curve, at: NDArray[np.float64]) -> tuple[NDArray[np.f
     width = x[k + 1] - x[k]
     slope = (y[k + 1] - y[k]) / np.where(width > 0.0, width, 1.0)
     return y[k] + slope * (inside - x[k]), slope
-
-
-def slope_unit(slot: str) -> str:
-    """Return the unit of a slope over temperature."""
-    return {"W/K": "W/K^2", "W": "W/K", "W/(m K)": "W/(m K^2)", "J/(kg K)": "J/(kg K^2)", "J/kg": "J/(kg K)"}[slot]

@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 
 from thermid.model.laws.curves import Curve
 from thermid.model.parts.facing import Facing
-from thermid.model.parts.parameter import Parameter, parameter
+from thermid.model.parts.parameter import Parameter
 from thermid.physics.constants import STANDARD_GRAVITY
-from thermid.physics.finishes import finish
 
 __all__ = ["CONTROLS", "LOAD_SLOTS", "NODE_SLOTS", "Conductor", "Enclosure", "HeatLoad", "Joint", "MadeIn", "Node", "Surface"]
-__all__ += ["finish_emissivity"]
 
 Fields = Mapping[str, Parameter]
 
@@ -203,9 +201,3 @@ class MadeIn:
         weight = "" if abs(self.gravity / STANDARD_GRAVITY - 1.0) < 0.01 else f", {self.gravity:.4g} m/s^2"
         wind = f", {self.wind:.3g} m/s" if self.wind else ""
         return f"{self.gas} at {self.pressure:.6g} Pa{weight}{wind}"
-
-
-def finish_emissivity(name: str, where: str) -> Parameter:
-    """Return the emissivity of a finish."""
-    found = finish(name, where)
-    return parameter({"value": found.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": found.basis}, where)

@@ -8,17 +8,18 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import DeckError, nearest
-from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve, curve, limited, slope_unit
+from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve, curve, limited
 from thermid.model.laws.signal import literal
 from thermid.model.laws.stores import TABULATED, melting, tabulated
-from thermid.model.parts.elements import CONTROLS, LOAD_SLOTS, Conductor, HeatLoad, Joint, MadeIn, Node, Surface, finish_emissivity
+from thermid.model.parts.elements import CONTROLS, LOAD_SLOTS, Conductor, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model.parts.enclosures import enclosure_from
 from thermid.model.parts.facing import facing_from
 from thermid.model.parts.kinds import KINDS
 from thermid.model.parts.parameter import Parameter, parameter
+from thermid.physics.finishes import finish
 from thermid.physics.gas import GASES, gas_named
 
-__all__ = ["elements_from", "made_from"]
+__all__ = ["elements_from", "finish_emissivity", "made_from", "slope_unit"]
 
 Where = Callable[[str], str]
 LIQUID = "liquid"
@@ -97,6 +98,11 @@ def _curve(given: Mapping[str, Any], over: str, slots: tuple[str, ...], where: s
     points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in given["points"]]
     kind, outside = given.get("interpolation") or INTERPOLATIONS[0], given.get("outside") or OUTSIDE[0]
     return curve(over, points, where, given.get("source") or "", given.get("basis") or "", kind, outside, steps)
+
+
+def slope_unit(slot: str) -> str:
+    """Return the unit of a slope over temperature."""
+    return {"W/K": "W/K^2", "W": "W/K", "W/(m K)": "W/(m K^2)", "J/(kg K)": "J/(kg K^2)", "J/kg": "J/(kg K)"}[slot]
 
 
 def elements_from(deck: Mapping[str, Any], where: Where) -> dict[str, dict[str, Any]]:
@@ -178,6 +184,12 @@ def _surface(name: str, table: Mapping[str, Any], where: Where) -> Surface:
     facing = facing_from(table["facing"], where(f"{key}.facing")) if table.get("facing") else None
     sees = table["sees"] or table["radiates_to"]
     return Surface(table["of"], table["to"], fields, sees, table["test_only"], table["finish"], words, facing)
+
+
+def finish_emissivity(name: str, where: str) -> Parameter:
+    """Return the emissivity of a finish."""
+    found = finish(name, where)
+    return parameter({"value": found.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": found.basis}, where)
 
 
 def _check_stream(given: set[str], fluid: str, where: str) -> None:
