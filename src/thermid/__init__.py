@@ -67,16 +67,16 @@ if TYPE_CHECKING:
     from thermid.measure import Weather as Weather
     from thermid.measure import read_record as read_record
     from thermid.measure import read_weather as read_weather
-    from thermid.model.areas import ledger as ledger
     from thermid.model.block import Block as Block
-    from thermid.model.identity import Identity as Identity
-    from thermid.model.identity import identities as identities
     from thermid.model.laws.law import law as law
-    from thermid.model.model import Model as Model
     from thermid.model.modelfile import load_model as load_model
     from thermid.model.modelfile import model_from_dict as model_from_dict
     from thermid.model.modelfile import save_model as save_model
-    from thermid.model.replacement import Replacement as Replacement
+    from thermid.model.tree.areas import ledger as ledger
+    from thermid.model.tree.identity import Identity as Identity
+    from thermid.model.tree.identity import identities as identities
+    from thermid.model.tree.model import Model as Model
+    from thermid.model.tree.replacement import Replacement as Replacement
     from thermid.network.environment import Environment as Environment
     from thermid.network.irradiation import Irradiation as Irradiation
     from thermid.network.irradiation import OpenSky as OpenSky
@@ -176,15 +176,15 @@ if TYPE_CHECKING:
 
 # in reading order: what the hardware is, what is done to it, what was measured, what a fit says, what is shown
 _PUBLIC = {
-    "Model": "model.model",
-    "Identity": "model.identity",
-    "Replacement": "model.replacement",
-    "identities": "model.identity",
+    "Model": "model.tree.model",
+    "Identity": "model.tree.identity",
+    "Replacement": "model.tree.replacement",
+    "identities": "model.tree.identity",
     "load_model": "model.modelfile",
     "model_from_dict": "model.modelfile",
     "save_model": "model.modelfile",
     "law": "model.laws.law",
-    "ledger": "model.areas",
+    "ledger": "model.tree.areas",
     "Block": "model.block",
     "compile_network": "network.network",
     "state_space": "network.linear",

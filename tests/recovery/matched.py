@@ -11,8 +11,8 @@ import numpy as np
 from recovery.cases import STACK, Z95, Bench, draw
 from thermid.fit.calibrate import calibrate
 from thermid.measure import Record
-from thermid.model.model import Model
 from thermid.model.modelfile import load_model, model_from_dict
+from thermid.model.tree.model import Model
 from thermid.prediction.predict import predict
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario

@@ -10,8 +10,9 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, IdentificationError, RecordError, SolverError, UnitError
-from thermid.model.modelfile import save_model, to_dict
+from thermid.model.Nonemodelfile import save_model
 from thermid.model.parts.kinds import KINDS
+from thermid.model.tree.written import to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import correlation
 from thermid.physics.decay import radiative_decay

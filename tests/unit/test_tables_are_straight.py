@@ -13,7 +13,7 @@ import thermid as td
 from thermid.errors import DeckError, SolverError
 from thermid.model.laws.curves import curve, evaluate, slopes
 from thermid.model.laws.stores import store
-from thermid.model.modelfile import to_dict
+from thermid.model.tree.written import to_dict
 
 CONDUCTANCE = [(0.0, 0.1), (10.0, 0.1), (20.0, 0.5), (40.0, 0.3)]
 POWER = [(0.0, 40.0), (15.0, 34.0), (30.0, 28.0), (80.0, 5.0)]

@@ -16,8 +16,8 @@ from thermid.fit.problem.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.memo import Memo
 from thermid.model.laws.signal import literal
-from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
+from thermid.model.tree.model import Model
 from thermid.simulation.scenario import Scenario
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from thermid.knowledge.sources import LeftOut, LogNormal, Normal, Source, Unifor
 from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values_file import load_store, read_values
 from thermid.model.laws.signal import literal
-from thermid.model.model import Model
-from thermid.model.resolve import ParameterSet, deck_text
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import ParameterSet, deck_text
 from thermid.units import TEMPERATURE
 
 __all__ = ["hand_values"]

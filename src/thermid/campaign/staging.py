@@ -18,8 +18,8 @@ from thermid.knowledge.graft import graft
 from thermid.knowledge.store import Store
 from thermid.measure import Record
 from thermid.model.laws.signal import literal
-from thermid.model.model import Model
 from thermid.model.modelfile import resolve_inside
+from thermid.model.tree.model import Model
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import InheritTable, StageTable

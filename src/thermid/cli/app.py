@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from thermid.campaign.stages import Campaign
     from thermid.errors import ThermidError
-    from thermid.model.model import Model
+    from thermid.model.tree.model import Model
     from thermid.simulation.scenario import Scenario
 
 __all__ = ["main"]

@@ -18,7 +18,7 @@ from thermid.measure import Record
 from thermid.measure.amounts import short
 from thermid.measure.steady import SteadyPoint
 from thermid.model.laws.signal import Constant
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.engine import Engine
 from thermid.simulation.scenario import Scenario

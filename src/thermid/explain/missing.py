@@ -11,9 +11,9 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.measure.amounts import short
-from thermid.model.model import Model
 from thermid.model.parts.elements import Conductor, HeatLoad, Node
 from thermid.model.parts.parameter import parameter
+from thermid.model.tree.model import Model
 from thermid.simulation.scenario import Scenario
 
 __all__ = ["Missing", "missing_elements"]

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import value_of
-from thermid.model.flat import FlatConductor, FlatLoad
 from thermid.model.laws.signal import Table
+from thermid.model.tree.flat import FlatConductor, FlatLoad
 from thermid.network.network import Network
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.engine import Engine, Options

@@ -15,7 +15,7 @@ from thermid.interop.units_of import si_unit
 from thermid.interop.wired import Wired, identifiers, one_line, refuse_crooked, table_points, wired
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Drawn, Sine, Table
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import Scenario

@@ -11,8 +11,8 @@ from thermid.errors import DeckError, ScenarioError
 from thermid.interop.formula import Formula, with_formulas
 from thermid.model.laws.curves import Curve, slopes, whole
 from thermid.model.laws.signal import Constant, Drawn, Table
-from thermid.model.model import Model
 from thermid.model.parts.kinds import HINGES
+from thermid.model.tree.model import Model
 from thermid.network.network import Network
 from thermid.network.rows import ConductorRow
 from thermid.network.streams import signal_of

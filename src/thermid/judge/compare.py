@@ -7,7 +7,7 @@ from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
 from thermid.measure import Record
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.simulation.scenario import Scenario
 
 __all__ = ["compare"]

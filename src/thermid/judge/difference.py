@@ -9,7 +9,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.transient import simulate
 

@@ -13,14 +13,14 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.expression import NAME
 from thermid.files import parse_toml, read_text
-from thermid.model.identity import definition_of
 from thermid.model.laws.curves import Curve
 from thermid.model.lines import line_numbers
-from thermid.model.model import Layer, Model, Submodel
 from thermid.model.parts.build import elements_from, made_from
-from thermid.model.parts.parameter import Parameter, parameter
+from thermid.model.parts.parameter import parameter
+from thermid.model.tree.identity import definition_of
+from thermid.model.tree.model import Model, Submodel
 
-__all__ = ["load_model", "model_from_dict", "project_root", "refuse_another_kind", "resolve_inside", "save_model", "to_dict"]
+__all__ = ["load_model", "model_from_dict", "project_root", "refuse_another_kind", "resolve_inside", "save_model"]
 
 MARKER = "thermid.toml"
 LARGEST_FILE = 4_000_000
@@ -263,44 +263,6 @@ def _check_names(model: Model) -> None:
 def _alias_in(model: Model, path: str) -> str | None:
     """Return the alias that a path is or starts with, or None."""
     return next((a for a in (path, path.partition(".")[0]) if a in model.aliases), None)
-
-
-def to_dict(model: Model, bare: bool = False) -> dict[str, Any]:
-    """Return the dictionary that describes a model; submodels stand as dictionaries under `use`.
-
-    Parameters
-    ----------
-    bare : bool     Leave out what was laid over the decks or cut.
-    """
-    from thermid.model.written import elements_to, made_to
-
-    out: dict[str, Any] = {"title": model.title, "box": model.box}
-    for key, value in (("use", model.use), ("needs", list(model.needs)), ("offers", list(model.offers))):
-        if value:
-            out[key] = value
-    out["parameters"] = {n: value_to(p) for n, p in model.parameters.items()}
-    out |= elements_to(model)
-    out["submodels"] = {n: {"use": to_dict(s.model, bare), "bind": s.bound()} for n, s in model.submodels.items()}
-    out["set"] = {n: value_to(p) for n, p in model.settings.items()}
-    if not bare:
-        out["layers"] = [_layer_to(layer) for layer in model.layers]
-        out["cuts"] = list(model.cuts)
-    out["aliases"] = dict(model.aliases)
-    out["made_in"] = {gas: made_to(state) for gas, state in model.made_in.items()}
-    return {k: v for k, v in out.items() if v not in ({}, [])}
-
-
-def _layer_to(layer: Layer) -> dict[str, Any]:
-    """Return a layer as a dictionary, with the groups of paths that it lays as one value."""
-    out = {"origin": layer.origin, "values": {n: value_to(p) for n, p in layer.values.items()}}
-    return {**out, "ties": [list(group) for group in layer.ties]} if layer.ties else out
-
-
-def value_to(given: Parameter) -> Any:
-    """Return what a deck writes for a parameter."""
-    from thermid.model.written import written
-
-    return written(given)
 
 
 @takes_objects

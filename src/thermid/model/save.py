@@ -13,8 +13,9 @@ from tomlkit.items import InlineTable, Item, Table
 from thermid.errors import DeckError, ThermidError
 from thermid.expression import parse
 from thermid.files import DECK, OWN, may_write, write_text
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, to_dict, value_to
+from thermid.model.modelfile import load_model
+from thermid.model.tree.model import Model
+from thermid.model.tree.written import to_dict, written
 from thermid.seals import unsealed
 
 __all__ = ["write"]
@@ -68,7 +69,7 @@ def _text(model: Model, like: Path | None) -> str:
     data.pop("layers", None)
     for layer in model.layers:
         for name, given in layer.values.items():
-            _lay(data, name, value_to(given))
+            _lay(data, name, written(given))
     data = {k: v for k, v in data.items() if v != {}}
     if like is None:
         return tomlkit.dumps(_pretty(data))

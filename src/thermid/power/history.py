@@ -14,7 +14,7 @@ from thermid.fit.problem.residuals import Block
 from thermid.model.laws.signal import literal
 
 if TYPE_CHECKING:
-    from thermid.model.model import Model
+    from thermid.model.tree.model import Model
     from thermid.power.laws import PowerLaw
     from thermid.simulation.scenario import Scenario
 

@@ -18,9 +18,9 @@ from thermid.fit.problem.selection import priors_of
 from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.measure import Record
 from thermid.model.laws.signal import Constant, Table, literal
-from thermid.model.model import Model
 from thermid.model.modelfile import model_from_dict
 from thermid.model.parts.elements import HeatLoad
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.power.history import PowerHistory
 from thermid.power.regularised import ROUNDS, Pins, Solved, solved

@@ -14,7 +14,7 @@ from thermid.model.parts.elements import HeatLoad
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
-    from thermid.model.model import Model
+    from thermid.model.tree.model import Model
     from thermid.power.history import PowerHistory
 
 __all__ = ["PowerLaw", "fitted_laws"]

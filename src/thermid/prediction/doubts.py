@@ -9,8 +9,8 @@ from dataclasses import replace
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Prior
 from thermid.model.laws.signal import Signal
-from thermid.model.model import Model
 from thermid.model.parts.parameter import Parameter
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.physics.finishes import finish
 from thermid.simulation.scenario import Scenario

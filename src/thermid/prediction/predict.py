@@ -14,7 +14,7 @@ from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
 from thermid.fit.coefficients import Conditions, constant_coefficients
 from thermid.knowledge.sources import LeftOut
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import Known
 from thermid.prediction.omitted import assumed_left_out, in_order

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, nearest
 from thermid.knowledge.values import FittedValues
-from thermid.model.flat import FlatConductor
-from thermid.model.model import Model
 from thermid.model.parts.takes import exposed_area
+from thermid.model.tree.flat import FlatConductor
+from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.physics.air import dry_air
 from thermid.physics.bodies import body_htc, conduction_floor

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError
-from thermid.model.model import Model
-from thermid.model.resolve import parameter_table
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import parameter_table
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.simulator import prepare
 

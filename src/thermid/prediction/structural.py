@@ -13,7 +13,7 @@ from thermid.fit.discrepancy import ALIKE, Discrepancy
 from thermid.fit.joint_gas import MOST, losing_gas
 from thermid.knowledge.sources import Law, Normal, Source, Uniform
 from thermid.knowledge.values import FittedValues
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.prediction.known import Known, Rows, normal_sources
 from thermid.prediction.split import split_needed, split_values

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from thermid.errors import ScenarioError, nearest
 from thermid.model.laws.signal import Constant
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.qualify.legs import Bench, Conditions, memory_of
 from thermid.qualify.profiles import ThermalProfile

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
 from thermid.files import OWN, replacing, sweep
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.prediction.budget import Budget
 from thermid.prediction.setting import Setting
 from thermid.simulation.engine import Options

@@ -13,7 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.measure.stability import StabilityRule, rule_of
 from thermid.model.laws.signal import literal
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.qualify.benches import bench_of, node_of, watched
 from thermid.qualify.humid import humid
 from thermid.qualify.legs import Bench, Conditions, Leg, Plan

@@ -20,7 +20,7 @@ from thermid.qualify.foretold import REACH, Estimate, Forecast, estimate, with_s
 if TYPE_CHECKING:
     from thermid.measure.channel import Channel
     from thermid.measure.record import Record
-    from thermid.model.model import Model
+    from thermid.model.tree.model import Model
     from thermid.simulation.scenario import Scenario
 
 __all__ = ["Estimate", "Forecast", "forecast"]

@@ -12,8 +12,8 @@ from thermid.arguments import takes_objects
 from thermid.campaign.filed import filed
 from thermid.errors import DeckError, nearest
 from thermid.knowledge.values import FittedValues
-from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
+from thermid.model.tree.model import Model
 from thermid.qualify.hold import Hold, check_members, hold, limits_of
 from thermid.qualify.macro import macro_model
 from thermid.qualify.uncertain import Progress, UncertainRuns, uncertain_runs

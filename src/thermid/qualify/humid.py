@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from thermid.errors import ScenarioError, SolverError
 from thermid.model.laws.signal import Signal
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.simulation.moisture import Moisture, moisture
 from thermid.simulation.scenario import Scenario

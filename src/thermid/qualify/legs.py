@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.errors import ScenarioError, SolverError
 from thermid.memo import Memo
 from thermid.model.laws.signal import Constant, Signal, Table, multiplied
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.simulation.engine import Engine, Options
 from thermid.simulation.scenario import Scenario

@@ -11,7 +11,7 @@ from thermid.errors import ScenarioError
 from thermid.fit.calibration import Calibration
 from thermid.knowledge.sources import Choice, Source
 from thermid.knowledge.values import FittedValues
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import known_of

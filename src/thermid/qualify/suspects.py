@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thermid.dual import value_of
-from thermid.model.model import Model
 from thermid.model.parts.elements import Conductor
 from thermid.model.parts.parameter import parameter
+from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 
 __all__ = ["GROUPS", "Candidate", "laid_open", "suspects"]

@@ -15,7 +15,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.standing import Standing, of_model
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.omitted import assumed_left_out, first_line, in_order
 from thermid.prediction.setting import Setting

@@ -16,7 +16,7 @@ from thermid.simulation.extremes import MemberTurnings
 from thermid.simulation.solution import Trace
 
 if TYPE_CHECKING:
-    from thermid.model.model import Model
+    from thermid.model.tree.model import Model
     from thermid.simulation.engine import Options
     from thermid.simulation.scenario import Scenario
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
-from thermid.model.flat import Flat, FlatConductor
 from thermid.model.laws.signal import Constant, Signal, Table, check_span, signal
-from thermid.model.model import Model
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.parts.parameter import parameter
+from thermid.model.tree.flat import Flat, FlatConductor
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import Scenario

@@ -16,7 +16,7 @@ from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.knowledge.sources import Law, read_spread
 from thermid.model.laws.signal import Constant, literal
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.network.gas_checks import gas_remarks
 from thermid.network.network import Network, compile_network

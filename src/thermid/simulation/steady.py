@@ -13,7 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, SolverError
 from thermid.model.block import Block
 from thermid.model.laws.signal import literal
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenario import MEAN, PERIODIC, STEADY, Scenario
 

@@ -18,9 +18,9 @@ from scipy.optimize import brentq
 
 from thermid.dual import value_of
 from thermid.errors import ScenarioError
-from thermid.model.flat import FlatConductor
 from thermid.model.laws.signal import Signal, literal
 from thermid.model.parts.takes import exposed_area
+from thermid.model.tree.flat import FlatConductor
 from thermid.network.medium import VACUUM_LIMIT
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 from thermid.physics.moist import (

@@ -10,8 +10,8 @@ import numpy as np
 
 from thermid.measure import Channel, Record
 from thermid.model.laws.signal import Signal
-from thermid.model.model import Model
 from thermid.model.modelfile import model_from_dict
+from thermid.model.tree.model import Model
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
 

@@ -14,7 +14,7 @@ from thermid.fit.coefficients import EXPONENT
 from thermid.fit.discrepancy import Discrepancy, discrepancy, found_at
 from thermid.knowledge.values import load_values
 from thermid.measure import Channel, Record
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.prediction.known import values_at
 from thermid.prediction.predict import predict
 from thermid.simulation import simulate

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from thermid.measure import Channel, Record
-from thermid.model.model import Model
 from thermid.model.modelfile import load_model
+from thermid.model.tree.model import Model
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
 from unit.fit.project import write_log

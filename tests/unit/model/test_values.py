@@ -10,10 +10,10 @@ import pytest
 
 from thermid.dual import Dual
 from thermid.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, UnitError
-from thermid.model.flat import flatten
-from thermid.model.model import Model
 from thermid.model.parts.parameter import parameter
-from thermid.model.resolve import ParameterSet
+from thermid.model.tree.flat import flatten
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import ParameterSet
 
 Build = Callable[..., Model]
 

@@ -11,8 +11,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import NameNotFoundError
-from thermid.model.flat import flatten
 from thermid.model.parts.kinds import KINDS
+from thermid.model.tree.flat import flatten
 from thermid.reporting.diagrams.diagram import STYLES, diagram
 from thermid.reporting.diagrams.layout import arrange, clipped, width_of
 from thermid.reporting.diagrams.values import quantity

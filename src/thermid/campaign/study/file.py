@@ -12,11 +12,11 @@ from thermid.arguments import takes_objects
 from thermid.campaign.file import read_campaign
 from thermid.campaign.study.study import Action, Component, SensorSpec, Study
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.boxes import part_boxes
 from thermid.model.laws.signal import literal
-from thermid.model.model import Model
 from thermid.model.modelfile import load_model, read_toml, resolve_inside
-from thermid.model.names import Names
+from thermid.model.tree.boxes import part_boxes
+from thermid.model.tree.model import Model
+from thermid.model.tree.names import Names
 from thermid.simulation.engine import Options
 from thermid.units import TEMPERATURE
 

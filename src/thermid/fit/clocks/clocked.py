@@ -20,7 +20,7 @@ from thermid.fit.uncertainty.wander import BINS, Binned
 from thermid.measure import Record
 from thermid.memo import Memo
 from thermid.model.laws.signal import Table
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.simulation.scenario import Scenario
 
 __all__ = ["Clocked"]

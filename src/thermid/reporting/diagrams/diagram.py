@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 
 from thermid.dual import value_of
-from thermid.model.flat import FlatConductor, FlatLoad
-from thermid.model.model import Model
+from thermid.model.tree.flat import FlatConductor, FlatLoad
+from thermid.model.tree.model import Model
 from thermid.network.network import Numbers, compile_network
 from thermid.reporting.diagrams.folding import Folded, fold
 from thermid.reporting.diagrams.layout import LOAD_PORT, LOAD_WIDTH, MARGIN, PORT, Layout, Row, Wire, arrange, clipped, width_of

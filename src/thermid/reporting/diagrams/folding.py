@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from thermid.errors import NameNotFoundError, nearest
-from thermid.model.flat import Flat, FlatConductor, FlatNode
-from thermid.model.model import Model
+from thermid.model.tree.flat import Flat, FlatConductor, FlatNode
+from thermid.model.tree.model import Model
 
 __all__ = ["Folded", "fold", "parts_of"]
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from thermid.model.flat import Flat, FlatConductor
-from thermid.model.model import Model
+from thermid.model.tree.flat import Flat, FlatConductor
+from thermid.model.tree.model import Model
 
 __all__ = ["PAD", "Box", "Layout", "Row", "Wire", "arrange", "clipped", "width_of"]
 

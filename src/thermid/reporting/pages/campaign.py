@@ -25,7 +25,7 @@ from thermid.reporting.pictures.figures import Dots
 
 if TYPE_CHECKING:
     from thermid.fit.problem.residuals import Block
-    from thermid.model.model import Model
+    from thermid.model.tree.model import Model
     from thermid.simulation.solution import Solution
 
 __all__ = ["report"]
@@ -231,7 +231,7 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
 
 def _models_of(solution: Solution, campaign: Campaign) -> Iterator[Model]:
     """Yield the campaign's model that a solution is of, if it is one of them."""
-    from thermid.model.names import Names
+    from thermid.model.tree.names import Names
 
     for c in reversed(list(campaign.stages.values())):
         if c.model.title == solution.title:

@@ -11,8 +11,8 @@ from xml.sax.saxutils import escape
 from thermid.arguments import takes_objects
 from thermid.campaign.stages import Campaign
 from thermid.campaign.study.study import Study
-from thermid.model.model import Model
 from thermid.model.parts.parameter import Parameter
+from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, signed
 from thermid.reporting.blocks.extras import write_page

@@ -12,9 +12,9 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.sensors import instrument_shares, sensor_shares
 from thermid.judge.validate import Check, Verdict
 from thermid.knowledge.values import FittedValue
-from thermid.model.areas import ledger
-from thermid.model.model import Model
-from thermid.model.resolve import ParameterSet, parameter_table
+from thermid.model.tree.areas import ledger
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import ParameterSet, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
 from thermid.units import unit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from thermid.model.flat import flatten
+from thermid.model.tree.flat import flatten
 from thermid.qualify.correlation import Correlation
 from thermid.qualify.marks import VERDICTS
 from thermid.qualify.programme import Qualification

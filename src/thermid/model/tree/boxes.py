@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 
 __all__ = ["COLOURS", "mixed", "node_boxes", "part_boxes"]
 

@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.dual import value_of
-from thermid.model.flat import Flat, FlatConductor
-from thermid.model.surroundings import gas_nodes
+from thermid.model.tree.flat import Flat, FlatConductor
+from thermid.model.tree.surroundings import gas_nodes
 from thermid.physics.gas import GASES
 
 __all__ = ["by_volume", "flow_of", "fluid_of", "streams_of", "unclosed", "unfed"]

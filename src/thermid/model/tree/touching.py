@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from thermid.model.model import Element, Model
 from thermid.model.parts.elements import Conductor, HeatLoad, Joint, Surface
-from thermid.model.resolve import ParameterSet
+from thermid.model.tree.model import Element, Model
+from thermid.model.tree.resolve import ParameterSet
 
 __all__ = ["Touching", "touching"]
 

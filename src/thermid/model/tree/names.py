@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.model import Model, Submodel
+from thermid.model.tree.model import Model, Submodel
 
 __all__ = ["Names", "local_names", "used_offers"]
 

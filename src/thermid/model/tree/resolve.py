@@ -8,10 +8,10 @@ from typing import Any
 
 from thermid.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, nearest
 from thermid.model.laws.curves import Curve
-from thermid.model.model import Model
 from thermid.model.parts.elements import Conductor
 from thermid.model.parts.kinds import KINDS
 from thermid.model.parts.parameter import Parameter, check_bounds
+from thermid.model.tree.model import Model
 from thermid.units import Dimension
 
 __all__ = ["Entry", "ParameterSet", "deck_text", "own_tables", "parameter_table"]

@@ -15,8 +15,8 @@ from thermid.model.parts.parameter import Parameter, parameter
 from thermid.model.parts.standing import UNJUDGED
 
 if TYPE_CHECKING:
-    from thermid.model.replacement import Replacement
-    from thermid.model.rules import Finding
+    from thermid.model.tree.replacement import Replacement
+    from thermid.model.tree.rules import Finding
 
 __all__ = ["Layer", "Model", "Submodel"]
 
@@ -174,7 +174,7 @@ class Model:
         for _, name, element in self.elements():
             if path == name:
                 return element
-        from thermid.model.resolve import parameter_table
+        from thermid.model.tree.resolve import parameter_table
 
         table = parameter_table(self)
         if path in table:
@@ -201,8 +201,8 @@ class Model:
         ------
         NameNotFoundError   When a path is no parameter of the model.
         """
-        from thermid.model.identity import laid_ties
-        from thermid.model.resolve import parameter_table
+        from thermid.model.tree.identity import laid_ties
+        from thermid.model.tree.resolve import parameter_table
 
         if at:
             return self.with_part(at, self.submodel(at).with_values(values, origin))
@@ -238,8 +238,8 @@ class Model:
         ------
         NameNotFoundError   When a path is neither.
         """
-        from thermid.model.identity import cut_layers, instances
-        from thermid.model.resolve import parameter_table
+        from thermid.model.tree.identity import cut_layers, instances
+        from thermid.model.tree.resolve import parameter_table
 
         if not places:
             return self
@@ -288,7 +288,7 @@ class Model:
         ------
         DeckError   When the new part needs or offers other ports than are used, or lacks a value that a deck above reads.
         """
-        from thermid.model.replacement import replaced
+        from thermid.model.tree.replacement import replaced
 
         return replaced(self, path, new, keep)
 
@@ -299,20 +299,20 @@ class Model:
 
     def check(self) -> tuple[Finding, ...]:
         """Return what a careful reader would remark: errors, warnings and notes, one per finding."""
-        from thermid.model.rules import findings
+        from thermid.model.tree.rules import findings
 
         return findings(self)
 
     def identity(self) -> str:
         """Return a hash of what the model means: not of its file, comments, layout or the order of its tables."""
-        from thermid.model.modelfile import to_dict
+        from thermid.model.tree.written import to_dict
 
         return hashlib.sha256(json.dumps(to_dict(self), sort_keys=True).encode()).hexdigest()[:16]
 
     def without_test_only(self) -> Model:
         """Return the flight model: every element tagged `test_only` is dropped, at every depth."""
-        from thermid.model.names import local_names
-        from thermid.model.resolve import parameter_table
+        from thermid.model.tree.names import local_names
+        from thermid.model.tree.resolve import parameter_table
 
         tables: dict[str, Any] = {t: {n: e for n, e in getattr(self, t).items() if not e.test_only} for t in TABLES}
         inner = {n: replace(s, model=s.model.without_test_only()) for n, s in self.submodels.items()}

@@ -10,14 +10,14 @@ from thermid.errors import DeckError, ThermidError
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Signal
 from thermid.model.laws.stores import Store, potential, store
-from thermid.model.model import Model
-from thermid.model.names import Names
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
 from thermid.model.parts.enclosures import Face, pairs
 from thermid.model.parts.facing import Facing
 from thermid.model.parts.kinds import KINDS, Law
 from thermid.model.parts.takes import Take
-from thermid.model.resolve import ParameterSet
+from thermid.model.tree.model import Model
+from thermid.model.tree.names import Names
+from thermid.model.tree.resolve import ParameterSet
 from thermid.units import require
 
 __all__ = ["Flat", "FlatConductor", "FlatLoad", "FlatNode", "FlatSurface", "flatten"]

@@ -1,4 +1,4 @@
-"""The tables of a deck from the elements of a model; `build` goes the other way."""
+"""A model as a dictionary with the tables of a deck; `build` goes the other way."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Any
 
 from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve
 from thermid.model.laws.stores import TABULATED
-from thermid.model.model import Model
 from thermid.model.parts.build import finish_emissivity, slope_unit
 from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node
 from thermid.model.parts.enclosures import enclosure_to
 from thermid.model.parts.facing import facing_to
 from thermid.model.parts.kinds import KINDS
 from thermid.model.parts.parameter import Parameter
+from thermid.model.tree.model import Layer, Model
 from thermid.units import unit
 
-__all__ = ["elements_to", "made_to", "written"]
+__all__ = ["made_to", "to_dict", "written"]
 
 
 def written(given: Parameter) -> Any:
@@ -146,3 +146,32 @@ def elements_to(model: Model) -> dict[str, dict[str, Any]]:
                 table[control]["sensor"] = load.sensor
         loads[n] = table
     return {"nodes": nodes, "surfaces": surfaces, "conductors": conductors, "joints": joints, "enclosures": enclosures, "loads": loads}
+
+
+def to_dict(model: Model, bare: bool = False) -> dict[str, Any]:
+    """Return the dictionary that describes a model; submodels stand as dictionaries under `use`.
+
+    Parameters
+    ----------
+    bare : bool     Leave out what was laid over the decks or cut.
+    """
+    out: dict[str, Any] = {"title": model.title, "box": model.box}
+    for key, value in (("use", model.use), ("needs", list(model.needs)), ("offers", list(model.offers))):
+        if value:
+            out[key] = value
+    out["parameters"] = {n: written(p) for n, p in model.parameters.items()}
+    out |= elements_to(model)
+    out["submodels"] = {n: {"use": to_dict(s.model, bare), "bind": s.bound()} for n, s in model.submodels.items()}
+    out["set"] = {n: written(p) for n, p in model.settings.items()}
+    if not bare:
+        out["layers"] = [_layer_to(layer) for layer in model.layers]
+        out["cuts"] = list(model.cuts)
+    out["aliases"] = dict(model.aliases)
+    out["made_in"] = {gas: made_to(state) for gas, state in model.made_in.items()}
+    return {k: v for k, v in out.items() if v not in ({}, [])}
+
+
+def _layer_to(layer: Layer) -> dict[str, Any]:
+    """Return a layer as a dictionary, with the groups of paths that it lays as one value."""
+    out = {"origin": layer.origin, "values": {n: written(p) for n, p in layer.values.items()}}
+    return {**out, "ties": [list(group) for group in layer.ties]} if layer.ties else out

@@ -13,13 +13,13 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.errors import ThermidError, quoted
-from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
-from thermid.model.identity import APART, cuts_of, local_identities
 from thermid.model.laws.curves import evaluate
-from thermid.model.model import Model
 from thermid.model.parts.takes import exposed_area
-from thermid.model.streams import unclosed, unfed
-from thermid.model.surroundings import bare, into_gas, radiates_into, still
+from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
+from thermid.model.tree.identity import APART, cuts_of, local_identities
+from thermid.model.tree.model import Model
+from thermid.model.tree.streams import unclosed, unfed
+from thermid.model.tree.surroundings import bare, into_gas, radiates_into, still
 
 __all__ = ["RULES", "Finding", "findings"]
 

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.identity import definition_of, inside, local_identities
-from thermid.model.names import used_offers
-from thermid.model.resolve import Entry, ParameterSet, parameter_table
-from thermid.model.touching import touching
+from thermid.model.tree.identity import definition_of, inside, local_identities
+from thermid.model.tree.names import used_offers
+from thermid.model.tree.resolve import Entry, ParameterSet, parameter_table
+from thermid.model.tree.touching import touching
 from thermid.units import unit
 
 if TYPE_CHECKING:
-    from thermid.model.model import Layer, Model
     from thermid.model.parts.parameter import Parameter
+    from thermid.model.tree.model import Layer, Model
 
 __all__ = ["PLACE", "SCATTER", "Dropped", "Replacement", "Start", "coefficients", "replaced", "short_text"]
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from thermid.errors import quoted
-from thermid.model.flat import Flat, FlatSurface
+from thermid.model.tree.flat import Flat, FlatSurface
 
 __all__ = ["bare", "gas_nodes", "into_gas", "radiates_into", "still", "surrounding"]
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from thermid.arguments import takes_objects
 
 if TYPE_CHECKING:
-    from thermid.model.model import Layer, Model
     from thermid.model.parts.parameter import Parameter
+    from thermid.model.tree.model import Layer, Model
 
 __all__ = [
     "APART",
@@ -60,7 +60,7 @@ class Identity:
 
 def definition_of(model: Model) -> str:
     """Return the hash of a model's deck and the decks that it uses: nothing that was laid over them or cut."""
-    from thermid.model.modelfile import to_dict
+    from thermid.model.tree.written import to_dict
 
     return hashlib.sha256(json.dumps(to_dict(model, bare=True), sort_keys=True).encode()).hexdigest()[:16]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
-from thermid.model.flat import flatten
-from thermid.model.model import Model
 from thermid.model.parts.takes import exposed_area
+from thermid.model.tree.flat import flatten
+from thermid.model.tree.model import Model
 
 __all__ = ["LedgerLine", "ledger"]
 
