@@ -68,10 +68,10 @@ if TYPE_CHECKING:
     from thermid.measure import read_record as read_record
     from thermid.measure import read_weather as read_weather
     from thermid.model.block import Block as Block
+    from thermid.model.deck.modelfile import load_model as load_model
+    from thermid.model.deck.modelfile import model_from_dict as model_from_dict
+    from thermid.model.deck.modelfile import save_model as save_model
     from thermid.model.laws.law import law as law
-    from thermid.model.modelfile import load_model as load_model
-    from thermid.model.modelfile import model_from_dict as model_from_dict
-    from thermid.model.modelfile import save_model as save_model
     from thermid.model.tree.areas import ledger as ledger
     from thermid.model.tree.identity import Identity as Identity
     from thermid.model.tree.identity import identities as identities
@@ -180,9 +180,9 @@ _PUBLIC = {
     "Identity": "model.tree.identity",
     "Replacement": "model.tree.replacement",
     "identities": "model.tree.identity",
-    "load_model": "model.modelfile",
-    "model_from_dict": "model.modelfile",
-    "save_model": "model.modelfile",
+    "load_model": "model.deck.modelfile",
+    "model_from_dict": "model.deck.modelfile",
+    "save_model": "model.deck.modelfile",
     "law": "model.laws.law",
     "ledger": "model.tree.areas",
     "Block": "model.block",

@@ -41,7 +41,7 @@ NO_INPUT = {
     "thermid.acquire.store": "the log is continued",
     "thermid.campaign.cache": "results of its own, and the code",
     "thermid.judge.looks": "verdicts of its own",
-    "thermid.model.save": "a deck may be changed in its place",
+    "thermid.model.deck.save": "a deck may be changed in its place",
     "thermid.cli.deliver": "the delivery of this command",
     "thermid.qualify.deliver": "the delivery of this command, or one that is checked",
     "thermid.qualify.lock": "the lock is carried on",

@@ -37,7 +37,7 @@ sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in f"{t
 sys.path.insert(0, sys.argv[1])
 import numpy as np
 import thermid as td
-from thermid.model.schema import json_schema
+from thermid.model.deck.schema import json_schema
 
 model = td.load_model("plate.toml")
 bench = td.Scenario("bench", boundaries={"base": "20 [degC]"}, start="20 [degC]", duration="10 [min]")

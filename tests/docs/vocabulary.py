@@ -22,7 +22,7 @@ from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure.bindings import _KEYS as CHANNEL_KEYS
 from thermid.measure.part import _NUMBERS as PART_NUMBERS
 from thermid.measure.steps import STEPS
-from thermid.model import schema
+from thermid.model.deck import schema
 from thermid.model.laws.signal import Sine, Table
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.parts.kinds import KINDS

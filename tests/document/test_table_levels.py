@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.model.modelfile import load_model, model_from_dict, save_model
+from thermid.model.deck.modelfile import load_model, model_from_dict, save_model
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model

@@ -12,7 +12,7 @@ import numpy as np
 from thermid.errors import ThermidError
 from thermid.fit.calibrate import calibrate
 from thermid.measure import Channel, Record
-from thermid.model.modelfile import load_model, model_from_dict
+from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.model import Model
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario

@@ -11,7 +11,7 @@ import numpy as np
 from recovery.cases import STACK, Z95, Bench, draw
 from thermid.fit.calibrate import calibrate
 from thermid.measure import Record
-from thermid.model.modelfile import load_model, model_from_dict
+from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.model import Model
 from thermid.prediction.predict import predict
 from thermid.simulation import simulate

@@ -13,7 +13,7 @@ from recovery.cases import ICE, STACK
 from thermid.errors import IdentificationError
 from thermid.fit.calibrate import calibrate
 from thermid.measure import Channel, Record
-from thermid.model.modelfile import load_model, model_from_dict
+from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.model import Model
 from thermid.prediction.predict import predict
 from thermid.simulation import simulate

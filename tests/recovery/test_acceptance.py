@@ -13,7 +13,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
 from thermid.knowledge.values import FittedValues
 from thermid.measure import Channel, Record
-from thermid.model.modelfile import load_model, model_from_dict
+from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet
 from thermid.simulation import simulate

@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, IdentificationError, RecordError, SolverError, UnitError
-from thermid.model.Nonemodelfile import save_model
+from thermid.model.deck.modelfile import save_model
 from thermid.model.parts.kinds import KINDS
 from thermid.model.tree.written import to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN

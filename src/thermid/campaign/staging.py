@@ -17,8 +17,8 @@ from thermid.fit.problem.selection import freed, priors_of
 from thermid.knowledge.graft import graft
 from thermid.knowledge.store import Store
 from thermid.measure import Record
+from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
-from thermid.model.modelfile import resolve_inside
 from thermid.model.tree.model import Model
 
 if TYPE_CHECKING:

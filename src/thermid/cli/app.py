@@ -145,7 +145,7 @@ def _with_unit(value: str, unit: str) -> str:
 @app.command()
 def check(deck: Deck, as_json: Json = False) -> None:
     """Say what a careful reader would remark about a deck or campaign; leave with 2 when it cannot be used."""
-    from thermid.model.modelfile import load_model, read_toml
+    from thermid.model.deck.modelfile import load_model, read_toml
 
     content, _ = read_toml(deck)
     if "stages" in content:
@@ -203,8 +203,8 @@ def simulate(
     from thermid.errors import ScenarioError, SolverError
     from thermid.files import NETCDF, TABLE, may_write
     from thermid.knowledge.standing import of_model
+    from thermid.model.deck.modelfile import load_model
     from thermid.model.laws.signal import literal
-    from thermid.model.modelfile import load_model
     from thermid.simulation import simulate as run
     from thermid.simulation import steady as settle
     from thermid.simulation.simulator import output_times
@@ -377,7 +377,7 @@ def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck
 
     makers: dict[str, Callable[[], dict[str, Any]]] = {}
     from thermid.campaign.schema import json_schema as campaign_schema
-    from thermid.model.schema import json_schema as deck_schema
+    from thermid.model.deck.schema import json_schema as deck_schema
 
     makers |= {"deck": deck_schema, "campaign": campaign_schema}
     if kind not in makers:

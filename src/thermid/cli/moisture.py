@@ -38,8 +38,8 @@ def moisture(
     from thermid.cli.app import _pairs, _scenario, _with_unit
     from thermid.cli.output import clean
     from thermid.knowledge.standing import of_model
+    from thermid.model.deck.modelfile import load_model, read_toml
     from thermid.model.laws.signal import literal
-    from thermid.model.modelfile import load_model, read_toml
     from thermid.simulation.moisture import moisture as run
 
     model = with_fitted(load_model(deck), values, keep_values)

@@ -142,7 +142,7 @@ def _run(
     every: str,
 ) -> ProfileRun:
     from thermid.cli.app import _pairs, _with_unit
-    from thermid.model.modelfile import load_model
+    from thermid.model.deck.modelfile import load_model
     from thermid.qualify.conduct import run_profile
     from thermid.simulation.scenario import load_scenario
 

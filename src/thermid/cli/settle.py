@@ -92,7 +92,7 @@ def _object(stable: dict[str, Any], told: dict[str, Forecast | str], times: Text
 def _run(rule: str, model: Path | None, scenario: Path | None) -> Solution | None:
     """Return the run of a model for a rule on stored heat."""
     from thermid.measure.stability import rule_of
-    from thermid.model.modelfile import load_model
+    from thermid.model.deck.modelfile import load_model
     from thermid.simulation.scenario import load_scenario
     from thermid.simulation.transient import simulate
 
@@ -114,7 +114,7 @@ def _forecast(
     scenario: Path | None,
 ) -> Forecast:
     from thermid.cli.app import _with_unit
-    from thermid.model.modelfile import load_model
+    from thermid.model.deck.modelfile import load_model
     from thermid.qualify.forecast import forecast
     from thermid.simulation.scenario import load_scenario
 

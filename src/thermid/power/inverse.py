@@ -17,8 +17,8 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.selection import priors_of
 from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.measure import Record
+from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant, Table, literal
-from thermid.model.modelfile import model_from_dict
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError
 from thermid.files import read_bytes
-from thermid.model.modelfile import load_model, project_root, read_toml, resolve_inside
+from thermid.model.deck.modelfile import load_model, project_root, read_toml, resolve_inside
 
 if TYPE_CHECKING:
     from thermid.qualify.plan_schema import PlanFile

@@ -16,7 +16,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError
 from thermid.files import COPY, DELIVERY, folder_replacing, read_bytes, write_bytes, write_text
 from thermid.knowledge.values import FittedValues
-from thermid.model.modelfile import load_model, save_model
+from thermid.model.deck.modelfile import load_model, save_model
 from thermid.model.tree.model import Model
 from thermid.qualify.campaign_runs import digest
 from thermid.qualify.macro import assumed

@@ -12,7 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.campaign.filed import filed
 from thermid.errors import DeckError, nearest
 from thermid.knowledge.values import FittedValues
-from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
+from thermid.model.deck.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
 from thermid.model.tree.model import Model
 from thermid.qualify.hold import Hold, check_members, hold, limits_of
 from thermid.qualify.macro import macro_model

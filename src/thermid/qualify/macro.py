@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.modelfile import load_model
+from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import Entry, own_tables, parameter_table
 

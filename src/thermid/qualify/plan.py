@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
-from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
+from thermid.model.deck.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
 from thermid.prediction.known import Known
 from thermid.qualify.basis import basis
 from thermid.qualify.criteria import CRITERIA, CriteriaSet, read_criteria
@@ -146,7 +146,7 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     """
     from pydantic import ValidationError
 
-    from thermid.model.faults import deck_error
+    from thermid.model.deck.faults import deck_error
     from thermid.qualify.plan_checks import check_parts, check_test
     from thermid.qualify.plan_schema import PlanFile
 

@@ -11,8 +11,8 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
+from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import literal
-from thermid.model.modelfile import model_from_dict
 from thermid.model.parts.elements import LOAD_SLOTS
 from thermid.model.parts.kinds import KINDS
 from thermid.model.tree.flat import FlatConductor, FlatLoad

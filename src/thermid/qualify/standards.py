@@ -12,7 +12,7 @@ from typing import Any, Final
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
 from thermid.measure.stability import rule_of
-from thermid.model.modelfile import read_toml
+from thermid.model.deck.modelfile import read_toml
 from thermid.qualify.number import SLOTS, WORDS, Number, number
 from thermid.qualify.profiles import KINDS, ThermalProfile, pair_of
 

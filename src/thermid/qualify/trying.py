@@ -11,8 +11,8 @@ import numpy as np
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.judge.compare import compare
 from thermid.measure import Record, read_record
+from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
-from thermid.model.modelfile import resolve_inside
 from thermid.model.tree.flat import flatten
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.known import Known

@@ -11,8 +11,8 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, ThermidError, nearest
+from thermid.model.deck.modelfile import read_toml, refuse_another_kind, resolve_inside
 from thermid.model.laws.signal import CONDUCT, Constant, Signal, Table, check_span, conducted, literal, own_signal, signal
-from thermid.model.modelfile import read_toml, refuse_another_kind, resolve_inside
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.medium import Media

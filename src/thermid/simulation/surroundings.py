@@ -7,8 +7,8 @@ from typing import Any
 
 from thermid.errors import ScenarioError, nearest
 from thermid.measure import read_weather
+from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
-from thermid.model.modelfile import resolve_inside
 from thermid.simulation.ascent import ascent_scenario, read_trajectory
 from thermid.simulation.pad import pad_scenario
 from thermid.simulation.scenario import LogColumns, Scenario

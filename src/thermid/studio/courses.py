@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.errors import NameNotFoundError, ScenarioError, ThermidError, nearest
-from thermid.model.modelfile import project_root, read_toml
+from thermid.model.deck.modelfile import project_root, read_toml
 from thermid.network.network import compile_network
 from thermid.qualify.limits import Limits, read_limits
 from thermid.qualify.number import SLOTS

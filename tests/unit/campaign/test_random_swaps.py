@@ -11,7 +11,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError
-from thermid.model.modelfile import load_model
+from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.identity import identities
 from thermid.model.tree.resolve import ParameterSet, parameter_table
 from unit.fit.project import write_log

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermid.model.modelfile import load_model
+from thermid.model.deck.modelfile import load_model
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
 from unit.cli.conftest import Call

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from thermid.measure import Channel, Record
+from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Signal
-from thermid.model.modelfile import model_from_dict
 from thermid.model.tree.model import Model
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario

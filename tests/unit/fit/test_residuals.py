@@ -14,7 +14,7 @@ from thermid.fit.problem.statistics import loss_of
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.information import Information
 from thermid.measure import Channel
-from thermid.model.modelfile import model_from_dict
+from thermid.model.deck.modelfile import model_from_dict
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair

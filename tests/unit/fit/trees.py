@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from thermid.measure import Channel, Record
-from thermid.model.modelfile import load_model
+from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
 from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from thermid.errors import DeckError
+from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.curves import curve, evaluate, slopes
-from thermid.model.modelfile import model_from_dict
 from thermid.model.parts.kinds import KINDS
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.model import Model

@@ -11,7 +11,7 @@ import pytest
 
 from thermid.errors import NameNotFoundError
 from thermid.knowledge.values import FittedValue
-from thermid.model.modelfile import load_model, model_from_dict, save_model
+from thermid.model.deck.modelfile import load_model, model_from_dict, save_model
 from thermid.model.tree.identity import definition_of, identities
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.model.modelfile import load_model, model_from_dict
+from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model
 from thermid.model.tree.names import used_offers

@@ -9,7 +9,7 @@ import pytest
 
 from thermid.errors import DeckError, NameNotFoundError
 from thermid.knowledge.values import FittedValue
-from thermid.model.modelfile import model_from_dict
+from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.tree.identity import identities
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import parameter_table

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from thermid.errors import DeckError, OutputError
-from thermid.model.Nonemodelfile import load_model, model_from_dict, save_model
+from thermid.model.deck.modelfile import load_model, model_from_dict, save_model
 from thermid.model.parts.kinds import KINDS
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model

@@ -212,7 +212,7 @@ def test_precedence_step_by_step(part: Build, pair: Build) -> None:
 
 
 def test_outermost_deck_wins(pair: Build) -> None:
-    from thermid.model.modelfile import model_from_dict
+    from thermid.model.deck.modelfile import model_from_dict
 
     inner = pair({"set": {"a.power": "6 [W]"}})
     outer = model_from_dict(

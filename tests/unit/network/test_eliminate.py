@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import gradient_of, value_of
 from thermid.errors import DeckError
-from thermid.model.modelfile import model_from_dict
+from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.tree.model import Model
 from thermid.network.eliminate import Reduced, eliminable, reduce_network
 from thermid.network.network import Network, Numbers, compile_network, free_numbers

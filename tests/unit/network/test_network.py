@@ -9,8 +9,8 @@ import pytest
 
 from thermid.dual import gradient_of, value_of
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError
+from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant, Sine, Table
-from thermid.model.modelfile import model_from_dict
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.network.medium import Media

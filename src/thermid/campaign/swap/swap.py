@@ -14,8 +14,8 @@ from thermid.campaign.sharing import Level, places_of
 from thermid.campaign.swap.retune_plan import RetunePlan, StagePlan, Touch
 from thermid.errors import DeckError, IdentificationError, SolverError
 from thermid.fit.calibration import Calibration
+from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import Constant
-from thermid.model.modelfile import load_model
 from thermid.model.parts.parameter import exact
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.model import Model

@@ -13,8 +13,8 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.expression import NAME
 from thermid.files import parse_toml, read_text
+from thermid.model.deck.lines import line_numbers
 from thermid.model.laws.curves import Curve
-from thermid.model.lines import line_numbers
 from thermid.model.parts.build import elements_from, made_from
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.identity import definition_of
@@ -215,8 +215,8 @@ def _validated(data: Mapping[str, Any], file: str, lines: Mapping[str, int]) -> 
     """Check a dictionary against the grammar and return it with defaults filled in."""
     from pydantic import ValidationError
 
-    from thermid.model.faults import deck_error
-    from thermid.model.schema import Deck
+    from thermid.model.deck.faults import deck_error
+    from thermid.model.deck.schema import Deck
 
     try:
         return Deck.model_validate(dict(data)).model_dump(exclude_none=True)
@@ -280,6 +280,6 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     OutputError     When a deck is there that thermid did not write, or that was changed since; the deck that `like` names may be
                     overwritten.
     """
-    from thermid.model.save import write
+    from thermid.model.deck.save import write
 
     write(model, Path(path), Path(like) if like is not None else None)

@@ -13,7 +13,7 @@ from tomlkit.items import InlineTable, Item, Table
 from thermid.errors import DeckError, ThermidError
 from thermid.expression import parse
 from thermid.files import DECK, OWN, may_write, write_text
-from thermid.model.modelfile import load_model
+from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
 from thermid.model.tree.written import to_dict, written
 from thermid.seals import unsealed
