@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from thermid.measure import Weather as Weather
     from thermid.measure import read_record as read_record
     from thermid.measure import read_weather as read_weather
-    from thermid.model.block import Block as Block
+    from thermid.model.blocks.block import Block as Block
     from thermid.model.deck.modelfile import load_model as load_model
     from thermid.model.deck.modelfile import model_from_dict as model_from_dict
     from thermid.model.deck.modelfile import save_model as save_model
@@ -185,7 +185,7 @@ _PUBLIC = {
     "save_model": "model.deck.modelfile",
     "law": "model.laws.law",
     "ledger": "model.tree.areas",
-    "Block": "model.block",
+    "Block": "model.blocks.block",
     "compile_network": "network.network",
     "state_space": "network.linear",
     "modes": "network.linear",

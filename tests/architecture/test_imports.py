@@ -18,7 +18,7 @@ from .source import Module, room_of, within
 
 FOUNDATION = {"arguments", "errors", "files", "seals", "memo", "_units_table", "units", "expression", "dual"}
 
-MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck"}
+MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck", "model.blocks"}
 
 # Package: the packages it may import; of a room with packages inside, each has its own line. `thermid/__init__.py` offers the public names
 # of all of them and stands outside.
@@ -33,11 +33,12 @@ ARROWS: dict[str, set[str]] = {
     "units": {"errors", "_units_table"},
     "expression": {"errors", "units", "dual"},
     "physics": FOUNDATION,
-    "model": FOUNDATION | {"physics", "model.laws", "model.parts", "model.tree", "model.deck"},
+    "model": set(),
     "model.laws": FOUNDATION,
     "model.parts": FOUNDATION | {"physics", "model.laws"},
     "model.tree": FOUNDATION | {"physics", "model.laws", "model.parts"},
     "model.deck": FOUNDATION | {"physics", "model.laws", "model.parts", "model.tree"},
+    "model.blocks": FOUNDATION | {"model.laws", "model.tree", "model.deck"},
     "network": FOUNDATION | MODEL | {"physics", "_kernel"},
     "measure": FOUNDATION,
     "knowledge": FOUNDATION | MODEL | {"physics", "measure"},

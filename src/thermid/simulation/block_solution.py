@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, SolverError, nearest
 from thermid.memo import Memo
-from thermid.model.block import Block
+from thermid.model.blocks.block import Block
 from thermid.model.laws.signal import Constant, multiplied
 from thermid.simulation.engine import Options
 from thermid.simulation.extremes import Turnings

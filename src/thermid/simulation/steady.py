@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, SolverError
-from thermid.model.block import Block
+from thermid.model.blocks.block import Block
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
-from thermid.model.block import Block
+from thermid.model.blocks.block import Block
 from thermid.model.tree.model import Model
 from thermid.simulation.engine import Options
 from thermid.simulation.scenario import Scenario

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.model.block import Block, Exchange
+from thermid.model.blocks.block import Block, Exchange
 
 __all__ = ["exchange_cells", "links"]
 

@@ -276,7 +276,7 @@ class Block:
         ----------
         offers : iterable   What others may attach to: cells (``cell[0,0,0]``), faces (``+x``, their cells) or ``all``.
         """
-        from thermid.model.block_model import block_model
+        from thermid.model.blocks.block_model import block_model
 
         return block_model(self, tuple(offers))
 

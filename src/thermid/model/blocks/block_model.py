@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.errors import DeckError
-from thermid.model.block import FACES, Block, Exchange
-from thermid.model.block_cells import exchange_cells, links
+from thermid.model.blocks.block import FACES, Block, Exchange
+from thermid.model.blocks.block_cells import exchange_cells, links
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
