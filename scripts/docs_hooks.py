@@ -41,12 +41,17 @@ ROOMS = {
     "fit": "Fits, and the alignment of clocks.",
     "inference": "What logs can tell beyond a fit: identifiability, profiles, valleys, posterior samples.",
     "power": "Powers that nobody measured.",
-    "explain": "Why a model misses, and whether its values are physical.",
-    "judge": "Verdicts on records that no fit has seen; comparisons.",
+    "explain": "Why a model misses, which parameters would explain it, and whether values are physical.",
+    "judge": "Verdicts on records that no fit has seen; correlation, limits, margins, comparisons.",
     "campaign": "Fits in stages, replaced parts, methodologies.",
-    "prediction": "What a model leaves open in a scenario, by source; coefficients taken apart.",
+    "prediction": "What a model leaves open in a scenario, by source; what it says before a test; coefficients taken apart.",
     "design": "The test to make next.",
-    "qualify": "Profiles, plans, limits, margins, correlation, hold times, deliveries.",
+    "profiles": "Profiles of environmental tests, by the numbers of the standards.",
+    "profile_runs": "Profiles and ascents run on a model.",
+    "steadiness": "Rules of stability, and forecasts of tests that still run.",
+    "monte_carlo": "Many runs with all that is not known drawn anew; how long limits are kept.",
+    "reduction": "Models made of models: fewer masses, a unit on its host.",
+    "qualify": "Plans worked through to a verdict, deliveries.",
     "reporting": "Pages and pictures.",
     "physics": "The comparison of a measured coefficient with correlations.",
     "interop": "Parameters from other tools, models to other tools.",
@@ -87,7 +92,7 @@ def rooms() -> dict[str, list[str]]:
 def reference(room: str) -> str:
     """Return the page of a room: every public name of it."""
     names = "\n\n".join(f"::: thermid.{name}" for name in rooms()[room])
-    return f"# {room.capitalize()}\n\n{ROOMS[room]} `import thermid as td`, then `td.<name>`.\n\n{names}\n"
+    return f"# {room.replace('_', ' ').title()}\n\n{ROOMS[room]} `import thermid as td`, then `td.<name>`.\n\n{names}\n"
 
 
 def _errors() -> str:

@@ -59,6 +59,7 @@ void bind_ensemble(nb::module_& m) {
         .def_prop_ro("status", [](const Ensemble& e) { return ints(e.status); }).def_prop_ro("node", [](const Ensemble& e) { return ints(e.node); })
         .def_prop_ro("time", [](const Ensemble& e) { return reals(e.time); })
         .def_prop_ro("alone", [](const Ensemble& e) { return ints(std::vector<int>(e.alone.begin(), e.alone.end())); })
+        .def("ended", [](const Ensemble& e, long member) { return reals(e.ended.at(member)); }, "member"_a)
         .def_prop_ro("turnings", &turnings)
         .def_ro("steps", &Ensemble::steps).def_ro("rejected", &Ensemble::rejected)
         .def_prop_ro("simd", [](const Ensemble& e) { return std::string(e.setup.code.name); });

@@ -14,7 +14,7 @@ struct PyLarge {
     int status, node, method;
     double time, rate, longest;
     long steps, rejected, evaluations, iterations;
-    nb::object traces, fields, final_temperatures, load_energy, boundary_energy, turnings;
+    nb::object traces, fields, final_temperatures, final_states, load_energy, boundary_energy, turnings;
 };
 
 void padded(const Reals& g, const Links& l, std::vector<double>& out) {
@@ -56,7 +56,7 @@ void read_links(nb::tuple given, int n, Links& l) {
 
 void make_large(LargeProblem* self, Reals capacity, nb::tuple links, In<int32_t, 2> row_groups, Reals row_exponents, Ints a, Ints b, Reals c0,
                 In<int32_t, 2> load_groups, Ints node, In<double, 2> c, In<double, 2> d, int tags, Ints boundary_input, Reals boundary_offset, nb::list tables,
-                nb::list inputs) {
+                nb::list inputs, Ints store) {
     LargeProblem p;
     p.capacity = copy<double>(capacity);
     p.tags = tags;
@@ -80,6 +80,7 @@ void make_large(LargeProblem* self, Reals capacity, nb::tuple links, In<int32_t,
     p.boundary_offset = copy<double>(boundary_offset);
     p.tables = read_tables(tables);
     p.inputs = read_inputs(inputs);
+    p.store = copy<int>(store);
     p.prepare();
     new (self) LargeProblem(std::move(p));
 }
@@ -89,7 +90,7 @@ Observed read_observed(const LargeProblem& p, Ints kind, Ints indptr, Ints indic
     need(seen.indptr.size() == seen.kind.size() + 1 && seen.indptr[0] == 0, "observed: indptr does not fit");
     for (size_t k = 0; k < seen.kind.size(); ++k) need(seen.indptr[k] <= seen.indptr[k + 1], "observed: indptr must not decrease");
     need(seen.indptr.back() == static_cast<int>(seen.indices.size()) && seen.indices.size() == seen.weights.size(), "observed: lengths differ");
-    for (int i : seen.indices) need(i >= 0 && i < p.n, "observed: no such node");
+    for (int i : seen.indices) need(i >= 0 && i < 2 * p.n, "observed: no such node");
     return seen;
 }
 
@@ -130,10 +131,11 @@ PyLarge integrate_large(const LargeProblem& p, Reals T0, double t0, double t_end
         LargeRun run(p, o);
         run.run(T0.data(), t0, t_end, at, seen, field_at, r);
     }
-    PyLarge out{r.status, r.node, r.method, r.time, r.rate, r.longest, r.steps, r.rejected, r.evaluations, r.iterations, {}, {}, {}, {}, {}, {}};
+    PyLarge out{r.status, r.node, r.method, r.time, r.rate, r.longest, r.steps, r.rejected, r.evaluations, r.iterations, {}, {}, {}, {}, {}, {}, {}};
     out.traces = array(std::move(traces), {nt, no});
     out.fields = array(std::move(fields), {nf, n});
     out.final_temperatures = reals(r.final_t);
+    out.final_states = reals(r.final_state);
     out.load_energy = reals(r.load_energy);
     out.boundary_energy = reals(r.boundary_energy);
     out.turnings = turnings_of(r.turnings);
@@ -167,11 +169,11 @@ void bind_large(nb::module_& m) {
         .def_ro("rate", &PyLarge::rate).def_ro("longest", &PyLarge::longest).def_ro("steps", &PyLarge::steps)
         .def_ro("rejected", &PyLarge::rejected).def_ro("evaluations", &PyLarge::evaluations).def_ro("iterations", &PyLarge::iterations)
         .def_ro("traces", &PyLarge::traces).def_ro("fields", &PyLarge::fields)
-        .def_ro("final_temperatures", &PyLarge::final_temperatures).def_ro("load_energy", &PyLarge::load_energy)
+        .def_ro("final_temperatures", &PyLarge::final_temperatures).def_ro("final_states", &PyLarge::final_states).def_ro("load_energy", &PyLarge::load_energy)
         .def_ro("boundary_energy", &PyLarge::boundary_energy).def_ro("turnings", &PyLarge::turnings);
     nb::class_<LargeProblem>(m, "LargeProblem")
         .def("__init__", &make_large, "capacity"_a, "links"_a, "row_groups"_a, "row_exponents"_a, "row_a"_a, "row_b"_a, "row_coef"_a,
-             "load_groups"_a, "load_node"_a, "load_coef"_a, "load_control"_a, "tags"_a, "boundary_input"_a, "boundary_offset"_a, "tables"_a, "inputs"_a)
+             "load_groups"_a, "load_node"_a, "load_coef"_a, "load_control"_a, "tags"_a, "boundary_input"_a, "boundary_offset"_a, "tables"_a, "inputs"_a, "store"_a)
         .def("integrate", &integrate_large, "T0"_a, "t0"_a, "t_end"_a, "times"_a, "observed_kind"_a, "observed_indptr"_a, "observed_indices"_a,
              "observed_weights"_a, "field_times"_a, nb::kw_only(), "method"_a = 0, "tolerance"_a = 1e-3, "input_atol"_a = 1e-4,
              "max_step"_a = std::numeric_limits<double>::infinity(), "max_steps"_a = 1000000L, "breaks"_a, "turnings"_a = false)

@@ -102,7 +102,7 @@ class Group {
     void drop(unsigned lanes);
     void emit(long from, long last, double* out);
     void turn();
-    double moved_by(const std::vector<double>& knots);
+    double strongest(int k) const;
     void weigh(double time);
     Turnings turnings_;
     std::vector<double> seen_, seen_times_;
@@ -118,6 +118,7 @@ class Ensemble {
     std::vector<int> status, node;  // of each member
     std::vector<double> time;
     std::vector<char> alone;        // members that the integrator ran
+    std::vector<std::vector<double>> ended;  // of members that did not reach the end: temperatures where they stopped
     // Turning points of the observed nodes, member by member, once all outputs are out.
     struct Turning { long member; Turnings::Point point; };
     std::vector<Turning> turnings() const;

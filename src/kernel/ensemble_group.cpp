@@ -249,48 +249,51 @@ void Group::emit(long from, long last, double* out) {
 // Turning points inside the step just made, as Integrator::turnings_end; nodes of the lane code all have a delay.
 void Group::turn() {
     const int m = g_.plan->n * LANES, nobs = static_cast<int>(s_.observed.size()), columns = nobs * LANES;
+    double rate = 0.0, moved = 0.0;
+    for (int k = 0; leftover_ && k < g_.plan->nk; ++k) {
+        if (!active_[k]) continue;
+        const double most = input(k).furthest(in_[k], origin_, end_, hint_[k]), b = strongest(k);
+        rate += b * most;
+        moved += b * g_.h * std::min(0.5 * most, std::sqrt(in_[k].variance));
+    }
+    if (moved < Turnings::NOISE) {
+        for (int j = 0, many = 1; j < nobs; j += many) {  // nodes that stand side by side at once
+            const int i = s_.observed[j];
+            for (many = 1; j + many < nobs && s_.observed[j + many] == i + many;) ++many;
+            turnings_.see_polynomials(j * LANES, many * LANES, g_.poly + i * LANES, m, origin_, g_.h, end_, g_.T1 + i * LANES);
+        }
+        return;
+    }
     std::vector<double>& at = seen_times_;
     at.clear();
     for (int k = 0; k < g_.plan->nk; ++k)
-        if (active_[k]) input(k).knots(origin_, end_, at);
+        if (active_[k]) input(k).knots(origin_, end_, at, std::min(Turnings::NOISE / rate, g_.h / 8));
     std::sort(at.begin(), at.end());
     at.erase(std::unique(at.begin(), at.end()), at.end());
+    long next = out_next_;
+    const auto stored = [&](double t) {
+        while (next < static_cast<long>(s_.times.size()) && s_.times[next] < t) ++next;
+        return next < static_cast<long>(s_.times.size()) && s_.times[next] == t;
+    };
+    at.erase(std::remove_if(at.begin(), at.end(), stored), at.end());
     at.push_back(end_);
-    if (leftover_ && moved_by(at) >= Turnings::NOISE) {
-        seen_.resize(at.size() * columns);
-        for (size_t r = 0; r < at.size(); ++r) {
-            weigh(at[r]);
-            s_.code.output(g_, at[r] == end_ ? 1.0 : (at[r] - origin_) / g_.h, weights_.data(), s_.observed.data(), nobs, seen_.data() + r * columns);
-        }
-        turnings_.see_rows(at.data(), static_cast<long>(at.size()), seen_.data());
-    } else {
-        for (int j = 0; j < columns; ++j) {
-            const int i = s_.observed[j / LANES] * LANES + j % LANES;
-            turnings_.see_polynomial(j, g_.poly + i, m, origin_, g_.h, end_, g_.T1[i]);
-        }
+    seen_.resize(at.size() * columns);
+    for (size_t r = 0; r < at.size(); ++r) {
+        weigh(at[r]);
+        s_.code.output(g_, at[r] == end_ ? 1.0 : (at[r] - origin_) / g_.h, weights_.data(), s_.observed.data(), nobs, seen_.data() + r * columns);
     }
-    for (int k = 0; leftover_ && k < g_.plan->nk; ++k)  // the outputs of the step begin at its start again
+    turnings_.see_rows(at.data(), static_cast<long>(at.size()), seen_.data());
+    for (int k = 0; k < g_.plan->nk; ++k)  // the outputs of the step begin at its start again
         if (input(k).sampled()) cursor_[k].begin(&input(k), origin_);
 }
 
-// By how much what is left over of the inputs moves an observed node at most, from its integral at knots: |b w|. [K]
-double Group::moved_by(const std::vector<double>& knots) {
-    const int m = g_.plan->n * LANES;
-    std::vector<double> most(g_.plan->nk, 0.0);
-    for (double time : knots) {
-        weigh(time);
-        for (int k = 0; k < g_.plan->nk; ++k)
-            if (active_[k]) most[k] = std::max(most[k], std::fabs(weights_[1 + 3 * k]));
-    }
-    double moved = 0.0;
-    for (int k = 0; k < g_.plan->nk; ++k) {
-        double b = 0.0;
-        for (int i : s_.observed)
-            for (int l = 0; active_[k] && l < LANES; ++l) b = std::max(b, std::fabs(g_.b[static_cast<size_t>(k) * m + i * LANES + l]));
-        moved += b * most[k];
-        if (active_[k]) cursor_[k].begin(&input(k), origin_);
-    }
-    return moved;
+// The fastest that an input moves an observed node. [K/s per unit]
+double Group::strongest(int k) const {
+    const double* b = g_.b + static_cast<size_t>(k) * g_.plan->n * LANES;
+    double most = 0.0;
+    for (int i : s_.observed)
+        for (int l = i * LANES; l < (i + 1) * LANES; ++l) most = std::fabs(b[l]) > most ? std::fabs(b[l]) : most;
+    return most;
 }
 
 const std::vector<Turnings::Point>& Group::turnings() {

@@ -80,6 +80,42 @@ double Input::at(double t) const {
     return i < 0 ? mean + seg[0].u : mean + seg[i].u + seg[i].s * (t - seg[i].t);
 }
 
+double Input::at(double t, int& hint) const {
+    if (!sampled()) return at(t);
+    const int i = hint = segment(t, hint);
+    return i < 0 ? mean + seg[0].u : mean + seg[i].u + seg[i].s * (t - seg[i].t);
+}
+
+void Input::knots(double t0, double t1, std::vector<double>& out, double gap) const {
+    const int m = static_cast<int>(seg.size());
+    int last = segment(t0, -1);
+    for (int i = last + 1; i < m && seg[i].t < t1; ++i) {
+        if (i + 1 < m && seg[i + 1].t < t1 && seg[i + 1].t - std::max(t0, last < 0 ? t0 : seg[last].t) < gap) continue;
+        if (i - last >= BLOCK) i -= i % BLOCK;
+        if (seg[i].t > t0) out.push_back(seg[i].t);
+        last = i;
+    }
+}
+
+double Input::furthest(const StepInput& x, double t0, double t1, int hint) const {
+    double low = 0.0, high = 0.0;
+    const auto see = [&](double s, double u) {
+        const double v = u - (x.p0 + s * (x.p1 + s * x.p2));
+        low = v < low ? v : low;
+        high = v > high ? v : high;
+    };
+    const int m = static_cast<int>(seg.size());
+    int i = segment(t0, hint);
+    see(0.0, i < 0 ? seg[0].u : seg[i].u + seg[i].s * (t0 - seg[i].t));
+    const bool held = kind == 1;
+    for (++i; i < m && seg[i].t < t1; ++i) {
+        if (held && i > 0) see(seg[i].t - t0, seg[i - 1].u);
+        see(seg[i].t - t0, seg[i].u);
+    }
+    if (i > 0) see(t1 - t0, seg[i - 1].u + seg[i - 1].s * (t1 - seg[i - 1].t));
+    return std::max(-low, high);
+}
+
 double Input::slope(double t) const {
     return kind == 2 ? amplitude * TWO_PI / period * std::cos(TWO_PI * t / period + phase) : 0.0;
 }
@@ -155,7 +191,7 @@ struct Stand {
 };
 
 // As Cursor::move, to many times in registers: most often every time is a knot.
-THERMID_CLONES void march(const Input::Segment* seg, int m, Stand& at, const double* t, int rows, double* sums, int stride) {
+THERMID_CLONES void march(const Input::Segment* seg, const Integrals* block, int m, Stand& at, const double* t, int rows, double* sums, int stride) {
     Stand x = at;
     for (int r = 0; r < rows; ++r) {
         // From knot to knot as long as every time is the next one.
@@ -176,9 +212,16 @@ THERMID_CLONES void march(const Input::Segment* seg, int m, Stand& at, const dou
         if (run > 0) x.next = g->t;
         if (r == rows) break;
         while (x.next <= t[r]) {
-            x.base.append_line(x.next - x.from, x.u, x.s);
-            x.from = x.next;
-            ++x.k;
+            const int jump = x.k + Input::BLOCK;
+            if (x.k >= 0 && x.k % Input::BLOCK == 0 && jump < m && seg[jump].t <= t[r] && x.from == seg[x.k].t) {
+                const Integrals& b = block[x.k / Input::BLOCK];
+                x.base.append(seg[jump].t - x.from, b.i1, b.i2, b.i3);
+                x.k = jump;
+            } else {
+                x.base.append_line(x.next - x.from, x.u, x.s);
+                ++x.k;
+            }
+            x.from = seg[x.k].t;
             x.u = seg[x.k].u;
             x.s = seg[x.k].s;
             x.next = x.k + 1 < m ? seg[x.k + 1].t : std::numeric_limits<double>::infinity();
@@ -196,7 +239,7 @@ THERMID_CLONES void march(const Input::Segment* seg, int m, Stand& at, const dou
 
 void Cursor::move(const double* t, int rows, double* sums, int stride) {
     Stand at{seg_, from_, next_, u_, s_, base_};
-    march(in_->seg.data(), static_cast<int>(in_->seg.size()), at, t, rows, sums, stride);
+    march(in_->seg.data(), in_->block.data(), static_cast<int>(in_->seg.size()), at, t, rows, sums, stride);
     seg_ = at.k;
     from_ = at.from;
     next_ = at.next;

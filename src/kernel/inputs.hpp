@@ -34,11 +34,11 @@ class Input {
     // Appends the knots inside (t0, t1) where the signal is not smooth, if there are at most `most`.
     void breaks(double t0, double t1, int most, std::vector<double>& out) const;
     double next_knot(double t, int hint) const;
-    // Appends the knots of a sampled input inside (t0, t1).
-    void knots(double t0, double t1, std::vector<double>& out) const {
-        for (size_t i = static_cast<size_t>(segment(t0, -1) + 1); i < seg.size() && seg[i].t < t1; ++i)
-            if (seg[i].t > t0) out.push_back(seg[i].t);
-    }
+    double at(double t, int& hint) const;
+    // Appends the knots of a sampled input inside (t0, t1), where they are more than `gap` apart; of many, those that begin a block.
+    void knots(double t0, double t1, std::vector<double>& out, double gap = 0.0) const;
+    // The furthest that a sampled input is from what stands for it over a step, at knots and at the step's ends.
+    double furthest(const struct StepInput& x, double t0, double t1, int hint) const;
 
     struct Segment { double t, u, s; };
     std::vector<Segment> seg;  // u is relative to mean

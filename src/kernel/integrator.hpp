@@ -203,6 +203,15 @@ class Integrator {
     void turnings_end(const Outputs& out);
     void turnings_of(int column, int node) { turnings_.see_polynomial(column, poly_.data() + node, n_, t_, h_, end_, T1_[node]); }
     bool quiet(int node) const;
+    struct SumPart { int place, input; double weight; };  // weight times the followed node there, or times an input (-1: one)
+    struct Unrest { double rate = 0.0, moved = 0.0, direct = 0.0; bool jumps = false; };  // K/s, K, K
+    std::vector<int> followed_;
+    std::vector<std::vector<SumPart>> sum_parts_;
+    bool polynomial_ = true;  // no boundary of a sum is a wave
+    void follow(const Outputs& out);
+    Unrest unrest() const;
+    void turnings_smooth(const Outputs& out);
+    void turnings_knots(const Outputs& out, double gap);
     void turnings_sampled(const Outputs& out);
 
     // events.cpp

@@ -147,6 +147,17 @@ void LargeProblem::prepare() {
     for (double c_i : capacity) require(c_i >= 0.0 && std::isfinite(c_i), "capacity must not be negative");
     require(boundary_input.size() == boundary_offset.size(), "boundaries: input and offset differ in length");
     for (int k : boundary_input) require(k >= -1 && k < inputs_n, "boundaries: no such input");
+    require(store.empty() || store.size() == capacity.size(), "stores: one table for each node, or none");
+    heavy = capacity;
+    for (size_t i = 0; i < store.size(); ++i) {
+        if (store[i] < 0) continue;
+        require(store[i] < tables_n && capacity[i] > 0.0, "stores: no such table, or a massless node");
+        const double steepest = tables[store[i]].steepest();
+        require(steepest > 0.0 && std::isfinite(steepest), "stores: temperature must rise with heat");
+        stored.push_back(static_cast<int>(i));
+        heavy[i] = capacity[i] / steepest;
+        knees = knees || !tables[store[i]].bends.empty();
+    }
     std::vector<int> slot(n, -1);
     auto place = [&](int i) {
         if (slot[i] < 0) {
@@ -164,6 +175,9 @@ void LargeProblem::prepare() {
         require(g.boundary >= -1 && g.boundary < nb && g.input >= -1 && g.input < inputs_n, "rows: no such boundary or input");
         require(!tables_of(g.kind) || (g.table >= 0 && g.table + tables_of(g.kind) <= tables_n), "rows: no such table");
         g.table = std::max(g.table, 0);
+        g.bent = has_knee(g.kind) && tables_of(g.kind) == 0;
+        for (int k = 0; k < tables_of(g.kind); ++k) g.bent = g.bent || (has_knee(g.kind) && !tables[g.table + k].bends.empty());
+        knees = knees || g.bent;
         for (int r = g.begin; r < g.end; ++r) {
             require(a[r] >= 0 && a[r] < n && (g.boundary >= 0 || (b[r] >= 0 && b[r] < n && b[r] != a[r])), "rows: no such node");
             a_slot[r] = place(a[r]);
@@ -182,6 +196,8 @@ void LargeProblem::prepare() {
         require(g.input >= -1 && g.input < inputs_n && g.tag >= 0 && g.tag < tags, "loads: no such input or tag");
         require(!LOAD_LAWS[g.kind].tables || (g.table >= 0 && g.table < tables_n), "loads: no such table");
         g.table = std::max(g.table, 0);
+        g.bent = g.control == PROPORTIONAL || (LOAD_LAWS[g.kind].tables && !tables[g.table].bends.empty());
+        knees = knees || g.bent;
         for (int r = g.begin; r < g.end; ++r) require(node[r] >= 0 && node[r] < n, "loads: no such node");
         done = g.end;
     }
@@ -193,6 +209,7 @@ void LargeProblem::prepare() {
         }
         if (!constant) moving = static_cast<int>(special.size());
     }
+    for (int i : stored) stored_slot.push_back(slot[i]);
     constant_heat.assign(special.size(), 0.0);
     for (LoadGroup& g : loads) {
         if (!g.constant()) continue;

@@ -47,11 +47,13 @@ struct RowGroup {
     int kind, boundary, input, table;
     double c1;
     int begin, end;
+    bool bent = false;         // with a knee
     bool consecutive = false;  // ends at consecutive places among the special nodes, each once
 };
 // Loads of one law and one input; `tag` names the load that their energy belongs to.
 struct LoadGroup {
     int kind, input, table, tag, begin, end, control;  // control: its kind, -1 for none; it follows the node that is heated
+    bool bent = false;   // with a knee
     double total = 0.0;  // of a constant one [W]
     bool constant() const { return kind == SIGNAL && input < 0 && control < 0; }
 };
@@ -59,6 +61,9 @@ struct LoadGroup {
 struct LargeProblem {
     int n = 0, nb = 0, tags = 0;
     std::vector<double> capacity;  // zero: massless
+    // Of each node the table of its temperature over its level, the temperature that a constant specific heat would show; -1 where they are one.
+    // Empty: of none.
+    std::vector<int> store;
     Links links;
     std::vector<RowGroup> rows;
     std::vector<int> a, b;
@@ -76,6 +81,9 @@ struct LargeProblem {
     std::vector<int> special, a_slot, b_slot, node_slot;
     int moving = 0;
     std::vector<double> constant_heat;  // (special) [W]
+    std::vector<int> stored, stored_slot;  // nodes with a table of temperature over level; their places among the special ones, -1 where they have none
+    std::vector<double> heavy;          // (n): capacity over the steepest slope of that table [J/K]
+    bool knees = false;                 // of tables of straight lines, of proportional heaters or of stored heat
     void prepare();  // checks, derives; throws std::invalid_argument
 };
 
@@ -114,6 +122,7 @@ struct LargeOptions {
 };
 
 // What is written at output times: a weighted sum of nodes (kind 0), or the largest (1) or smallest (2) of them; no nodes: of all.
+// Index n + i is the level of node i.
 struct Observed {
     std::vector<int> kind, indptr, indices;
     std::vector<double> weights;
@@ -124,7 +133,7 @@ struct LargeResult {
     int status = 0, node = -1, method = AUTO;
     double time = 0.0, rate = 0.0, longest = 0.0;  // largest rate of decay seen [1/s]; longest step
     double *traces = nullptr, *fields = nullptr;   // (times, observed), (field times, n)
-    std::vector<double> final_t, load_energy, boundary_energy;
+    std::vector<double> final_t, final_state, load_energy, boundary_energy;  // state: the level where there is one
     std::vector<Turnings::Point> turnings;
     long steps = 0, rejected = 0, evaluations = 0, iterations = 0;
 };
@@ -143,8 +152,9 @@ class LargeRun {
     bool linear_ = true;
     std::vector<int> massless_;
     double t_ = 0.0, h_ = 0.0, t_end_ = 0.0;
-    std::vector<double> inverse_c_, link_sum_;
-    Field T_, T1_;              // at the start of the step, at its end
+    std::vector<double> inverse_c_, settles_, link_sum_;  // settles: inverse of `heavy`
+    Field T_, T1_;              // state at the start of the step, at its end: temperatures, and levels of nodes with a store
+    Field warm_;                // temperatures of a state, where they differ
     std::vector<double> G_, G1_;  // dT/dt there (massless: 0) [K/s]
     std::vector<double> u_;
     std::vector<StepInput> in_;
@@ -160,6 +170,12 @@ class LargeRun {
     void refresh_start();
     void full_rate(const Field& at, RowHeat& rows, std::vector<double>& g);
     void gather(RowHeat& rows, const double* t) const;
+    const Field& warm(const Field& state);
+    double warm(size_t i, double state, double* slope = nullptr) const;
+    double seen(size_t i, const Hermite& w) const;
+    Summary whole(const Hermite& w) const;
+    std::vector<double> u0_;
+    bool clear_of_knees(double& next);
     double first_step();
     bool advance(double end, double& next);
     void settle();
@@ -184,6 +200,7 @@ class LargeRun {
 
     // large_rkc.cpp
     Field z1_, z2_;
+    Field dT_;  // change of temperature since the start, where states are levels
     std::vector<double> moving_heat_, moving_c_;  // (moving): heat at the start without what is constant; inverse capacity
     double rkc();
     double rkc_finish();
@@ -193,9 +210,14 @@ class LargeRun {
     std::vector<double> bend_;  // (massless): how far the middle of the step lies off a straight line, times four [K]
     std::vector<double> heat0_, heat1_, heat2_, z_, base_, r_v_, w_, diag_;
     double trbdf();
+    Field weighed_;
+    std::vector<double> root_, kept_;  // root of dT/d level; right side
+    void spread(const Field& state);
+    void conduct(const Field& x, std::vector<double>& y) const;
+    void levels(double dh);
     bool solve_stage(Field& at, const std::vector<double>& base, double dh);
     bool gradients(std::vector<double>& rhs, double dh, double capacity_scale, double accuracy);
-    void apply(const Field& x, double dh, double capacity_scale, std::vector<double>& y) const;
+    void apply(const Field& x, double dh, double capacity_scale, std::vector<double>& y);
     void matrix_diagonal(double dh, double capacity_scale);
     bool settle_massless();
     void draw_parabolas();

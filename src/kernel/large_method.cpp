@@ -22,7 +22,7 @@ double LargeRun::row_rate() {
             for (int place : {p_.a_slot[r], p_.b_slot[r]}) rates_[place] += 2.0 * std::fabs(start_.pair[r]);
     }
     double worst = 0.0;
-    for (size_t k = 0; k < p_.special.size(); ++k) worst = std::max(worst, rates_[k] * inverse_c_[p_.special[k]]);
+    for (size_t k = 0; k < p_.special.size(); ++k) worst = std::max(worst, rates_[k] * settles_[p_.special[k]]);
     return worst;
 }
 
@@ -30,7 +30,7 @@ double LargeRun::row_rate() {
 // residual, never above Gershgorin's bound.
 double LargeRun::lanczos() {
     double bound = 0.0;
-    for (int i = 0; i < n_; ++i) bound = std::max(bound, 2.0 * link_sum_[i] * inverse_c_[i]);
+    for (int i = 0; i < n_; ++i) bound = std::max(bound, 2.0 * link_sum_[i] * settles_[i]);
     Field v(p_.links);
     std::vector<double> before(n_, 0.0), w(n_), alpha, beta;
     unsigned long long seed = 88172645463325252ULL;
@@ -40,7 +40,7 @@ double LargeRun::lanczos() {
         seed ^= seed >> 7;
         seed ^= seed << 17;
         v[i] = static_cast<double>(seed >> 11) / 9007199254740992.0 - 0.5;
-        norm += p_.capacity[i] * v[i] * v[i];
+        norm += p_.heavy[i] * v[i] * v[i];
     }
     for (int i = 0; i < n_; ++i) v[i] /= std::sqrt(norm);
     double top = 0.0, left = 0.0;
@@ -51,8 +51,8 @@ double LargeRun::lanczos() {
         for (int i = 0; i < n_; ++i) a -= v[i] * w[i];
         alpha.push_back(a);
         for (int i = 0; i < n_; ++i) {
-            w[i] = -w[i] * inverse_c_[i] - a * v[i] - (k ? beta.back() * before[i] : 0.0);
-            b += p_.capacity[i] * w[i] * w[i];
+            w[i] = -w[i] * settles_[i] - a * v[i] - (k ? beta.back() * before[i] : 0.0);
+            b += p_.heavy[i] * w[i] * w[i];
         }
         b = std::sqrt(b);
         // Largest eigenvalue of the tridiagonal matrix by bisection on the signs of its pivots.
@@ -84,7 +84,7 @@ void LargeRun::choose() {
     for (int i = 0; i < n_; ++i) {
         links += link_sum_[i];
         capacity += p_.capacity[i];
-        worst = std::max(worst, link_sum_[i] * inverse_c_[i]);
+        worst = std::max(worst, link_sum_[i] * settles_[i]);
     }
     for (size_t k = 0; k < p_.special.size(); ++k) links += start_.slope[k];
     mean_rate_ = capacity > 0.0 ? links / capacity : 0.0;
@@ -99,6 +99,10 @@ void LargeRun::choose() {
     if (r_->method == RKC2) {
         z1_ = Field(p_.links);
         z2_ = Field(p_.links);
+        if (!p_.stored.empty()) {
+            dT_ = Field(p_.links);
+            w_.assign(n_, 0.0);
+        }
         moving_heat_.resize(p_.moving);
         moving_c_.resize(p_.moving);
         for (int k = 0; k < p_.moving; ++k) moving_c_[k] = inverse_c_[p_.special[k]];
@@ -109,6 +113,10 @@ void LargeRun::choose() {
     p1_ = Field(p_.links);
     for (auto* v : {&heat0_, &heat1_, &heat2_, &z_, &base_, &r_v_, &w_, &diag_}) v->assign(n_, 0.0);
     bend_.assign(massless_.size(), 0.0);
+    if (p_.stored.empty()) return;
+    weighed_ = Field(p_.links);
+    root_.assign(n_, 1.0);
+    kept_.assign(n_, 0.0);
 }
 
 }  // namespace thermid

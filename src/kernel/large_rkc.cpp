@@ -46,10 +46,20 @@ double LargeRun::rkc() {
         const double mu = 2.0 * b[j] * w0 / b[j - 1], nu = -b[j] / b[j - 2], mut = 2.0 * b[j] * w1 / b[j - 1] * h;
         const double gat = -(1.0 - b[j - 1] * T[j - 1]) * mut;
         inputs_at(c * h);
-        const double* at = z1_.data();
+        const bool levels = !p_.stored.empty();
+        if (levels) {
+            std::copy(z1_.data(), z1_.data() + n_, dT_.data());
+            for (int i : p_.stored) dT_[i] = warm(i, T_[i] + z1_[i]) - warm(i, T_[i]);
+        }
+        const double* at = levels ? dT_.data() : z1_.data();
         for (size_t i = 0; i < m; ++i) rows_.t[i] = start_.t[i] + at[p_.special[i]];
         rows_.evaluate_moving(p_, u_.data());
-        p_.links.stage(z1_.data(), z2_.data(), G_.data(), inverse_c_.data(), mu, nu, mut, mut + gat);
+        if (!levels) {
+            p_.links.stage(z1_.data(), z2_.data(), G_.data(), inverse_c_.data(), mu, nu, mut, mut + gat);
+        } else {
+            p_.links.flow(dT_.data(), w_.data());
+            for (int i = 0; i < n_; ++i) z2_[i] = mu * z1_[i] + nu * z2_[i] + mut * inverse_c_[i] * w_[i] + (mut + gat) * G_[i];
+        }
         z2 = z2_.data();
         for (size_t i = 0; i < m; ++i) {
             z2[p_.special[i]] += mut * moving_c_[i] * (rows_.heat[i] - moving_heat_[i]);

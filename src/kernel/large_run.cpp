@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "integrator.hpp"
+#include "knees.hpp"
 #include "large.hpp"
 
 namespace thermid {
@@ -16,14 +17,17 @@ constexpr int PARTS = 2;  // of a step, where a largest or smallest temperature 
 }  // namespace
 
 LargeRun::LargeRun(const LargeProblem& p, const LargeOptions& o)
-    : p_(p), o_(o), n_(p.n), inverse_c_(p.n), link_sum_(p.n), T_(p.links), T1_(p.links), G_(p.n), G1_(p.n), u_(p.inputs.size()),
+    : p_(p), o_(o), n_(p.n), inverse_c_(p.n), settles_(p.n), link_sum_(p.n), T_(p.links), T1_(p.links), G_(p.n), G1_(p.n), u_(p.inputs.size()),
       in_(p.inputs.size()), hint_(p.inputs.size(), -1), start_(p), rows_(p), energy_(p.tags + p.nb), gain_(p.tags + p.nb) {
     for (int i = 0; i < n_; ++i) {
         if (p.capacity[i] == 0.0) massless_.push_back(i);
         inverse_c_[i] = p.capacity[i] > 0.0 ? 1.0 / p.capacity[i] : 0.0;
+        settles_[i] = p.capacity[i] > 0.0 ? 1.0 / p.heavy[i] : 0.0;
     }
     for (const RowGroup& g : p.rows) linear_ = linear_ && is(g.kind, STRAIGHT);
     for (const LoadGroup& g : p.loads) linear_ = linear_ && g.kind == SIGNAL && g.control < 0;
+    linear_ = linear_ && p.stored.empty();
+    if (!p.stored.empty()) warm_ = Field(p.links);
     p.links.sums(link_sum_.data());
 }
 
@@ -87,10 +91,28 @@ void LargeRun::gather(RowHeat& rows, const double* t) const {
     for (size_t k = 0; k < p_.special.size(); ++k) rows.t[k] = t[p_.special[k]];
 }
 
+// Temperature of a node from its state, and its slope.
+double LargeRun::warm(size_t i, double state, double* slope) const {
+    if (slope) *slope = 1.0;
+    if (p_.store.empty() || p_.store[i] < 0) return state;
+    double t, rise;
+    p_.tables[p_.store[i]].eval(state, t, rise);
+    if (slope) *slope = rise;
+    return t;
+}
+
+const Field& LargeRun::warm(const Field& state) {
+    if (p_.stored.empty()) return state;
+    std::copy(state.data(), state.data() + n_, warm_.data());
+    for (int i : p_.stored) warm_[i] = warm(i, state[i]);
+    return warm_;
+}
+
 void LargeRun::full_rate(const Field& at, RowHeat& rows, std::vector<double>& g) {
-    gather(rows, at.data());
+    const Field& t = warm(at);
+    gather(rows, t.data());
     rows.evaluate(p_, u_.data(), true);
-    p_.links.flow(at.data(), g.data());
+    p_.links.flow(t.data(), g.data());
     for (size_t k = 0; k < p_.special.size(); ++k) g[p_.special[k]] += rows.heat[k];
     for (int i = 0; i < n_; ++i) g[i] *= inverse_c_[i];
 }
@@ -117,34 +139,53 @@ Hermite LargeRun::hermite(double s) const {
     return {y + bend, x - bend, x * y * y * h_, -x * x * y * h_};
 }
 
-// What is observed, at the weights of a time; over all nodes, `whole` is theirs.
-double LargeRun::observed(const Observed& seen, int k, const Hermite& w, const Summary* whole) const {
-    const int from = seen.indptr[k], to = seen.indptr[k + 1];
+// Temperature, or from n on level, of a node at the weights of a time.
+double LargeRun::seen(size_t i, const Hermite& w) const {
+    const size_t n = n_;
+    return i < n ? warm(i, between(i, w)) : between(i - n, w);
+}
+
+// Of all nodes.
+Summary LargeRun::whole(const Hermite& w) const {
+    if (p_.stored.empty()) return summary(T_.data(), T1_.data(), G_.data(), G1_.data(), n_, w);
     Summary s;
-    if (from == to) {
-        s = whole ? *whole : summary(T_.data(), T1_.data(), G_.data(), G1_.data(), n_, w);
-        s.sum /= n_;
-    }
-    for (int j = from; j < to; ++j) {
-        const double v = between(seen.indices[j], w);
-        s.sum += seen.weights[j] * v;
+    for (int i = 0; i < n_; ++i) {
+        const double v = seen(i, w);
+        s.sum += v;
         s.low = std::min(s.low, v);
         s.high = std::max(s.high, v);
     }
-    return seen.kind[k] == 0 ? s.sum : (seen.kind[k] == 1 ? s.high : s.low);
+    return s;
+}
+
+// What is observed, at the weights of a time; over all nodes, `whole` is theirs.
+double LargeRun::observed(const Observed& what, int k, const Hermite& w, const Summary* all) const {
+    const int from = what.indptr[k], to = what.indptr[k + 1];
+    Summary s;
+    if (from == to) {
+        s = all ? *all : whole(w);
+        s.sum /= n_;
+    }
+    for (int j = from; j < to; ++j) {
+        const double v = seen(what.indices[j], w);
+        s.sum += what.weights[j] * v;
+        s.low = std::min(s.low, v);
+        s.high = std::max(s.high, v);
+    }
+    return what.kind[k] == 0 ? s.sum : (what.kind[k] == 1 ? s.high : s.low);
 }
 
 void LargeRun::write(const std::vector<double>& times, size_t& next, const Observed& seen, double until) {
     for (; next < times.size() && times[next] <= until; ++next) {
         const Hermite w = hermite(times[next] - t_);
-        Summary whole;
+        Summary all;
         bool known = false;
         for (int k = 0; k < seen.size(); ++k) {
             if (seen.indptr[k] == seen.indptr[k + 1] && !known) {
-                whole = summary(T_.data(), T1_.data(), G_.data(), G1_.data(), n_, w);
+                all = whole(w);
                 known = true;
             }
-            r_->traces[next * seen.size() + k] = observed(seen, k, w, &whole);
+            r_->traces[next * seen.size() + k] = observed(seen, k, w, &all);
         }
     }
 }
@@ -152,16 +193,20 @@ void LargeRun::write(const std::vector<double>& times, size_t& next, const Obser
 void LargeRun::write_fields(const std::vector<double>& times, size_t& next, double until) {
     for (; next < times.size() && times[next] <= until; ++next) {
         const Hermite w = hermite(times[next] - t_);
-        for (int i = 0; i < n_; ++i) r_->fields[next * n_ + i] = between(i, w);
+        for (int i = 0; i < n_; ++i) r_->fields[next * n_ + i] = seen(i, w);
     }
 }
 
 // Turning points of what is observed inside the step just made: of a weighted sum those of its cubic, of a largest or smallest those of
 // parabolas through samples.
 void LargeRun::turn(const Observed& seen, double reached) {
+    Summary whole[PARTS + 1];  // of all nodes, shared by those that read it
+    bool known = false;
     for (int k = 0; k < seen.size(); ++k) {
         const int from = seen.indptr[k], to = seen.indptr[k + 1];
-        if (seen.kind[k] == 0 && from < to) {
+        bool smooth = true;
+        for (int j = from; j < to; ++j) smooth = smooth && (p_.stored.empty() || (seen.indices[j] < n_ && p_.store[seen.indices[j]] < 0));
+        if (seen.kind[k] == 0 && from < to && smooth) {
             double y0 = 0.0, y1 = 0.0, d0 = 0.0, d1 = 0.0;
             for (int j = from; j < to; ++j) {
                 const double w = seen.weights[j];
@@ -177,12 +222,76 @@ void LargeRun::turn(const Observed& seen, double reached) {
         }
         double at[PARTS + 1], y[PARTS + 1];
         for (int q = 0; q <= PARTS; ++q) {
+            const Hermite w = hermite(h_ * q / PARTS);
+            if (from == to && !known) whole[q] = summary(T_.data(), T1_.data(), G_.data(), G1_.data(), n_, w);
             at[q] = q == PARTS ? reached : t_ + h_ * q / PARTS;
-            y[q] = observed(seen, k, hermite(h_ * q / PARTS));
+            y[q] = observed(seen, k, w, &whole[q]);
         }
+        known = known || from == to;
         turnings_.see(k, at[0], y[0]);
         for (int q = 2; q <= PARTS; q += 2) turnings_.see_three(k, at[q - 2], y[q - 2], at[q - 1], y[q - 1], at[q], y[q]);
     }
+}
+
+// As Integrator::clear_of_knees, with the inertia of the node itself: what it gets its neighbours take up the sooner the less it has.
+bool LargeRun::clear_of_knees(double& next) {
+    Knee knee;
+    u0_.resize(u_.size());
+    inputs_at(0.0);
+    u0_.swap(u_);
+    inputs_at(h_);
+    auto state = [&](int i) -> Sweep {
+        const double move = T1_[i] - T_[i];
+        return p_.capacity[i] > 0.0 ? Sweep{T_[i], T1_[i], h_ * G_[i], h_ * G1_[i]} : Sweep{T_[i], T1_[i], move, move};
+    };
+    auto sweep = [&](int i) -> Sweep {
+        Sweep s = state(i);
+        if (p_.store.empty() || p_.store[i] < 0) return s;
+        double before, after;
+        s.t0 = warm(i, s.t0, &before);
+        s.t1 = warm(i, s.t1, &after);
+        return {s.t0, s.t1, before * s.a, after * s.b};
+    };
+    auto outer = [&](int b) -> Sweep {
+        const int k = p_.boundary_input[b];
+        const double from = p_.boundary_offset[b] + (k >= 0 ? u0_[k] : 0.0), to = p_.boundary_offset[b] + (k >= 0 ? u_[k] : 0.0);
+        return {from, to, to - from, to - from};
+    };
+    auto felt = [&](int i) { return h_ / (p_.heavy[i] + h_ * link_sum_[i]); };
+    for (const LoadGroup& g : p_.loads) {
+        if (!g.bent) continue;
+        const double f = g.input >= 0 ? u_[g.input] : 1.0;
+        const Table* table = p_.tables.data() + g.table;
+        for (int r = g.begin; r < g.end; ++r) {
+            const int i = p_.node[r];
+            auto each = [&] { return felt(i); };
+            if (LOAD_LAWS[g.kind].tables) knee.table(sweep(i), *table, [&] { return std::fabs(f * p_.c[0][r]) * each(); });
+            if (g.control != PROPORTIONAL) continue;
+            const double c[4] = {f * p_.c[0][r], p_.c[1][r], p_.c[2][r], p_.c[3][r]};
+            const double power = load<double>(g.kind, -1, warm(i, T1_[i]), 0.0, c, nullptr, Tables{table}, true, false).p;
+            knee.heater(sweep(i), p_.d[0][r], p_.d[1][r], std::isnan(p_.d[2][r]) ? c[0] : p_.d[2][r], power, each);
+        }
+    }
+    for (const RowGroup& g : p_.rows) {
+        if (!g.bent) continue;
+        const double f = g.input >= 0 ? u_[g.input] : 1.0;
+        for (int r = g.begin; r < g.end; ++r) {
+            const int i = p_.a[r], j = p_.b[r];
+            knee.conductor(g.kind, sweep(i), g.boundary < 0 ? sweep(j) : outer(g.boundary), f * p_.c0[r], g.c1, p_.tables.data() + g.table,
+                           [&] { return g.boundary < 0 ? std::max(felt(i), felt(j)) : felt(i); });
+        }
+    }
+    row_rate();
+    for (size_t k = 0; k < p_.stored.size(); ++k) {  // where its heat passes a knee, its neighbours see another temperature
+        const int i = p_.stored[k], place = p_.stored_slot[k];
+        auto each = [&] { return felt(i) * (link_sum_[i] + (place >= 0 ? std::fabs(rates_[place]) : 0.0)); };
+        knee.table(state(i), p_.tables[p_.store[i]], each);
+    }
+    if (knee.error <= o_.tolerance) return true;
+    const double wanted = knee.retry(h_, o_.tolerance);
+    if (t_ + wanted == t_ || wanted < 1e-9 * (t_end_ - t_)) return true;
+    next = wanted;
+    return false;
 }
 
 // Tries a step of length h_; true when it is accepted. `next`: the length to try afterwards.
@@ -209,6 +318,10 @@ bool LargeRun::advance(double end, double& next) {
         rejected_ = true;
         next = h_ * (std::isfinite(error) ? std::max(0.1, 0.8 * std::pow(error, -order)) : 0.1);
         if (next < least || next < 1e-9 / std::max(r_->rate, 1.0 / (t_end_ - t_))) fail(std::isfinite(error) ? STEP_UNDERFLOW : NON_FINITE);
+        return false;
+    }
+    if (p_.knees && !clear_of_knees(next)) {
+        ++r_->rejected;
         return false;
     }
     double grow = 0.8 * std::pow(std::max(error, 1e-10), -order);
@@ -306,7 +419,9 @@ void LargeRun::run(const double* t0_nodes, double t0, double t_end, const std::v
     if (o_.turnings) turnings_.end();
     r.turnings.swap(turnings_.found);
     r.time = t_;
-    r.final_t.assign(T_.data(), T_.data() + n_);
+    r.final_state.assign(T_.data(), T_.data() + n_);
+    const Field& last = warm(T_);
+    r.final_t.assign(last.data(), last.data() + n_);
     r.load_energy.assign(energy_.begin(), energy_.begin() + p_.tags);
     r.boundary_energy.assign(energy_.begin() + p_.tags, energy_.end());
 }

@@ -13,21 +13,50 @@ namespace {
 const double ROOT = std::sqrt(2.0);
 const double DIAGONAL = 1.0 - ROOT / 2.0, WEIGHT_1 = ROOT / 4.0, FIRST_PART = 2.0 - ROOT;
 constexpr int MOST_NEWTON = 10, MOST_GRADIENTS = 5000;
+constexpr int MOST_MELTING = 30;  // steps of Newton's method where tables of stored heat have knees
 }  // namespace
 
-// y = (scale C - dh J) x, J that of the links and of rows_.
-void LargeRun::apply(const Field& x, double dh, double scale, std::vector<double>& y) const {
+// y = J x, that of the links and of rows_.
+void LargeRun::conduct(const Field& x, std::vector<double>& y) const {
     p_.links.flow(x.data(), y.data());
-    for (int i = 0; i < n_; ++i) y[i] = scale * p_.capacity[i] * x[i] - dh * y[i];
-    for (size_t k = 0; k < p_.special.size(); ++k) y[p_.special[k]] += dh * rows_.slope[k] * x[p_.special[k]];
+    for (size_t k = 0; k < p_.special.size(); ++k) y[p_.special[k]] -= rows_.slope[k] * x[p_.special[k]];
     for (const RowGroup& g : p_.rows) {
         if (g.boundary >= 0) continue;
         for (int r = g.begin; r < g.end; ++r) {
-            const double q = dh * rows_.pair[r] * (x[p_.a[r]] - x[p_.b[r]]);
-            y[p_.a[r]] += q;
-            y[p_.b[r]] -= q;
+            const double q = rows_.pair[r] * (x[p_.a[r]] - x[p_.b[r]]);
+            y[p_.a[r]] -= q;
+            y[p_.b[r]] += q;
         }
     }
+}
+
+// y = (scale C - dh S J S) x. S is one, and of a level the root of dT/d level (see solve_stage).
+void LargeRun::apply(const Field& x, double dh, double scale, std::vector<double>& y) {
+    if (p_.stored.empty()) {
+        conduct(x, y);
+        for (int i = 0; i < n_; ++i) y[i] = scale * p_.capacity[i] * x[i] - dh * y[i];
+        return;
+    }
+    for (int i = 0; i < n_; ++i) weighed_[i] = root_[i] * x[i];
+    conduct(weighed_, y);
+    for (int i = 0; i < n_; ++i) y[i] = scale * p_.capacity[i] * x[i] - dh * root_[i] * y[i];
+}
+
+// S at a state.
+void LargeRun::spread(const Field& state) {
+    for (int i : p_.stored) {
+        double slope;
+        warm(i, state[i], &slope);
+        root_[i] = std::sqrt(std::max(slope, 0.0));
+    }
+}
+
+// From y = S dH in x_ and the right side in kept_ the changes dH of levels, C dH = kept + dh J S y; they take the place of y.
+void LargeRun::levels(double dh) {
+    if (p_.stored.empty()) return;
+    for (int i = 0; i < n_; ++i) weighed_[i] = root_[i] * x_[i];
+    conduct(weighed_, w_);
+    for (int i : p_.stored) x_[i] = (kept_[i] + dh * w_[i]) * inverse_c_[i];
 }
 
 void LargeRun::matrix_diagonal(double dh, double scale) {
@@ -40,6 +69,7 @@ void LargeRun::matrix_diagonal(double dh, double scale) {
             diag_[p_.b[r]] += dh * rows_.pair[r];
         }
     }
+    for (int i : p_.stored) diag_[i] = scale * p_.capacity[i] + root_[i] * root_[i] * (diag_[i] - scale * p_.capacity[i]);
 }
 
 // Solves (scale C - dh J) x_ = rhs; scale 0 solves the massless nodes alone, the others held. rhs is lost.
@@ -93,27 +123,37 @@ bool LargeRun::gradients(std::vector<double>& rhs, double dh, double scale, doub
 }
 
 // Solves C (at - T) - dh F(at) = base for `at`, which comes in as a guess; massless nodes: F = 0.
+// Of levels H with temperatures f(H), Newton's matrix C - dh J f' is not symmetric; with S = sqrt(f') and y = S dH it becomes
+// (C - dh S J S) y = S r, which is, and which f' = 0 does no harm: C dH = r + dh J S y.
 bool LargeRun::solve_stage(Field& at, const std::vector<double>& base, double dh) {
     const double fine = 0.01 * o_.tolerance;
+    const bool plain = p_.stored.empty();
     double before = 0.0;
-    for (int k = 0; k < MOST_NEWTON; ++k) {
-        gather(rows_, at.data());
+    for (int k = 0; k < (plain ? MOST_NEWTON : MOST_MELTING); ++k) {
+        const Field& t = warm(at);
+        gather(rows_, t.data());
         rows_.evaluate(p_, u_.data(), true);
         ++r_->evaluations;
-        p_.links.flow(at.data(), r_v_.data());
+        p_.links.flow(t.data(), r_v_.data());
+        spread(at);
         for (size_t i = 0; i < p_.special.size(); ++i) r_v_[p_.special[i]] += rows_.heat[i];
         for (int i = 0; i < n_; ++i)
             r_v_[i] = dh * r_v_[i] + (p_.capacity[i] > 0.0 ? base[i] - p_.capacity[i] * (at[i] - T_[i]) : 0.0);
+        if (!plain) {
+            kept_ = r_v_;
+            for (int i : p_.stored) r_v_[i] *= root_[i];
+        }
         if (!gradients(r_v_, dh, 1.0, 0.1 * fine)) return false;
+        levels(dh);
         double size = 0.0, sum = 0.0;
         for (int i = 0; i < n_; ++i) {
             at[i] += x_[i];
             size = std::max(size, std::fabs(x_[i]));
             sum += x_[i];
         }
-        if (!std::isfinite(sum) || (k > 1 && size > before)) return false;
+        if (!std::isfinite(sum) || (plain && k > 1 && size > before)) return false;
         // Linear networks need one solve; else the next change is about size^2 / before.
-        if (linear_ || size < fine || (k > 0 && size * size < fine * before)) return true;
+        if (linear_ || size < fine || (plain && k > 0 && size * size < fine * before)) return true;
         before = size;
     }
     return false;
@@ -140,8 +180,9 @@ double LargeRun::trbdf() {
     };
     auto settled = [&](std::vector<double>& heat) {  // the stage's heat by its own equation, and its rows at what was found
         for (int i = 0; i < n_; ++i) heat[i] = p_.capacity[i] > 0.0 ? (p_.capacity[i] * (T1_[i] - T_[i]) - base_[i]) / dh : 0.0;
-        gather(rows_, T1_.data());
+        gather(rows_, warm(T1_).data());
         rows_.evaluate(p_, u_.data(), true);
+        spread(T1_);
     };
     add(start_, WEIGHT_1 * h);
     inputs_at(FIRST_PART * h);
@@ -166,7 +207,12 @@ double LargeRun::trbdf() {
         G1_[i] = heat2_[i] * inverse_c_[i];
         sum += r_v_[i];
     }
+    if (!p_.stored.empty()) {
+        kept_ = r_v_;
+        for (int i : p_.stored) r_v_[i] *= root_[i];
+    }
     if (!std::isfinite(sum) || !gradients(r_v_, dh, 1.0, 0.1 * o_.tolerance)) return bad;
+    levels(dh);
     double worst = 0.0;
     for (int i = 0; i < n_; ++i) worst = std::max(worst, std::fabs(x_[i]));
     // Massless nodes make no error at the end of a step. Inside it they follow a parabola; a twentieth of its bend is asked to be small,
@@ -200,9 +246,11 @@ void LargeRun::restore_slopes() {
 // Massless nodes at the start, and after a jump of the inputs: F = 0 with the others held.
 bool LargeRun::settle_massless() {
     for (int k = 0; k < 5 * MOST_NEWTON; ++k) {
-        gather(rows_, T_.data());
+        const Field& t = warm(T_);
+        gather(rows_, t.data());
         rows_.evaluate(p_, u_.data(), true);
-        p_.links.flow(T_.data(), r_v_.data());
+        p_.links.flow(t.data(), r_v_.data());
+        spread(T_);
         for (size_t i = 0; i < p_.special.size(); ++i) r_v_[p_.special[i]] += rows_.heat[i];
         if (!gradients(r_v_, 1.0, 0.0, 1e-4 * o_.tolerance)) return false;
         double size = 0.0;

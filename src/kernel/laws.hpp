@@ -57,6 +57,19 @@ struct Table {
         g2 = 2.0 * p.c2 + 6.0 * t * p.c3;
     }
     void eval(double at, double& g, double& g1) const { double g2; eval(at, g, g1, g2); }
+    // Largest slope: of a piece at its ends, or where its own slope turns. Pieces without values have none.
+    double steepest() const {
+        double worst = 0.0;
+        for (size_t i = 0; i + 1 < x.size(); ++i) {
+            const LanePiece& p = pieces_[i];
+            const double width = x[i + 1] - x[i], turn = p.c3 != 0.0 ? -p.c2 / (3.0 * p.c3) : 0.0;
+            for (double t : {0.0, std::min(std::max(turn, 0.0), width), width}) {
+                const double slope = p.c1 + t * (2.0 * p.c2 + 3.0 * t * p.c3);
+                if (slope > worst) worst = slope;
+            }
+        }
+        return worst;
+    }
     // The same, first on the piece of the time before.
     void eval(double at, double& g, double& g1, int& piece) const {
         if (!(at > pieces_[piece].x && at < pieces_[piece + 1].x)) {

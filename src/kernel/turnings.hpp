@@ -32,25 +32,33 @@ class Turnings {
         times_ = times;
         n_ = n;
         columns_.assign(columns, Column());
+        time_.assign(columns, 0.0);
+        kelvin_.assign(columns, 0.0);
+        way_.assign(columns, NEW);
+        busy_.assign(columns, 0.0);
         found.clear();
     }
     bool on() const { return !columns_.empty(); }
     // The course of a column at a time that is not before the last one; at a jump, twice the same time.
     void see(int column, double time, double kelvin) {
-        Column& c = columns_[column];
-        if (c.way == NEW) {
-            c = {time, kelvin, 0};
-            if (n_ == 0 || times_[0] > time) turn(column, c);
+        double& way = way_[column];
+        const double up = kelvin - kelvin_[column];
+        if (way == NEW) {
+            way = 0.0;
+            time_[column] = time;
+            kelvin_[column] = kelvin;
+            if (n_ == 0 || times_[0] > time) turn(column);
             return;
         }
-        const double up = kelvin - c.kelvin;
         if (!(up > SMALL || up < -SMALL)) return;
-        const int way = up > 0.0 ? 1 : -1;
-        if (c.way == -way) turn(column, c);
-        c.time = time;
-        c.kelvin = kelvin;
-        c.way = way;
+        const double now = up > 0.0 ? 1.0 : -1.0;
+        if (way == -now) turn(column);
+        time_[column] = time;
+        kelvin_[column] = kelvin;
+        way = now;
     }
+    // Polynomials of `count` columns from `first`, side by side, `stride` from power to power, as below; y: values at the step's end.
+    void see_polynomials(int first, int count, const double* c, std::size_t stride, double t, double h, double end, const double* y);
     // A polynomial of fifth degree in x = s / h over a step from t to `end`, of length h, with the value y at its end.
     void see_polynomial(int column, const double* c, std::size_t stride, double t, double h, double end, double y) {
         const double c1 = c[stride], c2 = c[2 * stride], c3 = c[3 * stride], c4 = c[4 * stride], c5 = c[5 * stride];
@@ -106,92 +114,44 @@ class Turnings {
     }
     // Many increasing times of all columns, y (rows, columns): of each interval between outputs the highest and the lowest, each as the vertex of a
     // parabola through its neighbours, then the last row.
-    void see_rows(const double* times, long rows, const double* y) {
-        const int m = static_cast<int>(columns_.size());
-        high_.resize(m);
-        low_.resize(m);
-        high_row_.resize(m);
-        low_row_.resize(m);
-        long next = 0;
-        while (next < n_ && times_[next] < times[0]) ++next;
-        for (long first = 0, last; first < rows; first = last) {
-            while (next < n_ && times_[next] < times[first]) ++next;
-            last = first + 1;
-            while (last < rows && !(next < n_ && times[last] > times_[next])) ++last;
-            for (int j = 0; j < m; ++j) {
-                high_[j] = low_[j] = y[first * m + j];
-                high_row_[j] = low_row_[j] = first;
-            }
-            for (long r = first + 1; r < last; ++r)
-                for (int j = 0; j < m; ++j) {
-                    const double v = y[r * m + j];
-                    if (v > high_[j]) {
-                        high_[j] = v;
-                        high_row_[j] = r;
-                    }
-                    if (v < low_[j]) {
-                        low_[j] = v;
-                        low_row_[j] = r;
-                    }
-                }
-            for (int j = 0; j < m; ++j) {
-                const bool high_first = high_row_[j] < low_row_[j];
-                vertex(j, high_first ? high_row_[j] : low_row_[j], times, rows, y);
-                vertex(j, high_first ? low_row_[j] : high_row_[j], times, rows, y);
-            }
-        }
-        for (int j = 0; j < m; ++j) see(j, times[rows - 1], y[(rows - 1) * m + j]);
-    }
+    void see_rows(const double* times, long rows, const double* y);
     // The end of the run, or of what is known of it.
     void end() {
         for (std::size_t k = 0; k < columns_.size(); ++k) {
-            Column& c = columns_[k];
-            if (c.way != NEW && (n_ == 0 || c.time > times_[n_ - 1])) turn(static_cast<int>(k), c);
-            keep(static_cast<int>(k), c);
+            if (way_[k] != NEW && (n_ == 0 || time_[k] > times_[n_ - 1])) turn(static_cast<int>(k));
+            keep(static_cast<int>(k), columns_[k]);
         }
     }
 
   private:
     static constexpr double FLAT = 1e-5;  // [K]
-    static constexpr int NEW = 2;
+    static constexpr double NEW = 2.0;
     struct Column {
-        double time = 0.0, kelvin = 0.0;
-        int way = NEW;
         long row = 0;  // the output that ends the interval under way
         double low = std::numeric_limits<double>::infinity(), high = -low, low_time = 0.0, high_time = 0.0;
     };
     std::vector<Column> columns_;
-    std::vector<double> high_, low_;
-    std::vector<long> high_row_, low_row_;
+    std::vector<double> time_, kelvin_, way_;  // of each column: the point seen last, and whether it rose (1) or fell (-1) to it
+    std::vector<double> busy_, high_, low_, high_row_, low_row_;
 
-    void vertex(int j, long r, const double* times, long rows, const double* y) {
-        const std::size_t m = columns_.size();
-        const double y1 = y[r * m + j];
-        if (r > 0 && r + 1 < rows) {
-            const double t0 = times[r - 1], t1 = times[r], t2 = times[r + 1], y0 = y[(r - 1) * m + j], y2 = y[(r + 1) * m + j];
-            const double a = (y1 - y0) / (t1 - t0), b = (y2 - y1) / (t2 - t1);
-            if (a * b < 0.0) {  // the slope at the middle row, and how it bends
-                const double bend = (b - a) / (t2 - t0), slope = a + bend * (t1 - t0), s = -0.5 * slope / bend;
-                if (t1 + s > t0 && t1 + s < t2) return see(j, t1 + s, y1 + 0.5 * slope * s);
-            }
-        }
-        see(j, times[r], y1);
-    }
+    void vertex(int j, long r, const double* times, long rows, const double* y);
     const double* times_ = nullptr;
     long n_ = 0;
 
-    void turn(int column, Column& c) {
-        if (c.row < n_ && times_[c.row] < c.time) {
+    void turn(int column) {
+        Column& c = columns_[column];
+        const double time = time_[column], kelvin = kelvin_[column];
+        if (c.row < n_ && times_[c.row] < time) {
             keep(column, c);
-            while (c.row < n_ && times_[c.row] < c.time) ++c.row;
+            while (c.row < n_ && times_[c.row] < time) ++c.row;
         }
-        if (c.kelvin < c.low) {
-            c.low = c.kelvin;
-            c.low_time = c.time;
+        if (kelvin < c.low) {
+            c.low = kelvin;
+            c.low_time = time;
         }
-        if (c.kelvin > c.high) {
-            c.high = c.kelvin;
-            c.high_time = c.time;
+        if (kelvin > c.high) {
+            c.high = kelvin;
+            c.high_time = time;
         }
     }
     void keep(int column, Column& c) {

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from thermid.explain.balance import energy_balance as energy_balance
     from thermid.explain.criticism import Criticism as Criticism
     from thermid.explain.criticism import criticise as criticise
+    from thermid.explain.diagnosis import Diagnosis as Diagnosis
+    from thermid.explain.diagnosis import diagnose as diagnose
     from thermid.explain.plausibility import Plausibility as Plausibility
     from thermid.explain.plausibility import plausibility as plausibility
     from thermid.fit.calibrate import calibrate as calibrate
@@ -53,8 +55,17 @@ if TYPE_CHECKING:
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
     from thermid.judge.compare import compare as compare
+    from thermid.judge.correlation import Correlation as Correlation
+    from thermid.judge.correlation import correlate as correlate
+    from thermid.judge.criteria import CriteriaSet as CriteriaSet
     from thermid.judge.difference import Difference as Difference
     from thermid.judge.difference import difference as difference
+    from thermid.judge.heaters import heater_duty as heater_duty
+    from thermid.judge.limit_checks import check_limits as check_limits
+    from thermid.judge.limits import Limits as Limits
+    from thermid.judge.limits import load_limits as load_limits
+    from thermid.judge.margins import Margin as Margin
+    from thermid.judge.margins import margins as margins
     from thermid.judge.validate import Criteria as Criteria
     from thermid.judge.validate import Verdict as Verdict
     from thermid.judge.validate import validate as validate
@@ -77,6 +88,13 @@ if TYPE_CHECKING:
     from thermid.model.tree.identity import identities as identities
     from thermid.model.tree.model import Model as Model
     from thermid.model.tree.replacement import Replacement as Replacement
+    from thermid.monte_carlo.drivers import sobol_of as sobol_of
+    from thermid.monte_carlo.hold import Hold as Hold
+    from thermid.monte_carlo.hold import hold as hold
+    from thermid.monte_carlo.holdfile import HoldQuestion as HoldQuestion
+    from thermid.monte_carlo.holdfile import load_hold as load_hold
+    from thermid.monte_carlo.uncertain import UncertainRuns as UncertainRuns
+    from thermid.monte_carlo.uncertain import uncertain_runs as uncertain_runs
     from thermid.network.environment import Environment as Environment
     from thermid.network.irradiation import Irradiation as Irradiation
     from thermid.network.irradiation import OpenSky as OpenSky
@@ -88,56 +106,34 @@ if TYPE_CHECKING:
     from thermid.power.history import PowerHistory as PowerHistory
     from thermid.power.inverse import power_history as power_history
     from thermid.power.laws import PowerLaw as PowerLaw
+    from thermid.prediction.foresight import Foresight as Foresight
+    from thermid.prediction.foresight import foresee as foresee
     from thermid.prediction.known import Known as Known
     from thermid.prediction.predict import predict as predict
     from thermid.prediction.prediction import Prediction as Prediction
     from thermid.prediction.split import split as split
     from thermid.prediction.split_surface import Split as Split
     from thermid.prediction.spread import Spread as Spread
-    from thermid.qualify.ascent import AscentCheck as AscentCheck
-    from thermid.qualify.ascent import ascent_checks as ascent_checks
-    from thermid.qualify.conduct import run_profile as run_profile
-    from thermid.qualify.correlation import Correlation as Correlation
-    from thermid.qualify.correlation import correlate as correlate
-    from thermid.qualify.criteria import CriteriaSet as CriteriaSet
-    from thermid.qualify.cycles import equivalent_cycles as equivalent_cycles
+    from thermid.profile_runs.ascent import AscentCheck as AscentCheck
+    from thermid.profile_runs.ascent import ascent_checks as ascent_checks
+    from thermid.profile_runs.conduct import run_profile as run_profile
+    from thermid.profile_runs.profile_run import ProfileRun as ProfileRun
+    from thermid.profiles.cycles import equivalent_cycles as equivalent_cycles
+    from thermid.profiles.profile import ThermalProfile as ThermalProfile
+    from thermid.profiles.standards import load_profile as load_profile
+    from thermid.profiles.standards import profile_names as profile_names
+    from thermid.profiles.standards import profile_of as profile_of
     from thermid.qualify.deliver import check_delivery as check_delivery
     from thermid.qualify.deliver import deliver as deliver
-    from thermid.qualify.diagnosis import Diagnosis as Diagnosis
-    from thermid.qualify.diagnosis import diagnose as diagnose
-    from thermid.qualify.drivers import sobol_of as sobol_of
-    from thermid.qualify.forecast import Forecast as Forecast
-    from thermid.qualify.forecast import forecast as forecast
-    from thermid.qualify.foresight import Foresight as Foresight
-    from thermid.qualify.foresight import foresee as foresee
-    from thermid.qualify.heaters import heater_duty as heater_duty
-    from thermid.qualify.hold import Hold as Hold
-    from thermid.qualify.hold import hold as hold
-    from thermid.qualify.holdfile import HoldQuestion as HoldQuestion
-    from thermid.qualify.holdfile import load_hold as load_hold
-    from thermid.qualify.limit_checks import check_limits as check_limits
-    from thermid.qualify.limits import Limits as Limits
-    from thermid.qualify.limits import load_limits as load_limits
     from thermid.qualify.lock import lock_plan as lock_plan
-    from thermid.qualify.macro import assumed as assumed
-    from thermid.qualify.macro import macro_model as macro_model
-    from thermid.qualify.margins import Margin as Margin
-    from thermid.qualify.margins import margins as margins
     from thermid.qualify.plan import Plan as Plan
     from thermid.qualify.plan import load_plan as load_plan
-    from thermid.qualify.profile_run import ProfileRun as ProfileRun
-    from thermid.qualify.profiles import ThermalProfile as ThermalProfile
     from thermid.qualify.programme import Qualification as Qualification
     from thermid.qualify.programme import run_plan as run_plan
-    from thermid.qualify.reduce import Reduction as Reduction
-    from thermid.qualify.reduce import reduce as reduce
-    from thermid.qualify.stabilisation import Stability as Stability
-    from thermid.qualify.stabilisation import stability as stability
-    from thermid.qualify.standards import load_profile as load_profile
-    from thermid.qualify.standards import profile_names as profile_names
-    from thermid.qualify.standards import profile_of as profile_of
-    from thermid.qualify.uncertain import UncertainRuns as UncertainRuns
-    from thermid.qualify.uncertain import uncertain_runs as uncertain_runs
+    from thermid.reduction.macro import assumed as assumed
+    from thermid.reduction.macro import macro_model as macro_model
+    from thermid.reduction.reduce import Reduction as Reduction
+    from thermid.reduction.reduce import reduce as reduce
     from thermid.reporting.blocks.pdf import page_to_pdf as page_to_pdf
     from thermid.reporting.pages.campaign import report as report
     from thermid.reporting.pages.structures import Structure as Structure
@@ -173,6 +169,10 @@ if TYPE_CHECKING:
     from thermid.simulation.transient import simulate as simulate
     from thermid.simulation.vapour import Volume as Volume
     from thermid.simulation.vapour import WaterBalance as WaterBalance
+    from thermid.steadiness.forecast import Forecast as Forecast
+    from thermid.steadiness.forecast import forecast as forecast
+    from thermid.steadiness.stabilisation import Stability as Stability
+    from thermid.steadiness.stabilisation import stability as stability
 
 # in reading order: what the hardware is, what is done to it, what was measured, what a fit says, what is shown
 _PUBLIC = {
@@ -203,8 +203,8 @@ _PUBLIC = {
     "ascent_scenario": "simulation.ascent",
     "orbit_irradiation": "simulation.orbit",
     "eclipse_signal": "simulation.orbit",
-    "AscentCheck": "qualify.ascent",
-    "ascent_checks": "qualify.ascent",
+    "AscentCheck": "profile_runs.ascent",
+    "ascent_checks": "profile_runs.ascent",
     "Options": "simulation.engine",
     "simulate": "simulation.transient",
     "prepare": "simulation.simulator",
@@ -279,44 +279,44 @@ _PUBLIC = {
     "Verdict": "judge.validate",
     "load_study": "campaign.study.file",
     "Study": "campaign.study.study",
-    "macro_model": "qualify.macro",
-    "assumed": "qualify.macro",
-    "profile_of": "qualify.standards",
-    "load_profile": "qualify.standards",
-    "profile_names": "qualify.standards",
-    "ThermalProfile": "qualify.profiles",
-    "run_profile": "qualify.conduct",
-    "ProfileRun": "qualify.profile_run",
-    "equivalent_cycles": "qualify.cycles",
-    "uncertain_runs": "qualify.uncertain",
-    "UncertainRuns": "qualify.uncertain",
-    "sobol_of": "qualify.drivers",
-    "hold": "qualify.hold",
-    "Hold": "qualify.hold",
-    "load_hold": "qualify.holdfile",
-    "HoldQuestion": "qualify.holdfile",
-    "reduce": "qualify.reduce",
-    "Reduction": "qualify.reduce",
+    "macro_model": "reduction.macro",
+    "assumed": "reduction.macro",
+    "profile_of": "profiles.standards",
+    "load_profile": "profiles.standards",
+    "profile_names": "profiles.standards",
+    "ThermalProfile": "profiles.profile",
+    "run_profile": "profile_runs.conduct",
+    "ProfileRun": "profile_runs.profile_run",
+    "equivalent_cycles": "profiles.cycles",
+    "uncertain_runs": "monte_carlo.uncertain",
+    "UncertainRuns": "monte_carlo.uncertain",
+    "sobol_of": "monte_carlo.drivers",
+    "hold": "monte_carlo.hold",
+    "Hold": "monte_carlo.hold",
+    "load_hold": "monte_carlo.holdfile",
+    "HoldQuestion": "monte_carlo.holdfile",
+    "reduce": "reduction.reduce",
+    "Reduction": "reduction.reduce",
     "deliver": "qualify.deliver",
     "check_delivery": "qualify.deliver",
-    "stability": "qualify.stabilisation",
-    "Stability": "qualify.stabilisation",
-    "forecast": "qualify.forecast",
-    "Forecast": "qualify.forecast",
-    "Limits": "qualify.limits",
-    "load_limits": "qualify.limits",
-    "check_limits": "qualify.limit_checks",
+    "stability": "steadiness.stabilisation",
+    "Stability": "steadiness.stabilisation",
+    "forecast": "steadiness.forecast",
+    "Forecast": "steadiness.forecast",
+    "Limits": "judge.limits",
+    "load_limits": "judge.limits",
+    "check_limits": "judge.limit_checks",
     "Known": "prediction.known",
-    "Foresight": "qualify.foresight",
-    "foresee": "qualify.foresight",
-    "margins": "qualify.margins",
-    "Margin": "qualify.margins",
-    "heater_duty": "qualify.heaters",
-    "CriteriaSet": "qualify.criteria",
-    "correlate": "qualify.correlation",
-    "Correlation": "qualify.correlation",
-    "diagnose": "qualify.diagnosis",
-    "Diagnosis": "qualify.diagnosis",
+    "Foresight": "prediction.foresight",
+    "foresee": "prediction.foresight",
+    "margins": "judge.margins",
+    "Margin": "judge.margins",
+    "heater_duty": "judge.heaters",
+    "CriteriaSet": "judge.criteria",
+    "correlate": "judge.correlation",
+    "Correlation": "judge.correlation",
+    "diagnose": "explain.diagnosis",
+    "Diagnosis": "explain.diagnosis",
     "load_plan": "qualify.plan",
     "Plan": "qualify.plan",
     "lock_plan": "qualify.lock",

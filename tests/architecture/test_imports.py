@@ -49,7 +49,13 @@ FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks
 CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
 REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages", "reporting.qualification"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
+TESTED = {"sourced", "profiles", "profile_runs", "steadiness", "reduction", "monte_carlo"}
 ARROWS |= {
+    "sourced": LOW,
+    "profiles": LOW | {"sourced"},
+    "profile_runs": LOW | {"sourced", "profiles"},
+    "steadiness": LOW | {"profile_runs"},
+    "reduction": LOW,
     "fit.problem": LOW,
     "fit.least_squares": LOW | {"fit.problem"},
     "fit.uncertainty": LOW | {"fit.problem", "fit.least_squares"},
@@ -57,23 +63,24 @@ ARROWS |= {
     "fit": LOW | FIT - {"fit"},
     "power": LOW | FIT,
     "explain": LOW | FIT,
-    "judge": LOW | FIT,
+    "judge": LOW | FIT | {"sourced", "prediction"},
     "prediction": LOW | FIT,
     "design": LOW | FIT | {"prediction"},
     "inference": LOW | FIT | {"design"},
     "campaign": LOW | FIT | {"judge", "inference"},
     "campaign.swap": LOW | FIT | {"campaign"},
     "campaign.study": LOW | FIT | {"campaign"},
-    "qualify": LOW | FIT | ABOVE_FIT | CAMPAIGN,
+    "monte_carlo": LOW | FIT | {"prediction", "campaign", "reduction"},
+    "qualify": LOW | FIT | {"judge", "explain", "prediction", "campaign"} | TESTED,
     "reporting": set(),
-    "reporting.blocks": LOW | {"qualify"},
-    "reporting.pictures": LOW | FIT | {"explain", "inference", "qualify", "reporting.blocks"},
+    "reporting.blocks": LOW | {"sourced"},
+    "reporting.pictures": LOW | FIT | {"explain", "inference", "profile_runs", "monte_carlo", "reporting.blocks"},
     "reporting.diagrams": LOW,
     "reporting.pages": LOW
     | FIT
     | CAMPAIGN
     | {"explain", "judge", "inference", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
-    "reporting.qualification": LOW | {"qualify", "reporting.blocks", "reporting.pictures", "reporting.pages"},
+    "reporting.qualification": LOW | {"sourced", "judge", "qualify", "reporting.blocks", "reporting.pictures", "reporting.pages"},
     "acquire": FOUNDATION | {"measure"},
     "interop": FOUNDATION | MODEL | {"physics", "network", "simulation"},
 }
@@ -160,7 +167,7 @@ def allowed_rooms(package: str) -> set[str]:
     return {room for room in rooms if room.rpartition(".")[0] not in rooms}
 
 
-@pytest.mark.parametrize("package", sorted(FIT | CAMPAIGN | ABOVE_FIT | REPORTING | MODEL - {"model"}))
+@pytest.mark.parametrize("package", sorted(FIT | CAMPAIGN | ABOVE_FIT | TESTED | REPORTING | {"qualify"} | MODEL - {"model"}))
 def test_a_package_says_what_it_may_import(modules: dict[str, Module], package: str) -> None:
     """What it is for in a line, what comes in, what goes out, and the contract, in at most six lines."""
     text = ast.get_docstring(modules[f"thermid.{package}"].tree) or ""

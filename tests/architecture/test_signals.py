@@ -11,7 +11,6 @@ from .source import Module
 HOME = "thermid.model.laws.signal"
 WRITERS = {
     "thermid.simulation.kernel_form": "writes signals as the kernel's arrays",
-    "thermid.simulation.extremes": "lists where a signal turns, for the extremes of boundaries that the kernel does not solve for",
     "thermid.simulation.modal": "counts the samples that the kernel will meet, to choose a method",
     "thermid.interop.octave": "writes signals as Octave",
     "thermid.interop.spice": "writes signals as SPICE",

@@ -17,6 +17,8 @@ import thermid as td
 from thermid import errors
 from thermid.campaign import schema as campaign_schema
 from thermid.campaign.study import schema as study_schema
+from thermid.judge.criteria import KEYS as CRITERIA_KEYS
+from thermid.judge.limits import KEYS as LIMIT_KEYS
 from thermid.judge.validate import Criteria
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure.bindings import _KEYS as CHANNEL_KEYS
@@ -26,13 +28,11 @@ from thermid.model.deck import schema
 from thermid.model.laws.signal import Sine, Table
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.parts.kinds import KINDS
+from thermid.profiles.standards import KEYS
+from thermid.profiles.steps import STEP_KEYS
 from thermid.qualify import plan_schema
-from thermid.qualify.criteria import KEYS as CRITERIA_KEYS
-from thermid.qualify.limits import KEYS as LIMIT_KEYS
-from thermid.qualify.number import SLOTS, WORDS
-from thermid.qualify.standards import KEYS
-from thermid.qualify.steps import STEP_KEYS
 from thermid.simulation import pad, surroundings
+from thermid.sourced.number import SLOTS, WORDS
 from thermid.units import TEMPERATURE
 
 from .pages import ROOT, codes, tables

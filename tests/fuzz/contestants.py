@@ -239,7 +239,7 @@ def _signal(net: Net, gain: int, offset: int) -> Any:
     if kind == k.SINE:
         return Sine(factor * a[0] + constant, factor * a[1], a[2], a[3])
     with np.errstate(over="ignore"):  # an absurd number times another
-        return Table(a, factor * b + constant, kind == k.SAMPLED_HOLD)
+        return Table(a, factor * b + constant, kind == k.SAMPLED_HOLD, before="hold", after="hold")
 
 
 def deck(net: Net) -> dict[str, Any]:

@@ -36,7 +36,9 @@ CASES = {
     "stack_drift_and_step": (STACK, _bench("cv").with_(boundaries={"cv": DRIFT}, loads={"ele.electronics": OFF})),
     "stack_cools_from_steady": (
         STACK,
-        _bench("cv").with_(start="steady", schedule={"proc.power": {"times": ["0 [s]", "1 [h]"], "values": ["4.11 [W]", "2 [W]"]}}),
+        _bench("cv").with_(
+            start="steady", schedule={"proc.power": {"times": ["0 [s]", "1 [h]"], "values": ["4.11 [W]", "2 [W]"], "after": "hold"}}
+        ),
     ),
 }
 

@@ -88,6 +88,12 @@ def that_take_longer() -> dict[str, Any]:
     }
 
 
+def _written(path: Path) -> Path:
+    """Return a log of three rows."""
+    path.write_text("time_s,T [degC]\n0,20.0\n10,20.5\n20,21.0\n", encoding="utf-8")
+    return path
+
+
 def _compared() -> td.Calibration:
     """Return two sensors on a pair beside what its deck says."""
     return td.compare(pair(), log(pair(), {}, {"T": "a.case", "T2": "b.case"}, samples=31, boundary="room", accuracy=0.2))
@@ -124,6 +130,8 @@ def of_a_run(folder: Path) -> dict[str, Any]:
         "block's run": td.simulate(block, warm),
         "simulator": simulator,
         "solution": simulator.run(sensitivities=True),
+        "steady": td.steady(model, HOT),
+        "look": td.look(_written(folder / "seen.csv")),
         "ensemble": td.ensemble(model, HOT, {HTC: np.array([4.0, 6.0])}),
         "environment": td.Environment(),
         "radiation": td.Irradiation(total="300 [W/m^2]"),
@@ -151,7 +159,7 @@ def of_a_run(folder: Path) -> dict[str, Any]:
 
 def numbers(result: object) -> str:
     """Return a hash of all numbers and names in a result, and of what it works out when asked."""
-    total, seen = hashlib.sha256(), set[int]()
+    total, seen = hashlib.sha256(), dict[int, object]()  # kept, lest another takes the place of one that is gone
 
     def take(value: object) -> None:
         if isinstance(value, np.ndarray):
@@ -161,16 +169,16 @@ def numbers(result: object) -> str:
         elif id(value) in seen:
             return
         elif isinstance(value, Mapping):
-            seen.add(id(value))
+            seen[id(value)] = value
             for key, inner in value.items():
                 take(key if isinstance(key, str) else str(key))
                 take(inner)
         elif isinstance(value, list | tuple):
-            seen.add(id(value))
+            seen[id(value)] = value
             for inner in value:
                 take(inner)
         elif is_dataclass(value) and not isinstance(value, type):
-            seen.add(id(value))
+            seen[id(value)] = value
             for f in fields(value):
                 if f.init:
                     take(getattr(value, f.name))

@@ -10,18 +10,18 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, IdentificationError, RecordError, SolverError, UnitError
+from thermid.judge.correlation import correlate
+from thermid.judge.criteria import CriteriaSet
+from thermid.judge.limit_checks import check_limits
+from thermid.judge.limits import Limits
 from thermid.model.deck.modelfile import save_model
 from thermid.model.parts.kinds import KINDS
 from thermid.model.tree.written import to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import correlation
 from thermid.physics.decay import radiative_decay
-from thermid.qualify.correlation import correlate
-from thermid.qualify.criteria import CriteriaSet
 from thermid.qualify.deliver import deliver
-from thermid.qualify.limit_checks import check_limits
-from thermid.qualify.limits import Limits
-from thermid.qualify.macro import assumed, host_values
+from thermid.reduction.macro import assumed, host_values
 from thermid.reporting.diagrams.diagram import STYLES, diagram
 from thermid.studio.project import Project
 from thermid.units import unit

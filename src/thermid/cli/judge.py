@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from thermid.acquire.logger import Logger
-    from thermid.qualify.forecast import Forecast
+    from thermid.steadiness.forecast import Forecast
 
 __all__ = ["Judge", "Outlook"]
 
@@ -102,7 +102,7 @@ class Judge:
 
     def look(self, source: str, ahead: bool = True) -> Outlook:
         """Return what the readings of a sensor say now, with a forecast if asked."""
-        from thermid.qualify.forecast import FEWEST, forecast
+        from thermid.steadiness.forecast import FEWEST, forecast
 
         log, sensor = self._log, self._log.sensors.get(source)
         times, celsius = log.history[source].arrays()

@@ -11,8 +11,8 @@ import typer
 from thermid.cli.pages import Force
 
 if TYPE_CHECKING:
-    from thermid.qualify.profile_run import ProfileRun
-    from thermid.qualify.profiles import ThermalProfile
+    from thermid.profile_runs.profile_run import ProfileRun
+    from thermid.profiles.profile import ThermalProfile
 
 __all__ = ["register"]
 
@@ -83,7 +83,7 @@ def _unused(csv: Path | None, picture: Path | None) -> None:
 
 def _list(as_json: bool) -> None:
     """Print the standards with their profiles and levels."""
-    from thermid.qualify.standards import profile_names
+    from thermid.profiles.standards import profile_names
 
     known = profile_names()
     if as_json:
@@ -99,7 +99,7 @@ def _profile(standard: str, name: str, level: str, lowest: str | None, highest: 
     """Return the profile that was asked for, from the library or a file."""
     from thermid.cli.app import _pairs, _with_unit
     from thermid.errors import ScenarioError
-    from thermid.qualify.standards import load_profile, profile_of
+    from thermid.profiles.standards import load_profile, profile_of
 
     if (lowest is None) != (highest is None):
         raise ScenarioError("give both --lowest and --highest.", "command line")
@@ -117,7 +117,7 @@ def _profile(standard: str, name: str, level: str, lowest: str | None, highest: 
 def _number(name: str, text: str) -> str | float:
     """Return a value in the usual unit where none is written."""
     from thermid.cli.app import _with_unit
-    from thermid.qualify.number import SLOTS
+    from thermid.sourced.number import SLOTS
     from thermid.units import TEMPERATURE
 
     usual = {TEMPERATURE: "degC", "K/s": "K/min", "s": "h", "1": "1"}
@@ -143,7 +143,7 @@ def _run(
 ) -> ProfileRun:
     from thermid.cli.app import _pairs, _with_unit
     from thermid.model.deck.modelfile import load_model
-    from thermid.qualify.conduct import run_profile
+    from thermid.profile_runs.conduct import run_profile
     from thermid.simulation.scenario import load_scenario
 
     return run_profile(

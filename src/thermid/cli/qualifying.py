@@ -12,7 +12,7 @@ from thermid.cli.pages import Force, Page, Pdf, ready, written
 from thermid.cli.standing import Accept, leave
 
 if TYPE_CHECKING:
-    from thermid.qualify.correlation import Correlation
+    from thermid.judge.correlation import Correlation
     from thermid.qualify.programme import Qualification
 
 __all__ = ["register"]
@@ -133,9 +133,9 @@ def correlate(
     """Compare two logs column by column: metrics, verdicts, an overlay with the sensors' errors. Exit code 1 if not met, 4 if open."""
     from thermid.cli.output import clean
     from thermid.errors import ScenarioError
-    from thermid.qualify.correlation import correlate as compare
-    from thermid.qualify.marks import weigh
-    from thermid.qualify.twologs import read_two
+    from thermid.judge.correlation import correlate as compare
+    from thermid.judge.twologs import read_two
+    from thermid.sourced.marks import weigh
 
     ready(to, pdf)
     windows = []

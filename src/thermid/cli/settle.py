@@ -10,8 +10,8 @@ import typer
 
 if TYPE_CHECKING:
     from thermid.measure.record import Record
-    from thermid.qualify.forecast import Forecast
     from thermid.simulation.solution import Solution
+    from thermid.steadiness.forecast import Forecast
 
 __all__ = ["register"]
 
@@ -46,7 +46,7 @@ def settle(
     from thermid.cli.output import clean
     from thermid.errors import RecordError
     from thermid.measure.amounts import amount
-    from thermid.qualify.stabilisation import stability
+    from thermid.steadiness.stabilisation import stability
 
     if not amount(_with_unit(within, "K"), "K", "--within") > 0.0:
         raise RecordError(f"half of an interval is above zero, not '{within}'.", "--within")
@@ -115,8 +115,8 @@ def _forecast(
 ) -> Forecast:
     from thermid.cli.app import _with_unit
     from thermid.model.deck.modelfile import load_model
-    from thermid.qualify.forecast import forecast
     from thermid.simulation.scenario import load_scenario
+    from thermid.steadiness.forecast import forecast
 
     return forecast(
         record,

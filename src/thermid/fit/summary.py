@@ -13,6 +13,7 @@ from thermid.fit.calibration import Calibration, Local
 from thermid.fit.contradicted import FAR, loudly
 from thermid.fit.least_squares.solve import Fit
 from thermid.fit.problem.residuals import Predictions, Problem
+from thermid.fit.problem.starts import UNSAID_NOISE
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.standings import at_bounds, own_standing, rests_on
 from thermid.fit.stored import stored
@@ -31,8 +32,6 @@ __all__ = ["correlations_of", "summarise"]
 
 Array = NDArray[np.float64]
 CHANCE = 0.01
-UNSAID_NOISE = 0.1
-"""Noise of a sensor where nobody said it, for what is worth a remark. [K]"""
 
 
 def summarise(request: Request, problem: Problem, found: Fit, known: Responses, random: Array, spread: Wander | None = None) -> Calibration:

@@ -1,6 +1,6 @@
-"""A model against what it must meet: a record as it stands, stated criteria, its own last version.
+"""A model against what it must meet: a record as it stands, stated criteria, limits, its own last version.
 
-In: a model or a `Calibration`, a record that no fit has seen, criteria. Out: a `Verdict`, a comparison, a difference; and how often a
-held-out record was looked at.
-May import: `fit` and the rooms below a fit.
+In: a model or a `Calibration`, a record that no fit has seen, criteria, limits. Out: a `Verdict`, a `Correlation`, a comparison, a
+difference; temperatures held against limits, the margins to them and those of heaters; how often a held-out record was looked at.
+May import: `sourced`, `fit`, `prediction` and the rooms below a fit.
 """

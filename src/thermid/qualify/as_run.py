@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.judge.overlay import Overlay
 from thermid.measure import Record
 from thermid.measure.amounts import duration_text
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.overlay import Overlay
 from thermid.simulation.solution import Solution
 
 __all__ = ["LEVEL", "exchanged", "not_covered", "not_reached"]

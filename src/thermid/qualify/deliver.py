@@ -18,9 +18,9 @@ from thermid.files import COPY, DELIVERY, folder_replacing, read_bytes, write_by
 from thermid.knowledge.values import FittedValues
 from thermid.model.deck.modelfile import load_model, save_model
 from thermid.model.tree.model import Model
-from thermid.qualify.campaign_runs import digest
-from thermid.qualify.macro import assumed
-from thermid.qualify.reduce import Reduction, reduce
+from thermid.monte_carlo.chunks import digest
+from thermid.reduction.macro import assumed
+from thermid.reduction.reduce import Reduction, reduce
 from thermid.simulation.scenario import Scenario, load_scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution

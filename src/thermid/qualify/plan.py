@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
+from thermid.judge.criteria import CRITERIA, CriteriaSet, read_criteria
+from thermid.judge.limits import Limits, load_limits, read_limits
 from thermid.model.deck.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
 from thermid.prediction.known import Known
 from thermid.qualify.basis import basis
-from thermid.qualify.criteria import CRITERIA, CriteriaSet, read_criteria
-from thermid.qualify.limits import Limits, load_limits, read_limits
-from thermid.qualify.macro import macro_model
-from thermid.qualify.policies import POLICIES
+from thermid.reduction.macro import macro_model
+from thermid.sourced.policies import POLICIES
 
 if TYPE_CHECKING:
     from thermid.qualify.plan_schema import PlanFile, TestTable

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.fit.uncertainty.grouping import listed
+from thermid.judge.criteria import CriteriaSet
 from thermid.measure.stability import rule_of
 from thermid.model.laws.signal import literal
-from thermid.qualify.criteria import CriteriaSet
 from thermid.qualify.plan_schema import PlanFile, TestTable
 from thermid.units import TEMPERATURE
 

@@ -12,16 +12,16 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
+from thermid.judge.limits import Limits
+from thermid.judge.margins import Margin, margins
+from thermid.prediction.foresight import IN_TESTS, widened
 from thermid.prediction.omitted import SILENT, UNFITTED
 from thermid.qualify.assumptions import Assumption, effects, ranked, uncounted
-from thermid.qualify.foresight import IN_TESTS, widened
-from thermid.qualify.limits import Limits
 from thermid.qualify.lock import LockStatus, lock_status, note_look
-from thermid.qualify.margins import Margin, margins
-from thermid.qualify.marks import weigh
 from thermid.qualify.plan import Plan, load_plan
 from thermid.qualify.trial import Trial
 from thermid.qualify.trying import tried
+from thermid.sourced.marks import weigh
 from thermid.units import counted
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from thermid.errors import RecordError
 from thermid.measure import Record
 from thermid.measure.stability import rule_of
-from thermid.qualify.stabilisation import Stability, stability
 from thermid.qualify.trial import Trial
+from thermid.steadiness.stabilisation import Stability, stability
 
 __all__ = ["dwells", "settled_by", "unsettled"]
 

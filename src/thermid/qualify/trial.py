@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thermid.explain.diagnosis import Diagnosis
+from thermid.judge.correlation import Correlation
+from thermid.judge.heaters import HeaterDuty
+from thermid.judge.limit_checks import LimitCheck
+from thermid.judge.limits import Limits
+from thermid.prediction.foresight import Foresight
 from thermid.prediction.known import Known
-from thermid.qualify.correlation import Correlation
-from thermid.qualify.diagnosis import Diagnosis
-from thermid.qualify.foresight import Foresight
-from thermid.qualify.heaters import HeaterDuty
-from thermid.qualify.limit_checks import LimitCheck
-from thermid.qualify.limits import Limits
-from thermid.qualify.marks import VERDICTS, weigh
-from thermid.qualify.profile_run import ProfileRun
+from thermid.profile_runs.profile_run import ProfileRun
+from thermid.sourced.marks import VERDICTS, weigh
 
 if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
     from thermid.qualify.plan_schema import TestTable
-    from thermid.qualify.stabilisation import Stability
+    from thermid.steadiness.stabilisation import Stability
 
 __all__ = ["Trial"]
 

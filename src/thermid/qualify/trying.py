@@ -9,29 +9,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.explain.diagnosis import diagnose
 from thermid.judge.compare import compare
+from thermid.judge.correlation import Exclusions, correlate
+from thermid.judge.heaters import heater_duty
+from thermid.judge.limit_checks import LimitCheck, check_limits, check_readings
+from thermid.judge.limits import Limits
+from thermid.judge.overlay import Overlay, overlays, paired
 from thermid.measure import Record, read_record
 from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.model.tree.flat import flatten
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
+from thermid.profile_runs.conduct import run_profile
+from thermid.profile_runs.profile_run import ProfileRun
+from thermid.profile_runs.remarks import in_short
+from thermid.profiles.profile import ThermalProfile
+from thermid.profiles.standards import profile_from
 from thermid.qualify.as_run import exchanged, not_covered, not_reached
 from thermid.qualify.assumptions import extrapolations
-from thermid.qualify.conduct import run_profile
-from thermid.qualify.correlation import Exclusions, correlate
-from thermid.qualify.diagnosis import diagnose
-from thermid.qualify.foresight import foresee
-from thermid.qualify.heaters import heater_duty
-from thermid.qualify.limit_checks import LimitCheck, check_limits, check_readings
-from thermid.qualify.limits import Limits
-from thermid.qualify.overlay import Overlay, overlays, paired
 from thermid.qualify.plan import Plan
-from thermid.qualify.profile_run import ProfileRun
-from thermid.qualify.profiles import ThermalProfile
-from thermid.qualify.run_remarks import in_short
 from thermid.qualify.settled import dwells, settled_by, unsettled
-from thermid.qualify.standards import profile_from
 from thermid.qualify.trial import Trial
 from thermid.simulation.scenario import Scenario, load_scenario
 

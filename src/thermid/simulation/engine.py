@@ -39,7 +39,8 @@ class Options:
     max_step : float            [s]
     max_steps : int             Steps after which the run is given up.
     method : str                ``modal`` (exact, for linear networks), ``integrator``, ``large``, or ``auto``: whichever costs less.
-    large_tolerance : float     Local error that a step of the methods of large networks may make; they are of second order. [K]
+    large_tolerance : float     Local error that a step of the methods of large networks may make; they are of second order. None: 3e-3, and
+                                3e-5 where a table is read. [K]
     extremes : bool             Whether runs follow every node between the stored samples, so that its highest and lowest temperatures and
                                 their instants are those of the course; else they are those of the samples.
     """
@@ -50,7 +51,7 @@ class Options:
     max_step: float = float("inf")
     max_steps: int = 1_000_000
     method: str = "auto"
-    large_tolerance: float = 3e-3
+    large_tolerance: float | None = None
     extremes: bool = field(default=True, repr=False)  # no part of the key of a fit, which it does not change
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.errors import SolverError
-from thermid.simulation.engine import Options
+from thermid.simulation.engine import UNSOLVED, Options
 from thermid.simulation.extremes import Turnings, by_column
 from thermid.simulation.kernel_form import break_times, runs_away, unsolved
 from thermid.simulation.sparse import SparseNetwork
@@ -29,6 +29,10 @@ METHODS: Final[Mapping[str, int]] = {
 }
 """Methods of large networks by the name that `Options.method` gives them."""
 NAMES: Final = {_kernel.LARGE_AUTO: "", _kernel.LARGE_RKC2: "RKC2", _kernel.LARGE_TRBDF2: "TR-BDF2 + CG"}
+TOLERANCE: Final = 3e-3
+"""Local error of a step where `Options.large_tolerance` is left out. [K]"""
+TABULATED: Final = 3e-5
+"""The same where a table is read: steps of second order with it make errors below 1 mK over tens of kelvins. [K]"""
 KINDS: Final = {"mean": 0, "highest": 1, "lowest": 2}
 
 
@@ -39,7 +43,7 @@ class Watched:
     Parameters
     ----------
     kind : str                  mean, highest or lowest.
-    nodes : array (nodes,)      Over which nodes; empty for all.
+    nodes : array (nodes,)      Over which nodes; empty for all. From the number of nodes on: the level of a node that stores heat by a table.
     weights : array (nodes,)    Of a mean; equal ones where empty. [-]
     """
 
@@ -57,6 +61,7 @@ class LargeAnswer:
     watched : array (times, watched)        [K]
     fields : array (field times, nodes)     [K]
     initial, final : array (nodes,)         [K]
+    levels : array (nodes,)                 At the end; temperatures where a node's specific heat is constant. [K]
     load_energy, boundary_energy            Per load and boundary. [J]
     statistics : dict
     turnings : tuple or None                Of each watched, turning points between the times; None where not followed.
@@ -66,6 +71,7 @@ class LargeAnswer:
     fields: Array
     initial: Array
     final: Array
+    levels: Array
     load_energy: Array
     boundary_energy: Array
     statistics: Mapping[str, Any]
@@ -83,14 +89,16 @@ def integrate(
     where: str,
     name: Any,
     extremes: bool = False,
+    left: Callable[[float, Array], str] | None = None,
 ) -> LargeAnswer:
     """Return temperatures of a large network from zero to `end` [s]; with `extremes` turning points of what is watched too.
 
     Parameters
     ----------
-    initial : array (nodes,)    Massless nodes are solved for. [K]
+    initial : array (nodes,)    Massless nodes are solved for; levels of nodes that store heat by a table. [K]
     where : str                 Title of the model and the scenario, for messages.
     name : callable             Place of a node -> its name, for messages.
+    left : callable             Time [s] and temperatures (nodes,) [K] -> which tables end there, empty where none does.
 
     Raises
     ------
@@ -109,7 +117,7 @@ def integrate(
         np.concatenate([np.zeros(0), *weights]),
         np.ascontiguousarray(field_times, dtype=float),
         method=METHODS[options.method],
-        tolerance=options.large_tolerance,
+        tolerance=tolerance_of(network, options),
         input_atol=options.input_tolerance,
         max_step=options.max_step,
         max_steps=options.max_steps,
@@ -117,6 +125,9 @@ def integrate(
         turnings=extremes,
     )
     if found.status != _kernel.OK:
+        beyond = left(found.time, found.final_temperatures) if left is not None and found.status in UNSOLVED else ""
+        if beyond:
+            raise SolverError(f"at {found.time:.6g} s of {end:.6g} s {beyond}", where)
         raise SolverError(_message(found, options, end, name, any(not g.fixed for g in network.loads)), where)
     statistics = {
         "method": NAMES[found.method],
@@ -131,7 +142,14 @@ def integrate(
     }
     energies = (found.load_energy, found.boundary_energy)
     turnings = by_column(found.turnings, len(watched)) if extremes else None
-    return LargeAnswer(found.traces, found.fields, initial, found.final_temperatures, *energies, statistics, turnings)
+    return LargeAnswer(found.traces, found.fields, initial, found.final_temperatures, found.final_states, *energies, statistics, turnings)
+
+
+def tolerance_of(network: SparseNetwork, options: Options) -> float:
+    """Return the local error that a step may make. [K]"""
+    if options.large_tolerance is not None:
+        return options.large_tolerance
+    return TABULATED if network.tabulated else TOLERANCE
 
 
 def _message(found: Any, options: Options, end: float, name: Any, follows: bool) -> str:

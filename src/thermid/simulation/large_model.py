@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, SolverError, nearest
+from thermid.network.eliminate import held_in
 from thermid.simulation.large import METHODS, Watched, integrate
 from thermid.simulation.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
 
@@ -35,12 +36,18 @@ def takes_over(engine: Engine, options: Options, gradients: bool) -> bool:
     if method not in METHODS and method not in OTHERS:
         known = (*OTHERS, *METHODS)
         raise ScenarioError(f"there is no method '{method}'.{nearest(method, known)} There are {', '.join(dict.fromkeys(known))}.", where)
-    if method not in METHODS or (method == "auto" and len(engine.nodes) < LARGE_FROM):
+    if method not in METHODS or (method == "auto" and _size(engine) < LARGE_FROM):
         return False
     why = "sensitivities are asked for, which large networks do not carry" if gradients else refusal(engine)
     if why and method != "auto":
         raise ScenarioError(f"method '{method}' cannot run this model: {why}. Leave the method out.", where)
     return not why
+
+
+def _size(engine: Engine) -> int:
+    """Return how many nodes a model has, the heat of one that stores it by a table not counted beside it."""
+    stores = engine.wiring.network.stores
+    return len(engine.nodes) - sum(held_in(n) in engine.nodes for n in stores)
 
 
 def refusal(engine: Engine) -> str:
@@ -50,8 +57,6 @@ def refusal(engine: Engine) -> str:
     for form, a, _, places, curve, name in s["conductors"]:
         if form == "flow":
             return f"'{name}' carries heat one way"
-        if name.removesuffix(" enthalpy") in engine.wiring.network.stores and name.endswith(" enthalpy"):
-            return f"the specific heat of '{name.removesuffix(' enthalpy')}' changes with temperature"
         if any(follows[p] >= 0 for p in places[1:]):
             return f"the {'exponent' if form == 'power' else 'pressure'} of '{name}' changes in time"
         if (form == "hinge of difference" or (curve is not None and curve.over == "difference")) and a >= n:
@@ -76,7 +81,10 @@ def sparse_of(engine: Engine, a: Assembled) -> SparseNetwork:
     wiring = engine.wiring
     s, c = wiring.structure(), a.coefficients
     follows = s["coefficient_input"]
-    links, rows = _conductors(s["conductors"], c, follows, len(engine.nodes))
+    stored = a.reduced.stored
+    place = _places(engine, a)
+    first = [n for n in engine.nodes if n not in stored]
+    links, rows = _conductors([r for r in s["conductors"] if r[5] not in stored], c, follows, place, len(first))
     loads = []
     for tag, (form, node, places, curve, _, j) in enumerate(s["loads"]):
         law = np.zeros((4, 1))
@@ -85,20 +93,34 @@ def sparse_of(engine: Engine, a: Assembled) -> SparseNetwork:
         if j >= 0:
             control, _, own, _ = s["controls"][j]
             settings[: len(own), 0] = [np.nan if p == places[0] else c[p] for p in own]
-        loads.append(LoadGroup(form, tag, np.array([node], dtype=np.int32), law, follows[places[0]], curve, control, settings))
+        loads.append(LoadGroup(form, tag, np.array([place[node]], dtype=np.int32), law, follows[places[0]], curve, control, settings))
     gains = tuple(follows[g] if g >= 0 else NONE for g in s["gain"])
     offsets = np.array([c[k] for k in s["offset"]], dtype=float)
     signals = tuple(wiring.signals[name] for name in wiring.used)
     names = tuple(r[4] for r in s["loads"])
-    return SparseNetwork(engine.capacities(a), links, rows, loads, names, wiring.network.boundaries, gains, offsets, signals)
+    capacities, stores = np.zeros(len(first)), {}
+    for name, capacity in zip(engine.nodes, engine.capacities(a), strict=True):
+        capacities[place[engine.nodes.index(name)]] += capacity
+    for own, (node, store) in stored.items():
+        stores[int(place[engine.nodes.index(own)])] = store.curve
+        assert place[engine.nodes.index(own)] == place[engine.nodes.index(node)]
+    return SparseNetwork(capacities, links, rows, loads, names, wiring.network.boundaries, gains, offsets, signals, stores)
 
 
-def _conductors(table: Sequence[Any], c: Array, follows: Sequence[int], n: int) -> tuple[Any, list[RowGroup]]:
+def _places(engine: Engine, a: Assembled) -> NDArray[np.int32]:
+    """Return the place in the large network of every node; that of the heat that a node holds is the node's own."""
+    stored = a.reduced.stored
+    known = {n: k for k, n in enumerate(n for n in engine.nodes if n not in stored)}
+    return np.array([known[stored[n][0] if n in stored else n] for n in engine.nodes], dtype=np.int32)
+
+
+def _conductors(table: Sequence[Any], c: Array, follows: Sequence[int], place: NDArray[np.int32], n: int) -> tuple[Any, list[RowGroup]]:
     """Return the constant links between nodes, and the other conductors in groups."""
     links: list[tuple[int, int, float]] = []
     groups: dict[tuple[Any, ...], list[tuple[int, int, float]]] = {}
     curves = {}
-    for form, a, b, places, curve, _ in table:
+    for form, one, other, places, curve, _ in table:
+        a, b = (int(place[k]) if k < place.size else k - place.size + n for k in (one, other))
         if a >= n and b >= n:
             continue  # heat between two given temperatures changes no unknown
         first, second = (b, a) if a >= n else (a, b)
@@ -124,33 +146,50 @@ def integrate_model(
     engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool = False
 ) -> Answer:
     """Return what `Engine.integrate` does, by the integrator of large networks."""
-    from thermid.simulation.engine import MAY_HAVE_LEFT, Answer
+    from thermid.simulation.engine import MAY_HAVE_LEFT, NEAR, Answer
 
     network = sparse_of(engine, a)
-    index = {name: k for k, name in enumerate(engine.nodes)}
+    place, size = _places(engine, a), network.capacities.size
+    held = np.array([n in a.reduced.stored for n in engine.nodes], dtype=bool)
+    index = {name: int(place[k]) + (size if held[k] else 0) for k, name in enumerate(engine.nodes)}
     watched = [Watched("mean", np.array([index[n]], dtype=np.int32), np.ones(1)) for n in nodes]
+    names = [n for n in engine.nodes if n not in a.reduced.stored]
+    initial = np.empty(size)
+    initial[place[~held]] = a.initial[~held]
+    initial[place[held]] = a.initial[held]
+
+    def whole(temperatures: Array, levels: Array) -> Array:
+        return np.where(held, levels[place], temperatures[place])
+
+    def left(time: float, temperatures: Array) -> str:
+        shape = {int(place[k]): a.reduced.stored[n][1] for k, n in enumerate(engine.nodes) if n in a.reduced.stored}
+        levels = temperatures.copy()
+        for k, store in shape.items():
+            levels[k] = store.level(temperatures[k])
+        return engine.left(a, time, whole(temperatures, levels), NEAR)
+
     where = f"{engine.wiring.network.title}, {engine.wiring.scenario.title}"
     try:
-        found = integrate(network, a.initial, end, times, watched, np.zeros(0), options, where, engine.nodes.__getitem__, extremes)
+        found = integrate(network, initial, end, times, watched, np.zeros(0), options, where, names.__getitem__, extremes, left)
     except SolverError as error:
-        raise SolverError(f"{error}{MAY_HAVE_LEFT}") if engine.refuses else error from None
+        raise SolverError(f"{error}{MAY_HAVE_LEFT}") if engine.refuses and "leaves the range" not in str(error) else error from None
     slopes = np.zeros((times.size, len(nodes), 0))
     energies = (found.load_energy, found.boundary_energy, np.zeros(0))
     on = np.zeros(len(engine.control_names), dtype=np.int32)
     turnings = dict(zip(nodes, found.turnings, strict=True)) if found.turnings is not None else None
-    return Answer(found.watched, slopes, found.initial, found.final, *energies, end, found.statistics, on, (), turnings)
+    return Answer(found.watched, slopes, a.initial, whole(found.final, found.levels), *energies, end, found.statistics, on, (), turnings)
 
 
 def settle_model(engine: Engine, a: Assembled, time: float) -> Array | None:
     """Return the steady temperatures (nodes,) [K] of a model with many nodes; None where the dense way is to be taken."""
     # powers that never grow with temperature, so that a balance is stable
-    if (
-        len(engine.nodes) < LARGE_FROM
-        or engine.refuses
-        or refusal(engine)
-        or any(r[0] != "signal" for r in engine.wiring.structure()["loads"])
-    ):
+    if _size(engine) < LARGE_FROM or engine.refuses or refusal(engine) or any(r[0] != "signal" for r in engine.wiring.structure()["loads"]):
         return None
     from thermid.simulation.large_steady import settle_large
 
-    return settle_large(sparse_of(engine, a), time, f"{engine.wiring.network.title}, {engine.wiring.scenario.title}")[0]
+    rest = settle_large(sparse_of(engine, a), time, f"{engine.wiring.network.title}, {engine.wiring.scenario.title}")[0]
+    found = rest[_places(engine, a)]
+    for k, name in enumerate(engine.nodes):
+        if name in a.reduced.stored:
+            found[k] = a.reduced.stored[name][1].level(found[k])
+    return found

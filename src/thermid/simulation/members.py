@@ -152,9 +152,12 @@ def _failed(engine: Engine, kernel: Any, numbers: MembersNumbers, options: Optio
     """Return member -> why it did not reach the end."""
     status, node, time = kernel.status, kernel.node, kernel.time
     out = dict(numbers.refused)
+    like = engine.wiring.assemble() if engine.refuses else None
     for m in np.flatnonzero(status).tolist():
-        ended = _Ended(int(status[m]), int(node[m]), float(time[m]))
-        out.setdefault(m, engine.message(ended, options, engine.wiring.scenario.seconds))
+        last = kernel.ended(m)
+        ended = _Ended(int(status[m]), int(node[m]), float(time[m]), last)
+        own = numbers.one(m, like) if like is not None and last.size and m not in out else None
+        out.setdefault(m, engine.message(ended, options, engine.wiring.scenario.seconds, own))
     return dict(sorted(out.items()))
 
 
@@ -190,6 +193,7 @@ class _Ended:
     status: int
     node: int
     time: float
+    final_temperatures: Array
 
 
 def _statistics(kernel: Any) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -147,6 +147,7 @@ class SparseNetwork:
     boundary_inputs : tuple of int  Place of each boundary's input, -1 for none.
     offsets : array (boundaries,)   Constant part of each boundary's temperature. [K]
     inputs : tuple of Drawn
+    stores : dict                   Node -> its temperature over its level, the temperature that a constant specific heat would show. [K]
     memo : Memo                     The kernel's form of it.
     """
 
@@ -159,6 +160,7 @@ class SparseNetwork:
     boundary_inputs: tuple[int, ...]
     offsets: Array
     inputs: tuple[Drawn, ...]
+    stores: Mapping[int, Curve] = field(default_factory=dict)
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @property
@@ -186,6 +188,12 @@ class SparseNetwork:
         for h in self.loads:
             loads.append((LOADS[h.form].kind, h.input, table(h.form, h.curve), h.tag, done, done + h.nodes.size, control(h)))
             done += h.nodes.size
+        store, known = np.full(self.capacities.size if self.stores else 0, NONE, dtype=np.int32), {}  # type: Ints, dict[int, int]
+        for node, curve in self.stores.items():
+            if id(curve) not in known:
+                known[id(curve)] = len(tables)
+                tables.append(curve_arrays(curve, refuse=True))
+            store[node] = known[id(curve)]
         return _kernel.LargeProblem(
             self.capacities,
             self.links.kernel(),
@@ -203,7 +211,13 @@ class SparseNetwork:
             self.offsets,
             tables,
             [kernel_input(s) for s in self.inputs],
+            store,
         )
+
+    @property
+    def tabulated(self) -> bool:
+        """Whether a law or a stored heat of it is a table."""
+        return bool(self.stores) or any(g.curve is not None for g in (*self.rows, *self.loads))
 
     def boundary(self, k: int, times: Array) -> Array:
         """Return the temperature (times,) of a boundary. [K]"""

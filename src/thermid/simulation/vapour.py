@@ -14,7 +14,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from thermid.dual import value_of
 from thermid.errors import ScenarioError
@@ -452,6 +451,8 @@ class _Interval:
 
     def _until(self, state: _Water, share: float, width: float, wet: NDArray[np.bool_], middle: _Water) -> float:
         """Return the share at whose end the first wall dries or passes the dew point, by bisection and the secant."""
+        from scipy.optimize import brentq
+
         low, high = LEAST, width
         if self._crossed(middle, share + 0.5 * width, wet).any():
             high = 0.5 * width

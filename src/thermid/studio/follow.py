@@ -19,8 +19,8 @@ from thermid.measure.record import Record
 from thermid.measure.stability import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.model.deck.modelfile import project_root, resolve_inside
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.forecast import forecast
-from thermid.qualify.stabilisation import Stability
+from thermid.steadiness.forecast import forecast
+from thermid.steadiness.stabilisation import Stability
 from thermid.studio.answers import window_of
 from thermid.studio.curves import Window, thinned
 

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError
+from thermid.judge.limit_checks import LimitCheck, check_limits, spans
+from thermid.judge.limits import Limits
+from thermid.judge.margins import Margin, margins
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
 from thermid.prediction.prediction import Band
-from thermid.qualify.conduct import run_profile
-from thermid.qualify.foresight import foresee
-from thermid.qualify.limit_checks import LimitCheck, check_limits, spans
-from thermid.qualify.limits import Limits
-from thermid.qualify.margins import Margin, margins
+from thermid.profile_runs.conduct import run_profile
+from thermid.profile_runs.profile_run import ProfileRun
 from thermid.qualify.plan import load_plan
-from thermid.qualify.profile_run import ProfileRun
 from thermid.qualify.trying import tried
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.solution import Solution

@@ -20,7 +20,7 @@ from thermid.errors import RecordError
 from thermid.measure.part import ICE, SensorCertificate
 from thermid.measure.stability import channel_stability, rule_of
 from thermid.measure.wire import sealed
-from thermid.qualify.forecast import forecast
+from thermid.steadiness.forecast import forecast
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a log is locked by posix means")
 

@@ -34,7 +34,18 @@ class TestJson:
         assert (said.code, said.err) == (0, "")
         assert said.out.count("\n") == 1
         found = said.object
-        assert list(found) == ["schema", "status", "title", "scenario", "nodes", "time_constants_s", "heat_balance", "warnings", "standing"]
+        assert list(found) == [
+            "schema",
+            "status",
+            "title",
+            "scenario",
+            "nodes",
+            "time_constants_s",
+            "heat_balance",
+            "steady_of",
+            "warnings",
+            "standing",
+        ]
         assert (found["schema"], found["status"], found["warnings"]) == (1, "ok", [])
         assert set(found["nodes"]) == {"case", "air"}
         node = found["nodes"]["case"]

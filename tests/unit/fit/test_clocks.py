@@ -220,7 +220,7 @@ def test_records_that_cannot_be_joined() -> None:
 def held(offset: float, rate: float, seed: int = 3) -> tuple[td.Record, td.Record]:
     """Return the same logs where the meter's readings hold until the next one, as the meter's log is read."""
     first, second = logs(offset, rate)
-    power = Table(offset + rate * FAST, POWER, hold=True)
+    power = Table(offset + rate * FAST, POWER, hold=True, before="hold")
     made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
     noise = 0.05 * np.random.default_rng(seed).standard_normal(SLOW.size)
     read = first.channels["T"]

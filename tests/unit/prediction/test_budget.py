@@ -16,9 +16,9 @@ from thermid.knowledge.sources import LeftOut, Uniform
 from thermid.network.network import compile_network
 from thermid.prediction import omitted, predict, structural
 from thermid.prediction.budget import Budget, budget_of
+from thermid.prediction.foresight import foresee
 from thermid.prediction.omitted import first_line
 from thermid.prediction.setting import Setting
-from thermid.qualify.foresight import foresee
 from unit.prediction.things import BENCH, CASES, HTC, plate
 
 STATED = {"scale.heat": {"low": 0.8, "high": 1.3}, "air": "2 [K]"}

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.qualify.foresight import foresee
-from thermid.qualify.limits import Limits
+from thermid.judge.limits import Limits
+from thermid.prediction.foresight import foresee
 from unit.prediction.things import CASES, Case
 
 PLACES = ("inside", "outside")

@@ -11,13 +11,13 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.cli.app import app
-from thermid.qualify.correlation import correlate
-from thermid.qualify.criteria import CRITERIA, CriteriaSet
-from thermid.qualify.limit_checks import check_limits
-from thermid.qualify.limits import Limits
-from thermid.qualify.marks import MARKS
-from thermid.qualify.policies import POLICIES
+from thermid.judge.correlation import correlate
+from thermid.judge.criteria import CRITERIA, CriteriaSet
+from thermid.judge.limit_checks import check_limits
+from thermid.judge.limits import Limits
 from thermid.qualify.trial import Trial
+from thermid.sourced.marks import MARKS
+from thermid.sourced.policies import POLICIES
 from unit.qualify.project import LOG, PLAN, measured, project
 from unit.qualify.things import UNIT, soak, unit
 

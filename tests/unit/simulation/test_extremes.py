@@ -13,11 +13,11 @@ import pytest
 import thermid as td
 from oracle import Oracle, flatten, si
 from switched import switched
+from thermid.judge.limit_checks import check_limits, check_readings
+from thermid.judge.limits import Limits
+from thermid.judge.margins import margins
+from thermid.monte_carlo.hold import hold
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.hold import hold
-from thermid.qualify.limit_checks import check_limits, check_readings
-from thermid.qualify.limits import Limits
-from thermid.qualify.margins import margins
 from thermid.simulation.extremes import first_above, resolved, signal_turnings
 from thermid.simulation.solution import Trace
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.errors import RecordError, nearest
 from thermid.fit.problem.driven import Inputs, on_the_clock_of, signal_of
 from thermid.fit.problem.sensor_parts import Seat, attached
-from thermid.fit.problem.starts import first_reading, starts_of
+from thermid.fit.problem.starts import HiddenStart, first_reading, hidden_starts, starts_of
 from thermid.fit.problem.ticks import Ticks
 from thermid.measure import Channel, Record
 from thermid.measure.join import SecondClock
@@ -88,6 +88,7 @@ class Experiment:
     readings : dict             Node or boundary -> channel whose first reading, less its constant error, stands for its temperature at the
                                 start (of a boundary: throughout).
     loose : tuple of str        Observed nodes whose start nothing gives but their own readings.
+    hidden : dict               Node without a sensor -> its start, where nothing gives it and the log does not begin at rest.
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
     ticks : Ticks or None       What was logged on a second clock that is known within a range only.
     noisy : dict                Logged boundary, or scale of a logged power -> standard deviation of one sample of it. [K, W]
@@ -106,6 +107,7 @@ class Experiment:
     tips: Mapping[str, str] = field(default_factory=dict)
     ticks: Ticks | None = None
     noisy: Mapping[str, float] = field(default_factory=dict)
+    hidden: Mapping[str, HiddenStart] = field(default_factory=dict)
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @property
@@ -214,8 +216,15 @@ def meet(
         initial=initial,
         duration=duration,
     )
+    hidden: dict[str, HiddenStart] = {}
+    if base.start == "":
+        by_place = {path: record.channels[name] for name, path in driven.items()} | {
+            o.seat: record.channels[o.sensor] for o in observations
+        }
+        hidden = hidden_starts(made, network, first, by_place, tuple(tips))
+        made = replace(made, initial={**made.initial, **{n: h.mean for n, h in hidden.items()}})
     ticks = None if second is None else _ticks(second, zero, driven, inputs)
-    return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy)
+    return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, hidden)
 
 
 def _ticks(second: SecondClock, zero: float, driven: Mapping[str, str], inputs: Inputs) -> Ticks:

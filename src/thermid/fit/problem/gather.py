@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from thermid.errors import IdentificationError, RecordError, nearest
@@ -21,6 +21,9 @@ from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
 
 __all__ = ["prior_of", "problem_for", "problem_of"]
+
+MANY = 10
+"""Nodes without a sensor in a record up to which each has a start of its own; of more, those with the same neighbours move together."""
 
 
 def problem_for(request: Request) -> Problem:
@@ -148,7 +151,35 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
             if name not in named:
                 targets = (Target(i, name), *(Target(i, tip) for tip in _tips(experiment, name)))
                 out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, unit="degC"))
+        out += _hidden(i, experiment, named) if request.fit_start else []
     return out
+
+
+def _hidden(i: int, experiment: Experiment, named: Collection[str]) -> list[Unknown]:
+    """Return one unknown per node without a sensor, about the balance of its neighbours; of many, one per group of neighbours.
+
+    The starts of a group are ``mean + z sd`` with one standard normal z.
+    """
+    starts = {n: h for n, h in experiment.hidden.items() if f"initial.{n}" not in named}
+    record = experiment.record.name
+    if len(starts) <= MANY:
+        return [
+            Unknown(f"{record}: initial.{n}", "local", (Target(i, f"initial.{n}"),), h.mean, prior=Prior(h.mean, h.sd), unit="degC")
+            for n, h in starts.items()
+        ]
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for n, h in starts.items():
+        groups.setdefault(h.neighbours, []).append(n)
+    return [
+        Unknown(
+            f"{record}: initial.{nodes[0]} and {len(nodes) - 1} more, in standard deviations",
+            "local",
+            tuple(Target(i, f"initial.{n}", starts[n].mean, starts[n].sd) for n in nodes),
+            0.0,
+            prior=Prior(0.0, 1.0),
+        )
+        for nodes in groups.values()
+    ]
 
 
 def _tips(experiment: Experiment, name: str) -> list[str]:

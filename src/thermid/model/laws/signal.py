@@ -63,7 +63,7 @@ MOST_HALVINGS = 8
 NEAR = 0.01
 """Share of its length by which a table may end before a run, or begin after it, if that is no more than one of its intervals. [-]"""
 FOREVER = (-math.inf, math.inf)
-CONDUCT = ("after", "period", "samples")
+CONDUCT = ("before", "after", "period", "samples")
 """What may be said of a table and of a column of a log alike."""
 
 
@@ -172,6 +172,7 @@ class Table:
     log : (str, float) or None  Of a column of a log: the hash of its samples, and the time in it that is zero here. [s]
     after : str                 What holds beyond the last row: ``hold``, ``repeat`` (the last row ends the period), or nothing (empty): a
                                 run that lasts longer is refused.
+    before : str                What holds before the first row: ``hold``, or nothing (empty): a run that begins earlier is refused.
     samples : str               Of a log: ``instant`` or ``average``, as somebody said; empty where nobody did, which is taken as instants.
     """
 
@@ -181,6 +182,7 @@ class Table:
     unit: str = ""
     log: tuple[str, float] | None = None
     after: str = ""
+    before: str = ""
     samples: str = ""
 
     def __post_init__(self) -> None:
@@ -194,6 +196,8 @@ class Table:
             raise ScenarioError(f"times of a table must increase; {self.times[k + 1]:g} s follows {self.times[k]:g} s.")
         if self.after not in ("", *AFTER):
             raise ScenarioError(f"after is 'hold' or 'repeat', not '{self.after}'.")
+        if self.before not in ("", "hold"):
+            raise ScenarioError(f"before is 'hold' (the first value), not '{self.before}'.")
         if self.samples not in ("", *SAMPLES):
             raise ScenarioError(f"samples are 'instant' or 'average', not '{self.samples}'.")
         if self.after == "repeat":
@@ -217,8 +221,9 @@ class Table:
         if self.after == "repeat" or self.times.size == 1:
             return FOREVER
         most = math.inf if self.log is not None else NEAR * (last - first)
-        before, beyond = (min(float(step), most) for step in (self.times[1] - self.times[0], self.times[-1] - self.times[-2]))
-        return first - before, math.inf if self.after == "hold" or (self.hold and self.log is None) else last + beyond
+        ahead, beyond = (min(float(step), most) for step in (self.times[1] - self.times[0], self.times[-1] - self.times[-2]))
+        begin = -math.inf if self.before == "hold" else first - ahead
+        return begin, math.inf if self.after == "hold" or (self.hold and self.log is None) else last + beyond
 
     @property
     def extent(self) -> float:
@@ -289,8 +294,8 @@ class Table:
         return self.at(times)
 
     def retimed(self, law: Callable[[Array], Array]) -> Table:
-        """Return the signal with other times for its samples: those of another clock. [s]"""
-        return replace(self, times=law(self.times))
+        """Return the signal with other times for its samples, those of another clock; its ends hold for what that leaves open. [s]"""
+        return replace(self, times=law(self.times), before="hold", after=self.after or "hold")
 
     def mapped(self, law: Callable[[Array], Array]) -> Table:
         """Return what follows from each value by itself; between samples it is as straight, or held, as before."""
@@ -626,7 +631,9 @@ def check_span(given: Signal, end: float, where: str) -> None:
             where,
         )
     if first > 0.0:
-        raise ScenarioError(f"its first row is at {_hours(given.onset)} and the run begins at zero: give the value there.", where)
+        raise ScenarioError(
+            f"its first row is at {_hours(given.onset)} and the run begins at zero. Give the value there, or before = 'hold'.", where
+        )
 
 
 def _hours(seconds: float) -> str:
@@ -775,7 +782,7 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
     ----------
     value : str, number, table or Signal
         ``"24 [degC]"``; ``{times = ["0 [s]", "1 [h]"], values = ["24 [degC]", "25 [degC]"]}`` with ``hold = true`` for steps, ``after``
-        (hold or repeat; ``period`` where the last row does not end it) for the time beyond the last row, and ``samples = "average"`` where
+        (hold or repeat; ``period`` where the last row does not end it) for the time beyond the last row, ``before`` (hold), and ``samples = "average"`` where
         each value is the mean over the interval that ends at its time; ``{mean = "24 [degC]", amplitude = "3 [K]", period = "24 [h]",
         phase = 0.0}``; a pair (times, values) of arrays in SI.
     slot : str      What it must be: a unit text or `temperature`.
@@ -844,14 +851,14 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
         amplitude = literal(value["amplitude"], difference, where)
         return Sine(literal(value["mean"], slot, where), amplitude, period, float(value.get("phase", 0.0)))
     raise ScenarioError(
-        f"a signal is a table of times and values (hold, after, period, samples), or of mean, amplitude and period (phase), not of "
+        f"a signal is a table of times and values (hold, before, after, period, samples), or of mean, amplitude and period (phase), not of "
         f"{', '.join(sorted(keys))}.",
         where,
     )
 
 
 def conducted(rows: Table, said: Mapping[str, Any], where: str) -> Table:
-    """Return samples with what is said of them: ``samples``, ``after`` and the ``period`` of what repeats.
+    """Return samples with what is said of them: ``samples``, ``before``, ``after`` and the ``period`` of what repeats.
 
     Raises
     ------
@@ -871,4 +878,4 @@ def conducted(rows: Table, said: Mapping[str, Any], where: str) -> Table:
                 f"a period of {length:g} s is over before the last row of its table; leave it out where the last row ends it.", where
             )
         rows = replace(rows, times=np.append(rows.times, rows.times[0] + length), values=np.append(rows.values, rows.values[0]))
-    return replace(rows, samples=samples or rows.samples, after=after)
+    return replace(rows, samples=samples or rows.samples, after=after, before=str(said.get("before", "")))

@@ -2,5 +2,5 @@
 
 In: tables of cells, words, figures as markup, gathered in sections as values. Out: one self-contained HTML page, or the same on paper;
 numbers and names as a person reads them. The templates of all pages stand here.
-May import: `qualify` and the rooms below a fit.
+May import: `sourced` and the rooms below a fit.
 """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.profile_run import Phase, ProfileRun
+from thermid.profile_runs.profile_run import Phase, ProfileRun
 from thermid.reporting.pictures.figures import DASHES, GRID, INK, RESIDUAL, SERIES, SIMULATED, SOFT, time_unit
 
 if TYPE_CHECKING:

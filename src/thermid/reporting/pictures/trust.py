@@ -18,9 +18,9 @@ from thermid.explain.whiteness import cumulated_periodogram
 from thermid.files import PICTURE, write_bytes
 from thermid.inference.profile import Profile
 from thermid.inference.valley import Valley
+from thermid.monte_carlo.hold import Hold
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.hold import Hold
-from thermid.qualify.profile_run import ProfileRun
+from thermid.profile_runs.profile_run import ProfileRun
 from thermid.reporting.blocks.extras import extra
 from thermid.reporting.pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT, time_unit
 from thermid.reporting.pictures.hold import draw_hold

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.marks import MARKS
 from thermid.reporting.blocks.cells import DASH, Cell, plain
+from thermid.sourced.marks import MARKS
 
 __all__ = ["celsius", "given", "hours", "mark", "verdict"]
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from thermid.judge.limit_checks import spans
+from thermid.judge.limits import Limits
+from thermid.judge.overlay import Overlay
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.limit_checks import spans
-from thermid.qualify.limits import Limits
-from thermid.qualify.overlay import Overlay
 from thermid.qualify.trial import Trial
 from thermid.reporting.blocks.sections import Drawn
 from thermid.reporting.pictures.curves import Band, Curve, curves

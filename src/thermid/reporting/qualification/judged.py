@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from thermid.qualify.correlation import Correlation
+from thermid.judge.correlation import Correlation
 from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, plain, signed

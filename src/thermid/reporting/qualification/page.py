@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from thermid.arguments import takes_objects
-from thermid.qualify.correlation import Correlation
-from thermid.qualify.marks import VERDICTS, weigh
+from thermid.judge.correlation import Correlation
 from thermid.qualify.programme import Qualification
 from thermid.reporting.blocks.cells import DASH, Table
 from thermid.reporting.blocks.extras import write_page
@@ -19,6 +18,7 @@ from thermid.reporting.qualification import judged, tables
 from thermid.reporting.qualification.cells import hours
 from thermid.reporting.qualification.figures import course
 from thermid.reporting.qualification.sections import all_overlays, sections
+from thermid.sourced.marks import VERDICTS, weigh
 from thermid.units import counted
 
 __all__ = ["correlation_report", "qualification_report"]

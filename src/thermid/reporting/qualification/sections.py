@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from thermid.judge.correlation import Correlation
 from thermid.model.tree.flat import flatten
-from thermid.qualify.correlation import Correlation
-from thermid.qualify.marks import VERDICTS
 from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number
@@ -16,6 +15,7 @@ from thermid.reporting.qualification import judged, tables
 from thermid.reporting.qualification import margins as concluded
 from thermid.reporting.qualification.cells import hours, mark
 from thermid.reporting.qualification.figures import overlay
+from thermid.sourced.marks import VERDICTS
 
 __all__ = ["all_overlays", "sections"]
 

@@ -1,0 +1,214 @@
+"""From a predicted temperature to a limit: model uncertainty, acceptance and qualification margin in one table, beside the flat rule."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import NormalDist
+
+import numpy as np
+
+from thermid.arguments import takes_objects
+from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.judge.limit_checks import times_in_state
+from thermid.judge.limits import Limits
+from thermid.knowledge.standing import UNJUDGED, Standing
+from thermid.physics.constants import ICE_POINT
+from thermid.prediction.foresight import Foresight
+from thermid.sourced.marks import Figure, weakest
+from thermid.sourced.policies import POLICIES, SMC, Policy, flat_margin
+
+__all__ = ["Margin", "margins"]
+
+
+@dataclass(frozen=True)
+class Margin:
+    """One reference point on one side: the run and instant that come nearest to its limit, and what is added up there.
+
+    Parameters
+    ----------
+    point, side, state, run : str   Side is 'hot' or 'cold'.
+    time : float                [s]
+    predicted : float           [K]
+    error : float               Standard error of the prediction. [K]
+    before : float              The same if nothing had been fitted; nan where that has no size. [K]
+    shares : dict               Cause -> share of the variance. [-]
+    limit : float               [K]
+    limit_mark : str            Mark of the limit.
+    policy : Policy
+    tested : bool               Whether a balance test correlated the model.
+    course_mark : str           Mark of the course: 'memory' where the run goes by numbers that nobody has checked.
+    assumed : float             What assumed values that no spread names may move it by, 95 %; in no sum. [K]
+    not_counted : tuple of str  What the uncertainty does not hold, in words.
+    standing : Standing         Of the values that the prediction rests on.
+    """
+
+    point: str
+    side: str
+    state: str
+    run: str
+    time: float
+    predicted: float
+    error: float
+    before: float
+    shares: Mapping[str, float]
+    limit: float
+    limit_mark: str
+    policy: Policy
+    tested: bool
+    course_mark: str = "read"
+    assumed: float = 0.0
+    not_counted: tuple[str, ...] = field(default=())
+    standing: Standing = UNJUDGED
+
+    @property
+    def sign(self) -> float:
+        """One on the hot side, minus one on the cold side."""
+        return 1.0 if self.side == "hot" else -1.0
+
+    @property
+    def uncertainty(self) -> float:
+        """Half the interval of the prediction at the policy's level. [K]"""
+        return NormalDist().inv_cdf(0.5 + 0.5 * self.policy.level) * self.error
+
+    @property
+    def printed(self) -> float:
+        """The uncertainty as it is printed, to a tenth: what is left between the printed temperature and the printed margin. [K]
+
+        Each rounded by itself, the terms of the sum would miss it by up to two tenths.
+        """
+        room = self.sign * (self.limit - ICE_POINT - round(self.predicted - ICE_POINT, 1))
+        return abs(round(room - self.policy.acceptance.value - self.policy.qualification.value - round(self.margin, 1), 1))
+
+    @property
+    def margin(self) -> float:
+        """What is left to the limit once uncertainty, acceptance and qualification margin are added. [K]"""
+        return self.room - self.uncertainty - self.policy.acceptance.value - self.policy.qualification.value
+
+    @property
+    def room(self) -> float:
+        """From the predicted temperature to the limit. [K]"""
+        return self.sign * (self.limit - self.predicted)
+
+    @property
+    def flat(self) -> Figure:
+        """The flat margin in place of the model's uncertainty. [K]"""
+        return flat_margin(self.predicted, self.tested)
+
+    @property
+    def flat_left(self) -> float:
+        """What is left to the limit by the flat rule. [K]"""
+        return self.room - self.flat.value - self.policy.acceptance.value - self.policy.qualification.value
+
+    @property
+    def bought(self) -> float:
+        """By how much the calibration narrowed the uncertainty; nan where that before it has no size. [K]"""
+        return NormalDist().inv_cdf(0.5 + 0.5 * self.policy.level) * (self.before - self.error)
+
+    @property
+    def exceedance(self) -> float:
+        """Probability that the limit itself is passed at that instant, errors being normal. [-]"""
+        if self.error <= 0:
+            return float(self.room < 0)
+        return NormalDist().cdf(-self.room / self.error)
+
+    @property
+    def mark(self) -> str:
+        """The least sure of the marks that the margin rests on."""
+        return weakest(self.limit_mark, self.policy.acceptance.mark, self.policy.qualification.mark, self.course_mark)
+
+    @property
+    def with_assumed(self) -> float:
+        """What is left once assumed values that no spread names are counted too. [K]"""
+        return self.margin + self.uncertainty - float(np.hypot(self.uncertainty, self.assumed))
+
+    @property
+    def undecided(self) -> str:
+        """Why it is not decided; empty where it is."""
+        if self.mark == "memory":
+            return "a number from memory"
+        if self.margin < 0:
+            return ""
+        if self.error <= 0 and not self.given:
+            return "nothing is known of the model's error: fit it, or state a spread"
+        if self.with_assumed < 0:
+            return f"assumed values alone may move it by {self.assumed:.1f} K. Measure them, or state their spread"
+        return ""
+
+    @property
+    def given(self) -> bool:
+        """Whether the temperature is the given one of a start, which the model says nothing about."""
+        return self.time <= 0.0
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether anything is left; None where that is not decided, see `undecided`."""
+        return None if self.undecided else self.margin >= 0
+
+    def __str__(self) -> str:
+        """Return the sum as a line."""
+        p = self.policy
+        word = f"not decided: {self.undecided}" if self.undecided else "met" if self.passed else "NOT met"
+        return (
+            f"{self.point}, {self.side} ({self.run}, {self.time / 3600:.2f} h, {self.state}): {self.predicted - ICE_POINT:.1f} degC, "
+            f"uncertainty {self.printed:.1f} + acceptance {p.acceptance.value:g} [{p.acceptance.mark}] + qualification "
+            f"{p.qualification.value:g} [{p.qualification.mark}], limit {self.limit - ICE_POINT:.1f} degC: {self.margin:+.1f} K, {word}; "
+            f"by the flat {self.flat.value:g} K: {self.flat_left:+.1f} K"
+        )
+
+
+@takes_objects
+def margins(
+    runs: Mapping[str, Foresight],
+    limits: Sequence[Limits],
+    policy: Policy | str = SMC,
+    *,
+    tested: bool = False,
+    states: Mapping[str, str] | None = None,
+) -> tuple[Margin, ...]:
+    """Return the margin of every reference point on both sides, each at the run, state and instant that come nearest to a limit.
+
+    Parameters
+    ----------
+    runs : dict             Name -> what is expected of it.
+    limits : sequence       Of the reference points.
+    policy : Policy, str    What is added up, or the name of one of `POLICIES`.
+    tested : bool           Whether a balance test correlated the model: 11 K against 17 K in the flat rule.
+    states : dict           Run -> its state, for points whose limits name no loads; operating by default.
+
+    Raises
+    ------
+    NameNotFoundError   When there is no such policy.
+    ScenarioError       Without a run.
+    """
+    if isinstance(policy, str):
+        if policy not in POLICIES:
+            raise NameNotFoundError(f"no margin policy '{policy}'; there are {'; '.join(POLICIES)}.{nearest(policy, POLICIES)}", "margins")
+        policy = POLICIES[policy]
+    if not runs:
+        raise ScenarioError("margins need at least one run.", "margins")
+    out = []
+    for one in limits:
+        for k, side in enumerate(("cold", "hot")):
+            found = [m for name, run in runs.items() for m in _sides(name, run, one, k, side, policy, tested, (states or {}).get(name, ""))]
+            if found:
+                out.append(min(found, key=lambda m: m.margin))
+    return tuple(out)
+
+
+def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Policy, tested: bool, state: str) -> list[Margin]:
+    """Return the tightest instant of a run in each state."""
+    band = run.prediction[one.node]
+    error, sign = band.half_width / NormalDist().inv_cdf(0.975), 1.0 if k else -1.0
+    out = []
+    for own in ("operating", "non-operating", "start-up"):
+        ends, inside = one.ends(own), times_in_state(run.solution, one, own, state or "operating")
+        if ends is None or not np.isfinite(ends[k]) or not inside.any():
+            continue
+        towards = np.where(inside, sign * band.kelvin + 1.96 * error, -np.inf)
+        at = int(towards.argmax())
+        before = run.before.get(one.node, run.before.get(band.path))
+        shares = {c: float(v[at] / error[at] ** 2) if error[at] > 0 else 0.0 for c, v in band.parts.items()}
+        figures = (float(band.times[at]), float(band.kelvin[at]), float(error[at]), float(before[at]) if before is not None else np.nan)
+        out.append(Margin(one.point, side, own, name, *figures, shares, ends[k], one.mark, policy, tested, standing=run.standing))
+    return out

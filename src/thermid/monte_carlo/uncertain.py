@@ -1,0 +1,246 @@
+"""`uncertain_runs`: a model in a scenario as often as asked for, everything that is not known drawn anew each time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.arguments import takes_objects
+from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.standing import Standing, of_model
+from thermid.model.tree.model import Model
+from thermid.monte_carlo.chunks import Chunk, Job, Store, chunks
+from thermid.monte_carlo.draws import CHUNK, Values, plan_runs
+from thermid.physics.constants import ICE_POINT
+from thermid.prediction.omitted import assumed_left_out, first_line, in_order
+from thermid.prediction.setting import Setting
+from thermid.reduction.macro import assumed
+from thermid.simulation.engine import Options
+from thermid.simulation.extremes import MemberTurnings
+from thermid.simulation.scenario import Scenario
+
+__all__ = ["UncertainRuns", "uncertain_runs"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainRuns:
+    """Runs of many members, each with values and surroundings of its own.
+
+    Parameters
+    ----------
+    job : Job                       What was run.
+    temperatures : array (members, nodes, times)    NaN where a member failed. [K]
+    turnings : dict                 Node -> turning points between the times; a node is missing where they were not followed.
+    failed : dict                   Member -> why it did not reach the end.
+    reused : int                    Members that were taken from the folder.
+    warnings : tuple of str         What a reader must know.
+    """
+
+    job: Job
+    temperatures: Array
+    turnings: Mapping[str, MemberTurnings]
+    failed: Mapping[int, str]
+    reused: int = 0
+    warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """How many members there are."""
+        return int(self.temperatures.shape[0])
+
+    @property
+    def title(self) -> str:
+        """The model's."""
+        return self.job.model.title
+
+    @property
+    def scenario(self) -> str:
+        """The scenario's title."""
+        return self.job.scenarios[0].title
+
+    @property
+    def times(self) -> Array:
+        """Times of the temperatures. [s]"""
+        return self.job.times
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Nodes that were kept."""
+        return self.job.nodes
+
+    @cached_property
+    def draws(self) -> dict[str, Array]:
+        """Name -> value of every member (members,), shifts for boundaries; ``scenario`` and ``start_time`` are counted. [SI]"""
+        job = self.job
+        sources = job.budget.drawn(job.budget.numbers(job.seed, 0, len(self)))
+        setting = Setting.of(job.budget, scenario=job.scenarios[0], times=job.times, options=job.options)
+        return setting.told(sources)
+
+    @cached_property
+    def left_out(self) -> tuple[LeftOut, ...]:
+        """What the members do not count."""
+        return in_order((*self.job.budget.omitted, *(x for x, _ in assumed_left_out(self.job.budget, self.nodes))))
+
+    @property
+    def not_counted(self) -> str:
+        """What a reader must know first: what members do not count and could matter; empty where nothing is."""
+        errors = [float(self.of(n)[:, -1].std()) for n in self.nodes] if self.reached.size else []
+        return first_line(self.left_out, min(errors, default=0.0))
+
+    @cached_property
+    def standing(self) -> Standing:
+        """Of the values that it rests on."""
+        return of_model(self.job.model)
+
+    @cached_property
+    def assumed(self) -> tuple[str, ...]:
+        """Values of the model that are assumed."""
+        return assumed(self.job.model)
+
+    def of(self, node: str) -> Array:
+        """Return the temperatures (members that reached the end, times) of a node. [K]
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        ScenarioError       When no member reached the end.
+        """
+        path = self.job.model.canonical(node)
+        if path not in self.nodes:
+            raise NameNotFoundError(f"'{node}' was not kept.{nearest(path, self.nodes)} Name it in 'nodes'.", self.title)
+        if len(self.failed) == len(self):
+            raise ScenarioError(f"no member reached the end. Member 0: {self.failed[0]}", self.title)
+        found: Array = self.temperatures[self.reached, self.nodes.index(path)]
+        return found
+
+    @cached_property
+    def reached(self) -> NDArray[np.int64]:
+        """Members that reached the end."""
+        return np.setdiff1d(np.arange(len(self)), np.array(list(self.failed), dtype=np.int64))
+
+    def quantile(self, node: str, share: Any) -> Array:
+        """Return the temperature below which a share of the members lies, (times,) or (shares, times). [K]"""
+        return np.asarray(np.quantile(self.of(node), share, axis=0))
+
+    def turnings_of(self, node: str) -> MemberTurnings | None:
+        """Return the turning points of a node between samples in the members that reached the end; None where they were not followed."""
+        own = self.turnings.get(self.job.model.canonical(node))
+        return own.taken(self.reached, len(self)) if own is not None else None
+
+    def furthest(self, node: str, sign: float = 1.0) -> Array:
+        """Return the highest (sign 1) or lowest (-1) temperature of each member that reached the end, between samples too. [K]"""
+        return (self.turnings_of(node) or MemberTurnings.joined([])).furthest(self.of(node), sign)
+
+    def highest(self, node: str) -> Array:
+        """Return the highest temperature of each member that reached the end, between samples too. [degC]"""
+        return self.furthest(node) - ICE_POINT
+
+    def __str__(self) -> str:
+        """The highest temperatures as a short table, 5 % and 95 % of the members below."""
+        lines = [f"{self.title}, {self.scenario}: {len(self)} members, {len(self.failed)} failed"]
+        lines += [self.not_counted] if self.not_counted else []
+        width = max(len(n) for n in self.nodes)
+        for n in self.nodes if self.reached.size else ():
+            low, middle, high = np.quantile(self.highest(n), (0.05, 0.5, 0.95))
+            lines.append(f"  {n:<{width}}  highest {middle:8.2f} degC   90 % between {low:.2f} and {high:.2f}")
+        if self.assumed:
+            lines.append(f"  demonstration, {len(self.assumed)} assumed parameters")
+        return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
+
+
+@takes_objects
+def uncertain_runs(
+    model: Model,
+    scenario: Scenario | Sequence[Scenario],
+    values: Values | Sequence[Values] = (),
+    *,
+    at: str = "",
+    spread: Mapping[str, Any] | None = None,
+    without: Sequence[str] = (),
+    n: int = 10_000,
+    seed: int = 0,
+    nodes: Sequence[str] | None = None,
+    every: str | float | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    workers: int = 1,
+    cluster: str = "",
+    threads: int = 1,
+    chunk: int = CHUNK,
+    progress: Progress | None = None,
+    options: Options | None = None,
+) -> UncertainRuns:
+    """Return runs of a model whose values and surroundings are drawn anew for every member.
+
+    A member's draws depend on the seed and its index alone, and members run in chunks that are always the same: one process, several and
+    a cluster give the same numbers (bit for bit on machines of one instruction set), and more members begin with those of fewer.
+
+    Parameters
+    ----------
+    model : Model
+    scenario : Scenario, or several     Several are draws of the weather, all as likely.
+    values : Calibration, FittedValues, Spread, or several      What fits found (laid over the model) and left open (drawn).
+    at : str                    The submodel that the values belong to; empty for the model itself.
+    spread : dict               What else is not known exactly: name as in `ensemble`, or a pattern of parameters -> spread as text;
+                                ``start_time`` -> ``{"low": "0 [h]", "high": "6 [h]"}``: all that changes in time is entered at another
+                                time, but commands and what ``stays`` names, which count from the start.
+    without : sequence of str   Sources that are not counted, as in `predict`.
+    n, seed : int               Members; of the draws.
+    nodes : sequence of str     Nodes to keep; the reference points by default.
+    every : str or float        Interval of the stored samples; 121 by default.
+    folder : path               Where chunks are kept: what is there is not run again, and a run that was interrupted goes on.
+    workers : int               Processes of this machine (needs joblib above 1).
+    cluster : str               Address of a Dask scheduler, ``tcp://host:8786``; its workers need the same thermid.
+    threads : int               Threads of one process.
+    chunk : int                 Members that run together.
+    progress : callable         Called with members done and members in all.
+    options : Options           The integrator's.
+
+    Raises
+    ------
+    ScenarioError       When a spread is none, a value is spread twice, or there is no such cluster.
+    NameNotFoundError   When a name does not exist.
+    """
+    if n < 1 or workers < 1:
+        raise ScenarioError("a campaign of runs needs at least one member and one process.", model.title)
+    job, remarks = plan_runs(
+        model, scenario, values, at=at, spread=spread, without=without, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
+    )
+    store = Store.of(job, folder) if folder is not None else None
+    parts = job.parts(n)
+    done: dict[int, Chunk] = {}
+    for first, members in parts if store is not None else ():
+        found = store.load(first, members) if store is not None else None
+        if found is not None:
+            done[first] = found
+    reused = sum(c.temperatures.shape[0] for c in done.values())
+    if progress is not None:
+        progress(reused, n)
+    for part in chunks(job, [p for p in parts if p[0] not in done], workers, cluster, threads):
+        if part.version != job.version:
+            raise ScenarioError(f"a worker has thermid {part.version}, this is {job.version}. Install one version everywhere.", model.title)
+        done[part.first] = part
+        if store is not None:
+            store.save(part)
+        if progress is not None:
+            progress(sum(c.temperatures.shape[0] for c in done.values()), n)
+    ordered = [done[first] for first, _ in parts]
+    failed = {m: why for c in ordered for m, why in c.failed.items()}
+    if failed:
+        why = next(iter(failed.values()))
+        remarks = (*remarks, f"{len(failed)} of {n} members did not reach the end and are left out. One of them: {why}")
+    followed = [node for node in job.nodes if all(node in c.turnings for c in ordered)]
+    turnings = {node: MemberTurnings.joined([(c.first, c.turnings[node]) for c in ordered]) for node in followed}
+    if len(followed) < len(job.nodes):
+        blind = ", ".join(node for node in job.nodes if node not in turnings)
+        why = f"only the stored samples of {blind} are known, so a peak between two of them is not counted. Give a shorter 'every'"
+        remarks = (*remarks, why)
+    return UncertainRuns(job, np.concatenate([c.temperatures for c in ordered]), turnings, failed, reused, remarks)

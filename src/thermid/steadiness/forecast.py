@@ -1,0 +1,204 @@
+"""Where a temperature will end, and when a rule of stability will hold, said while the test is still running - or declined."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.arguments import takes_objects
+from thermid.errors import RecordError, ScenarioError
+from thermid.measure.amounts import amount, duration_text, positive_seconds
+from thermid.measure.prepare import stretch, within_log
+from thermid.measure.stability import StabilityRule, resolution_of, rule_of
+from thermid.physics.constants import ICE_POINT
+from thermid.steadiness.approach import Approach, approach
+from thermid.steadiness.foretold import REACH, Estimate, Forecast, estimate, with_step
+
+if TYPE_CHECKING:
+    from thermid.measure.channel import Channel
+    from thermid.measure.record import Record
+    from thermid.model.tree.model import Model
+    from thermid.simulation.scenario import Scenario
+
+__all__ = ["Estimate", "Forecast", "forecast"]
+
+Array = NDArray[np.float64]
+FEWEST: Final = 40
+"""Readings below which nothing is forecast."""
+SHORTEST: Final = 0.1
+"""A longest time constant below this share of the stretch is a mistake."""
+GUARD: Final = 0.02
+"""Share of the change in the readings by which exponentials may miss them, where a slow part is to be excluded by them alone: a drift below
+that may be coefficients that grow with differences, or a hidden mass. [-]"""
+SLOW_SHARE: Final = 0.05
+"""Probability with which a slow part counts as not excluded."""
+
+
+@takes_objects
+def forecast(
+    record: Record,
+    channel: str = "",
+    *,
+    since: str | float = "start",
+    until: str | float = "end",
+    rule: str | StabilityRule = "3 C/h",
+    within: str | float = "1 [K]",
+    level: float = 0.95,
+    reference: str = "",
+    slowest: str | float | None = None,
+    model: Model | None = None,
+    scenario: Scenario | None = None,
+) -> Forecast:
+    """Return where a channel will end if conditions stay as they are, or why that cannot be said.
+
+    Parameters
+    ----------
+    record : Record
+    channel : str               The channel; not needed where the record has one temperature.
+    since, until : str or float The stretch to use, from the last change of conditions on, as in `Record.trim`.
+    rule : str                  Rule of stability that the test waits for.
+    within : str or float       Half of the interval, at most; a wider forecast is declined. [K]
+    level : float               Probability of the interval.
+    reference : str             Channel that the temperature follows, such as the air; its last level is taken to hold.
+    slowest : str or float      Longest time constant that the unit can have, where that is known; ten times the stretch otherwise. [s]
+    model, scenario             A model and the conditions of the stretch: its time constants in place of a search, trusted to 20 %.
+
+    Raises
+    ------
+    RecordError     When readings are too few, or a name does not fit.
+    ScenarioError   When a model comes without a scenario.
+    """
+    name = channel or _only(record)
+    within_log(record, until, f"{record.name}, forecast")
+    inside, _ = stretch(record, since, until, f"{record.name}, forecast")
+    times, kelvin = _readings(record, name, inside, level)
+    span = float(times[-1] - times[0])
+    limit = positive_seconds(slowest, "slowest") if slowest is not None else REACH * span
+    if limit < SHORTEST * span:
+        raise RecordError(
+            f"a slowest time constant of {duration_text(limit)} is far below the {duration_text(span)} that were watched. "
+            "Give the longest one that the unit can have, with its unit.",
+            f"{record.name}, {name}, slowest",
+        )
+    known = _of_model(model, scenario)
+    room = None
+    if reference:
+        air = record.channel(reference)
+        room = (record.times[inside & air.valid], air.values[inside & air.valid])
+    found = approach(times, kelvin, limit, known, room)
+    trusted = bool(known) or slowest is not None
+    guard = found if trusted else approach(times, kelvin, limit, known, room, GUARD)
+    asked, wanted = amount(within, "K", "within"), rule_of(rule)
+    if not asked > 0.0:
+        raise RecordError(f"half of an interval is above zero, not {asked:g} K.", f"{record.name}, within")
+    step = resolution_of(record.channel(name))
+    final, slow = estimate(with_step(guard.at(float("inf")), step), level), guard.slowest(SLOW_SHARE)
+    return Forecast(
+        record.name,
+        name,
+        float(times[0]),
+        found.now,
+        found.at(found.now).mean,
+        final,
+        "" if final.error <= asked else _reason(final, asked, slow, span, bool(known), slowest is not None, level),
+        asked,
+        level,
+        slow,
+        wanted,
+        None if wanted.stored else _holds(found, wanted, 0.5, span),
+        None if wanted.stored else _holds(found, wanted, 0.95, span),
+        bool(known),
+        None if found.room is None else found.room.last,
+        found,
+        step,
+    )
+
+
+def _readings(record: Record, name: str, inside: NDArray[np.bool_], level: float) -> tuple[Array, Array]:
+    """Return the readings of a stretch. [s], [K]"""
+    given, where = record.channel(name), f"{record.name}, {name}"
+    if given.quantity != "temperature":
+        raise RecordError(f"it is a {given.quantity}; temperatures are forecast.", where)
+    keep = inside & given.valid
+    if np.count_nonzero(keep) < FEWEST:
+        raise RecordError(f"{np.count_nonzero(keep)} readings lie in the stretch; {FEWEST} are needed for a forecast.", where)
+    if not 0.5 <= level < 1.0:
+        raise RecordError(f"a level of {level:g} is none; give 0.5 to 0.99.", where)
+    return record.times[keep], given.values[keep]
+
+
+def _only(record: Record) -> str:
+    """Return the one temperature of a record.
+
+    Raises
+    ------
+    RecordError   When there are several, or none.
+    """
+    names = [c.name for c in record.channels.values() if _measured(c)]
+    if len(names) != 1:
+        raise RecordError(f"say which channel: {', '.join(names) or 'there is no temperature'}.", record.name)
+    return names[0]
+
+
+def _measured(channel: Channel) -> bool:
+    return channel.quantity == "temperature" and channel.role != "boundary"
+
+
+def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]:
+    """Return the time constants of a model under conditions. [s]"""
+    if model is None:
+        return ()
+    if scenario is None:
+        raise ScenarioError(
+            "a model's time constants belong to conditions: give the scenario of the stretch beside the model.", model.title
+        )
+    from thermid.simulation.transient import simulate
+
+    found = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=3600.0)).time_constants
+    return tuple(float(t) for t in found if np.isfinite(t))
+
+
+def _reason(final: Estimate, within: float, slow: float, span: float, by_model: bool, known: bool, level: float) -> str:
+    """Return why a final temperature is declined."""
+    text = (
+        f"It could end anywhere from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC ({100 * level:g} %), wider than the "
+        f"+- {within:.3g} K asked for"
+    )
+    if by_model:
+        return f"{text}: the model's slow parts have not moved far enough to say where they go. Wait longer."
+    if slow > span:
+        return (
+            f"{text}: the readings of {duration_text(span)} cannot exclude a slow part with a time constant of {duration_text(slow)}, "
+            "such as a heavy mass behind a weak link, that has only begun to move. Wait longer, or give a model"
+            f"{'' if known else ', or the longest time constant that the unit can have (slowest)'}."
+        )
+    return f"{text}: the readings are too few or too noisy for {duration_text(span)} of watching. Wait longer."
+
+
+def _holds(found: Approach, rule: StabilityRule, share: float, span: float) -> float | None:
+    """Return the time at which the rule will hold with a probability, or None when it is further than a hundred stretches away. [s]"""
+    window = rule.window or 60.0
+
+    def sure(at: float) -> bool:
+        begin = max(at - window, found.start)
+        moved = np.einsum("pt,pt->p", found._terms(at) - found._terms(begin), found.means)
+        return float(found.weights @ (np.abs(moved) <= rule.rate * window)) >= share
+
+    if rule.window > found.now - found.start:
+        low = found.start + rule.window
+    else:
+        low = found.now
+    if sure(low):
+        return low
+    high = low + span
+    while not sure(high):
+        high = low + 2.0 * (high - low)
+        if high - low > 100.0 * span:
+            return None
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if sure(middle) else (middle, high)
+    return high
