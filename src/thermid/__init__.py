@@ -158,7 +158,7 @@ if TYPE_CHECKING:
     from thermid.simulation.orbit import orbit_irradiation as orbit_irradiation
     from thermid.simulation.pad import pad_scenario as pad_scenario
     from thermid.simulation.scenario import Scenario as Scenario
-    from thermid.simulation.scenario import load_scenario as load_scenario
+    from thermid.simulation.scenario_file import load_scenario as load_scenario
     from thermid.simulation.simulator import Simulator as Simulator
     from thermid.simulation.simulator import prepare as prepare
     from thermid.simulation.site import Site as Site
@@ -193,7 +193,7 @@ _PUBLIC = {
     "Irradiation": "network.irradiation",
     "OpenSky": "network.irradiation",
     "Scenario": "simulation.scenario",
-    "load_scenario": "simulation.scenario",
+    "load_scenario": "simulation.scenario_file",
     "Site": "simulation.site",
     "Weather": "measure",
     "read_weather": "measure",

@@ -16,9 +16,9 @@ from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet
-from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
 from thermid.simulation.solution import Solution
+from thermid.simulation.transient import simulate
 
 pytestmark = pytest.mark.recovery
 ACC = Path(__file__).parents[2] / "examples" / "01_accelerometer" / "accelerometer.toml"

@@ -17,8 +17,8 @@ from thermid.measure import Channel, Record
 from thermid.measure.part import SensorCertificate, SensorPart, worn
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.tree.model import Model
-from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
+from thermid.simulation.transient import simulate
 
 pytestmark = pytest.mark.recovery
 

@@ -13,12 +13,12 @@ import typer
 from thermid.cli.commands import MODULES
 from thermid.cli.pages import Force, Page, Pdf, ready, written
 from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
+from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from thermid.campaign.stages import Campaign
-    from thermid.errors import ThermidError
     from thermid.model.tree.model import Model
     from thermid.simulation.scenario import Scenario
 
@@ -81,8 +81,6 @@ def main() -> None:
 
 def _run() -> None:
     """Run a command; every error is one line, or one object."""
-    from thermid.errors import ThermidError
-
     as_json = "--json" in sys.argv[1:]
     try:
         # with --json a wrong option is an object too, so typer must not print its own words
@@ -126,8 +124,6 @@ def _fail(error: ThermidError, as_json: bool) -> NoReturn:
 
 def _pairs(given: Pairs, option: str) -> dict[str, str]:
     """Return ``PATH=VALUE`` options as a dictionary."""
-    from thermid.errors import ScenarioError
-
     out = {}
     for text in given:
         path, equals, value = text.partition("=")
@@ -200,14 +196,13 @@ def simulate(
     import numpy as np
 
     from thermid.cli.output import solution_object
-    from thermid.errors import ScenarioError, SolverError
     from thermid.files import NETCDF, TABLE, may_write
     from thermid.knowledge.standing import of_model
     from thermid.model.deck.modelfile import load_model
     from thermid.model.laws.signal import literal
-    from thermid.simulation import simulate as run
-    from thermid.simulation import steady as settle
     from thermid.simulation.simulator import output_times
+    from thermid.simulation.steady import steady as settle
+    from thermid.simulation.transient import simulate as run
 
     model = with_fitted(load_model(deck), values, keep_values)
     if param:
@@ -251,7 +246,8 @@ def simulate(
 
 def _scenario(model: Model, file: Path | None, boundary: Pairs, load: Pairs, start: str | None, duration: str | None) -> Scenario:
     """Return the scenario of the options, laid over the one of a file."""
-    from thermid.simulation.scenario import Scenario, load_scenario
+    from thermid.simulation.scenario import Scenario
+    from thermid.simulation.scenario_file import load_scenario
 
     base = load_scenario(file) if file is not None else Scenario("command line")
     for name, text in _pairs(boundary, "--boundary").items():
@@ -355,7 +351,6 @@ def report(
 ) -> None:
     """Run a campaign and write its report page, its PDF, or both."""
     from thermid.cli.output import campaign_standing
-    from thermid.errors import ScenarioError
     from thermid.reporting.pages.campaign import report as write
 
     if to is None and pdf is None:
@@ -373,8 +368,6 @@ def report(
 @app.command()
 def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck") -> None:
     """Print the JSON Schema of a file, for editors."""
-    from thermid.errors import DeckError, nearest
-
     makers: dict[str, Callable[[], dict[str, Any]]] = {}
     from thermid.campaign.schema import json_schema as campaign_schema
     from thermid.model.deck.schema import json_schema as deck_schema

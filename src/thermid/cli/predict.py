@@ -45,7 +45,7 @@ def predict(
     from thermid.files import TABLE, may_write
     from thermid.model.laws.signal import literal
     from thermid.prediction.predict import predict as run
-    from thermid.simulation.scenario import load_scenario
+    from thermid.simulation.scenario_file import load_scenario
 
     if scenario is None:
         raise ScenarioError("a prediction needs a scenario: --scenario FILE.", "command line")

@@ -144,7 +144,7 @@ def _run(
     from thermid.cli.app import _pairs, _with_unit
     from thermid.model.deck.modelfile import load_model
     from thermid.profile_runs.conduct import run_profile
-    from thermid.simulation.scenario import load_scenario
+    from thermid.simulation.scenario_file import load_scenario
 
     return run_profile(
         load_model(deck),

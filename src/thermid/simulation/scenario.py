@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
-from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError, ThermidError, nearest
-from thermid.model.deck.modelfile import read_toml, refuse_another_kind, resolve_inside
-from thermid.model.laws.signal import CONDUCT, Constant, Signal, Table, check_span, conducted, literal, own_signal, signal
+from thermid.errors import ScenarioError, nearest
+from thermid.model.laws.signal import Constant, Signal, Table, check_span, literal, own_signal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.medium import Media
 from thermid.units import TEMPERATURE
 
-__all__ = ["MEAN", "PERIODIC", "SLOTS", "STEADY", "Scenario", "Start", "load_scenario", "sampled_logs"]
+__all__ = ["MEAN", "PERIODIC", "SLOTS", "STEADY", "Scenario", "Start", "sampled_logs"]
 
-SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent")
-"""Tables of a scenario file that stand for boundaries, gases and radiation."""
 SLOTS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ""}
 """Tables of signals, and what each holds; only the model knows the unit of a scheduled parameter."""
 STEADY = "steady"
@@ -226,150 +220,3 @@ def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
         f"samples of logs are taken as instants ({', '.join(assumed)}); say samples = 'instant', or 'average' where the logger gives the "
         "mean over the interval that ends at the stamp",
     )
-
-
-def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> Environment:
-    known = {"pressure": "Pa", "wind": "m/s", "humidity": "1", "gravity": "m/s^2", "time_constant": "s"}
-    unknown = set(table) - {*known, "gas", "sealed", "vented"}
-    if unknown:
-        raise ScenarioError(f"a gas has {', '.join(known)}, gas, sealed and vented, not {', '.join(sorted(unknown))}.", where)
-    given: dict[str, Any] = {
-        name: literal(table[name], unit, where) for name, unit in known.items() if name in table and name not in ("pressure", "wind")
-    }
-    given |= {
-        name: signal(columns.signal(table[name], known[name], where), known[name], where) for name in ("pressure", "wind") if name in table
-    }
-    given |= {name: table[name] for name in ("gas", "sealed", "vented") if name in table}
-    try:
-        return Environment(**given)
-    except ThermidError as error:
-        raise error.located(where) from None
-
-
-@dataclass(frozen=True)
-class LogColumns:
-    """Reads the columns of logs that a scenario file names.
-
-    Parameters
-    ----------
-    folder : Path   Of the scenario file.
-    zeros : dict    File -> time in it that is the scenario's zero, where that is not its first sample: lift-off in a trajectory. [s]
-    cut : Path      A weather file that enters at another time than its first.
-    """
-
-    folder: Path
-    zeros: Mapping[Path, float] = field(default_factory=dict)
-    cut: Path | None = None
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], folder: Path, where: str) -> LogColumns:
-        """Return the reader of a scenario's tables."""
-        ascent, weather = data.get("ascent", {}), data.get("weather", {})
-        zeros = {resolve_inside(folder, ascent["file"], f"{where}, ascent"): 0.0} if "file" in ascent else {}
-        cut = resolve_inside(folder, weather["file"], f"{where}, weather.file") if "file" in weather and "begin" in weather else None
-        return cls(folder, zeros, cut)
-
-    def signal(self, value: Any, slot: str, where: str, held: bool = False) -> Signal | Any:
-        """Return a column of a log as a signal, or the value as it is.
-
-        Times count from the first sample of the log. The unit is the one given, else that of the header, else degC, W, % of a command, or
-        the SI unit of the slot; a slot that only the model knows (empty) needs one of the first two. Holes are bridged as in a record.
-
-        Raises
-        ------
-        ScenarioError   When a key is unknown, the column is missing, or its unit or time zero is not known.
-        """
-        if not (isinstance(value, Mapping) and "file" in value):
-            return value
-        from thermid.measure import read_plain, read_record
-
-        unknown = set(value) - {"file", "column", "unit", "time", "hold", *CONDUCT}
-        if unknown or "column" not in value:
-            raise ScenarioError(
-                "a column of a log is given by file and column, with unit, time, hold, samples, after and period as needed.", where
-            )
-        file, name, time = resolve_inside(self.folder, value["file"], where), value["column"], value.get("time")
-        if file == self.cut:
-            raise ScenarioError(
-                f"the weather of '{file.name}' begins at another time than its first line, and its columns count from that line. Leave "
-                "begin out, or give the column in a log of its own.",
-                where,
-            )
-        role = {TEMPERATURE: "boundary", "W": "load", "1": "command"}.get(slot, "")
-        text = value.get("unit") or ("" if role else dict(read_plain(file, time).heads).get(name) or slot)
-        if not (role or text):
-            raise ScenarioError(f"give the unit of '{name}': unit = '...', or a header such as '{name} [W/(m^2 K)]'.", where)
-        try:
-            record = read_record(file, {name: ({role: "x"} if role else {}) | ({"unit": text} if text else {})}, time=time)
-        except ThermidError as error:
-            raise error.within(where) from None
-        times, values, _ = record.table(name)
-        known = record.times[record.channel(name).valid]
-        inside = (times >= known[0]) & (times <= known[-1])  # a blank end is no value that holds
-        times, values = times[inside], values[inside]
-        zero = self.zeros.get(file, float(record.times[0]))
-        held = bool(value.get("hold", held)) and value.get("samples") != "average"
-        rows = Table(times - zero, values, held, record.channel(name).unit, (record.origin.sha256, zero))
-        try:
-            return conducted(rows, value, where)
-        except ThermidError as error:
-            raise error.located(where) from None
-
-
-def _irradiation(table: Mapping[str, Any], columns: LogColumns, where: str) -> Irradiation:
-    """Return what falls on a surface from the table of a scenario file."""
-    known = Irradiation.__dataclass_fields__
-    for name in table:
-        if name not in known:
-            raise ScenarioError(f"radiation on a surface has no '{name}'.{nearest(name, known)} It has {', '.join(known)}.", where)
-    given = {
-        name: value if name == "sky_view" else columns.signal(value, TEMPERATURE if name == "sky" else "W/m^2", where)
-        for name, value in table.items()
-    }
-    try:
-        return Irradiation(**given)
-    except ThermidError as error:
-        raise error.located(where) from None
-
-
-@takes_objects
-def load_scenario(path: str | os.PathLike[str]) -> Scenario:
-    """Return the scenario of a TOML file.
-
-    A signal may be a column of a log: ``{ file = "room.csv", column = "T_AMB", unit = "degC", time = "time_s" }``, whose times count from
-    the first sample of the log. Tables
-    `site`, `weather`, `sun` and `wind` make a time on the pad, as `pad_scenario` does, and `ascent` an ascent, as
-    `ascent_scenario` does.
-
-    Raises
-    ------
-    ScenarioError   When a key is unknown or a value is no signal.
-    """
-    target = Path(path)
-    data, lines = read_toml(target)
-    refuse_another_kind(data, "a scenario: boundaries, loads, start, duration", target.name)
-    fields = {*Scenario.__dataclass_fields__, *SURROUNDINGS}
-    for key in data:
-        if key not in fields:
-            raise ScenarioError(f"a scenario has no '{key}'.{nearest(key, fields)}", f"{target.name}:{lines.get(key, 1)}, {key}")
-    given: dict[str, Any] = {"title": target.stem, **data}
-    columns, gases = LogColumns.of(data, target.parent, target.name), data.get("environment", {})
-    for name, slot in SLOTS.items():
-        if name in given:
-            held = name == "commands"
-            given[name] = {k: columns.signal(v, slot, f"{target.name}, {name}.{k}", held) for k, v in given[name].items()}
-    given["environment"] = {gas: _environment(t, columns, f"{target.name}, environment.{gas}") for gas, t in gases.items()}
-    given["irradiation"] = {
-        surface: _irradiation(t, columns, f"{target.name}, irradiation.{surface}") for surface, t in data.get("irradiation", {}).items()
-    }
-    try:
-        if set(SURROUNDINGS) & set(data):
-            from thermid.simulation.surroundings import surrounded
-
-            return surrounded(given, columns, target.name)
-        return Scenario(**given)
-    except ThermidError as error:
-        key = error.where.removeprefix(f"{given['title']}, ")
-        if key != error.where:  # the scenario names itself; its reader looks for the line
-            raise type(error)(error.message, f"{target.name}:{lines.get(key, 1)}, {key}") from None
-        raise error.located(target.name) from None

@@ -10,8 +10,9 @@ from thermid.measure import read_weather
 from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.simulation.ascent import ascent_scenario, read_trajectory
+from thermid.simulation.columns import LogColumns
 from thermid.simulation.pad import pad_scenario
-from thermid.simulation.scenario import LogColumns, Scenario
+from thermid.simulation.scenario import Scenario
 from thermid.simulation.site import Site
 from thermid.units import TEMPERATURE
 

@@ -17,8 +17,8 @@ from thermid.measure import Channel, Record
 from thermid.model.tree.model import Model
 from thermid.prediction.known import values_at
 from thermid.prediction.predict import predict
-from thermid.simulation import simulate
 from thermid.simulation.scenario import Scenario
+from thermid.simulation.transient import simulate
 from unit.fit.bench import HTC, MASS, box, log, room
 
 TIMES = np.linspace(0.0, 18000.0, 301)
