@@ -152,8 +152,10 @@ if TYPE_CHECKING:
     from thermid.simulation.engine import Options as Options
     from thermid.simulation.ensemble import Ensemble as Ensemble
     from thermid.simulation.ensemble import ensemble as ensemble
-    from thermid.simulation.moisture import Moisture as Moisture
-    from thermid.simulation.moisture import moisture as moisture
+    from thermid.simulation.moisture.moisture import Moisture as Moisture
+    from thermid.simulation.moisture.moisture import moisture as moisture
+    from thermid.simulation.moisture.vapour import Volume as Volume
+    from thermid.simulation.moisture.vapour import WaterBalance as WaterBalance
     from thermid.simulation.orbit import eclipse_signal as eclipse_signal
     from thermid.simulation.orbit import orbit_irradiation as orbit_irradiation
     from thermid.simulation.pad import pad_scenario as pad_scenario
@@ -167,8 +169,6 @@ if TYPE_CHECKING:
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.steady import steady_levels as steady_levels
     from thermid.simulation.transient import simulate as simulate
-    from thermid.simulation.vapour import Volume as Volume
-    from thermid.simulation.vapour import WaterBalance as WaterBalance
     from thermid.steadiness.forecast import Forecast as Forecast
     from thermid.steadiness.forecast import forecast as forecast
     from thermid.steadiness.stabilisation import Stability as Stability
@@ -217,10 +217,10 @@ _PUBLIC = {
     "Ensemble": "simulation.ensemble",
     "Solution": "simulation.solution",
     "BlockSolution": "simulation.block_solution",
-    "moisture": "simulation.moisture",
-    "Volume": "simulation.vapour",
-    "WaterBalance": "simulation.vapour",
-    "Moisture": "simulation.moisture",
+    "moisture": "simulation.moisture.moisture",
+    "Volume": "simulation.moisture.vapour",
+    "WaterBalance": "simulation.moisture.vapour",
+    "Moisture": "simulation.moisture.moisture",
     "Channel": "measure",
     "SensorPart": "measure",
     "SensorCertificate": "measure",

@@ -11,7 +11,7 @@ from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
     from thermid.profiles.profile import ThermalProfile
-    from thermid.simulation.moisture import Moisture
+    from thermid.simulation.moisture.moisture import Moisture
     from thermid.simulation.scenario import Scenario
     from thermid.simulation.solution import Solution, Trace
 
