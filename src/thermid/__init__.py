@@ -144,9 +144,6 @@ if TYPE_CHECKING:
     from thermid.reporting.pictures.trust import picture as picture
     from thermid.reporting.qualification.page import correlation_report as correlation_report
     from thermid.reporting.qualification.page import qualification_report as qualification_report
-    from thermid.simulation.ascent import Trajectory as Trajectory
-    from thermid.simulation.ascent import ascent_scenario as ascent_scenario
-    from thermid.simulation.ascent import read_trajectory as read_trajectory
     from thermid.simulation.block_solution import BlockSolution as BlockSolution
     from thermid.simulation.draws import draw as draw
     from thermid.simulation.engine import Options as Options
@@ -156,14 +153,17 @@ if TYPE_CHECKING:
     from thermid.simulation.moisture.moisture import moisture as moisture
     from thermid.simulation.moisture.vapour import Volume as Volume
     from thermid.simulation.moisture.vapour import WaterBalance as WaterBalance
-    from thermid.simulation.orbit import eclipse_signal as eclipse_signal
-    from thermid.simulation.orbit import orbit_irradiation as orbit_irradiation
-    from thermid.simulation.pad import pad_scenario as pad_scenario
-    from thermid.simulation.scenario import Scenario as Scenario
     from thermid.simulation.scenario_file import load_scenario as load_scenario
+    from thermid.simulation.scenarios.scenario import Scenario as Scenario
     from thermid.simulation.simulator import Simulator as Simulator
     from thermid.simulation.simulator import prepare as prepare
-    from thermid.simulation.site import Site as Site
+    from thermid.simulation.site.ascent import Trajectory as Trajectory
+    from thermid.simulation.site.ascent import ascent_scenario as ascent_scenario
+    from thermid.simulation.site.ascent import read_trajectory as read_trajectory
+    from thermid.simulation.site.orbit import eclipse_signal as eclipse_signal
+    from thermid.simulation.site.orbit import orbit_irradiation as orbit_irradiation
+    from thermid.simulation.site.pad import pad_scenario as pad_scenario
+    from thermid.simulation.site.site import Site as Site
     from thermid.simulation.solution import Solution as Solution
     from thermid.simulation.steady import Steady as Steady
     from thermid.simulation.steady import steady as steady
@@ -192,17 +192,17 @@ _PUBLIC = {
     "Environment": "network.environment",
     "Irradiation": "network.irradiation",
     "OpenSky": "network.irradiation",
-    "Scenario": "simulation.scenario",
+    "Scenario": "simulation.scenarios.scenario",
     "load_scenario": "simulation.scenario_file",
-    "Site": "simulation.site",
+    "Site": "simulation.site.site",
     "Weather": "measure",
     "read_weather": "measure",
-    "pad_scenario": "simulation.pad",
-    "Trajectory": "simulation.ascent",
-    "read_trajectory": "simulation.ascent",
-    "ascent_scenario": "simulation.ascent",
-    "orbit_irradiation": "simulation.orbit",
-    "eclipse_signal": "simulation.orbit",
+    "pad_scenario": "simulation.site.pad",
+    "Trajectory": "simulation.site.ascent",
+    "read_trajectory": "simulation.site.ascent",
+    "ascent_scenario": "simulation.site.ascent",
+    "orbit_irradiation": "simulation.site.orbit",
+    "eclipse_signal": "simulation.site.orbit",
     "AscentCheck": "profile_runs.ascent",
     "ascent_checks": "profile_runs.ascent",
     "Options": "simulation.engine",

@@ -19,9 +19,9 @@ from .source import Module, room_of, within
 FOUNDATION = {"arguments", "errors", "files", "seals", "memo", "_units_table", "units", "expression", "dual"}
 
 MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck", "model.blocks"}
-SIMULATION = {"simulation"}
+SIMULATION = {"simulation", "simulation.scenarios"}
 # Moisture, and sites with their weather, are optional: none of the rooms but those that say so imports them.
-OPTIONAL = {"simulation.moisture"}
+OPTIONAL = {"simulation.site", "simulation.moisture"}
 
 # Package: the packages it may import; of a room with packages inside, each has its own line. `thermid/__init__.py` offers the public names
 # of all of them and stands outside.
@@ -45,8 +45,10 @@ ARROWS: dict[str, set[str]] = {
     "network": FOUNDATION | MODEL | {"physics", "_kernel"},
     "measure": FOUNDATION,
     "knowledge": FOUNDATION | MODEL | {"physics", "measure"},
-    "simulation": FOUNDATION | MODEL | {"physics", "network", "measure", "knowledge", "_kernel"},
-    "simulation.moisture": FOUNDATION | MODEL | {"physics", "network", "simulation"},
+    "simulation.scenarios": FOUNDATION | MODEL | {"physics", "network", "measure"},
+    "simulation.site": FOUNDATION | MODEL | {"physics", "network", "measure", "simulation.scenarios"},
+    "simulation": FOUNDATION | MODEL | {"physics", "network", "knowledge", "simulation.scenarios", "simulation.site", "_kernel"},
+    "simulation.moisture": FOUNDATION | MODEL | {"physics", "network", "simulation", "simulation.scenarios"},
 }
 LOW = FOUNDATION | MODEL | SIMULATION | {"physics", "network", "measure", "knowledge"}
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
@@ -92,7 +94,10 @@ TOP = {"cli", "studio", "__main__"}
 ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}
 
 # A scenario may take signals from columns of a table, and weather: that is all that `simulation` may know of measurements.
-ONLY_NAMES = {("simulation", "measure"): {"read_record", "read_plain", "read_weather", "Weather"}}
+ONLY_NAMES = {
+    ("simulation.scenarios", "measure"): {"read_record", "read_plain"},
+    ("simulation.site", "measure"): {"read_plain", "read_weather", "Weather"},
+}
 
 HEAVY = ("pandas", "scipy", "matplotlib", "xarray", "pydantic", "pint", "plotly", "jinja2", "h5netcdf", "h5py", "sympy", "pvlib")
 
@@ -207,7 +212,7 @@ def test_no_module_needs_itself_to_load(modules: dict[str, Module]) -> None:
         ("thermid.explain.x", "import thermid as td", "may not import 'thermid'"),
         ("thermid.reporting.x", "import importlib\nimportlib.import_module('thermid.cli')", "may not import 'cli'"),
         ("thermid.units", "if TYPE_CHECKING:\n    from thermid.expression import Expression", "may not import 'expression'"),
-        ("thermid.simulation.x", "from thermid.measure import Record", "only "),
+        ("thermid.simulation.scenarios.x", "from thermid.measure import Record", "only "),
         ("thermid.kitchen.x", "", "no line in ARROWS"),
         ("thermid.fit.problem.x", "if TYPE_CHECKING:\n    from thermid.fit.calibration import Calibration", "may not import 'fit'"),
         ("thermid.fit.x", "from thermid.campaign.swap.swap import plan_retune", "may not import 'campaign.swap'"),

@@ -14,7 +14,7 @@ from thermid.fit.calibrate import calibrate
 from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
 STACK = Path(__file__).parents[2] / "examples" / "02_stack" / "m_PrE.toml"

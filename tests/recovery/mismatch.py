@@ -16,7 +16,7 @@ from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.model import Model
 from thermid.prediction.predict import predict
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
 STEP = 0.0625

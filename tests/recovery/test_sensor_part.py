@@ -17,7 +17,7 @@ from thermid.measure import Channel, Record
 from thermid.measure.part import SensorCertificate, SensorPart, worn
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
 pytestmark = pytest.mark.recovery

@@ -18,7 +18,7 @@ from thermid.memo import Memo
 from thermid.model.deck.modelfile import load_model, read_toml, resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from thermid.campaign.stages import Campaign
     from thermid.model.tree.model import Model
-    from thermid.simulation.scenario import Scenario
+    from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["main"]
 
@@ -246,8 +246,8 @@ def simulate(
 
 def _scenario(model: Model, file: Path | None, boundary: Pairs, load: Pairs, start: str | None, duration: str | None) -> Scenario:
     """Return the scenario of the options, laid over the one of a file."""
-    from thermid.simulation.scenario import Scenario
     from thermid.simulation.scenario_file import load_scenario
+    from thermid.simulation.scenarios.scenario import Scenario
 
     base = load_scenario(file) if file is not None else Scenario("command line")
     for name, text in _pairs(boundary, "--boundary").items():

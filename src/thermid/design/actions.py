@@ -11,7 +11,7 @@ from thermid.design.planned import Sensor
 from thermid.dual import value_of
 from thermid.model.laws.signal import Constant, Signal, Table
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 
 __all__ = ["Action", "Aim", "usual_actions"]

@@ -22,7 +22,7 @@ from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.prediction.before import WITHOUT_GAS, Before, before_fit, before_model, unknown_of
 from thermid.prediction.doubts import doubted, doubts_without_gas
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["next_test"]
 

@@ -21,7 +21,7 @@ from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.engine import Engine
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.steady import steady
 from thermid.simulation.wiring import Wiring
 

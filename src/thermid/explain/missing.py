@@ -14,7 +14,7 @@ from thermid.measure.amounts import short
 from thermid.model.parts.elements import Conductor, HeatLoad, Node
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Missing", "missing_elements"]
 

@@ -29,7 +29,7 @@ from thermid.fit.uncertainty.responses import responses
 from thermid.fit.uncertainty.wander import wander
 from thermid.measure import Record
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["calibrate", "fit", "fit_problem"]
 

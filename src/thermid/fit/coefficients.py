@@ -20,7 +20,7 @@ from thermid.model.tree.flat import FlatConductor, FlatLoad
 from thermid.network.network import Network
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.engine import Engine, Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.traces import Traces
 from thermid.simulation.wiring import Wiring
 

@@ -17,7 +17,7 @@ from thermid.model.laws.signal import Constant, Drawn, Sine, Table
 from thermid.model.tree.model import Model
 from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["to_spice"]
 

@@ -10,7 +10,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
 __all__ = ["Apart", "Difference", "difference"]

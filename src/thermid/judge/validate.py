@@ -19,7 +19,7 @@ from thermid.judge.looks import Look
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
 from thermid.model.laws.signal import literal
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted
 
 __all__ = ["Check", "Criteria", "Verdict", "validate"]

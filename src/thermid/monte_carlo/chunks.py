@@ -22,7 +22,7 @@ from thermid.prediction.budget import Budget
 from thermid.prediction.setting import Setting
 from thermid.simulation.engine import Options
 from thermid.simulation.extremes import MemberTurnings
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Chunk", "Job", "MissingPackageError", "Store", "digest", "run_members_of", "work"]
 

@@ -20,7 +20,7 @@ from thermid.prediction.known import known_of
 from thermid.prediction.spread import Spread
 from thermid.prediction.stated import check_variants
 from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import output_times
 
 __all__ = ["Values", "plan_runs"]

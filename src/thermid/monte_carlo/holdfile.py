@@ -17,8 +17,8 @@ from thermid.model.tree.model import Model
 from thermid.monte_carlo.hold import Hold, check_members, hold, limits_of
 from thermid.monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs
 from thermid.reduction.macro import macro_model
-from thermid.simulation.scenario import Scenario
 from thermid.simulation.scenario_file import load_scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["HoldQuestion", "load_hold"]
 

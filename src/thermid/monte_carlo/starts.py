@@ -9,7 +9,7 @@ import numpy as np
 
 from thermid.errors import ScenarioError, nearest
 from thermid.model.laws.signal import literal
-from thermid.simulation.scenario import SLOTS, Scenario
+from thermid.simulation.scenarios.scenario import SLOTS, Scenario
 
 __all__ = ["begun_at", "starts"]
 

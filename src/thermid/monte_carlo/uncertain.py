@@ -24,7 +24,7 @@ from thermid.prediction.setting import Setting
 from thermid.reduction.macro import assumed
 from thermid.simulation.engine import Options
 from thermid.simulation.extremes import MemberTurnings
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["UncertainRuns", "uncertain_runs"]
 

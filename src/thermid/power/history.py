@@ -16,7 +16,7 @@ from thermid.model.laws.signal import literal
 if TYPE_CHECKING:
     from thermid.model.tree.model import Model
     from thermid.power.laws import PowerLaw
-    from thermid.simulation.scenario import Scenario
+    from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["PowerHistory"]
 

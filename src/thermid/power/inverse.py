@@ -24,7 +24,7 @@ from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.power.history import PowerHistory
 from thermid.power.regularised import ROUNDS, Pins, Solved, solved
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from thermid.units import unit
 

@@ -21,7 +21,7 @@ from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import Known, Rows, instruments_of, rows_of
 from thermid.prediction.setting import Setting
 from thermid.prediction.structural import CONSTANT, MISFIT
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["WITHOUT_GAS", "Before", "before_fit", "before_model"]
 

@@ -34,7 +34,7 @@ from thermid.prediction.structural import (
     responses,
     split_rows,
 )
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 
 __all__ = ["Budget", "Stated", "Target", "budget_of", "combined"]

@@ -13,7 +13,7 @@ from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.physics.finishes import finish
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["doubted", "doubts_without_gas"]
 

@@ -18,7 +18,7 @@ from thermid.prediction.predict import predicted
 from thermid.prediction.prediction import Band, Prediction
 from thermid.prediction.structural import MISFIT
 from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate

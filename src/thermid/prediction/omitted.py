@@ -17,7 +17,7 @@ from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet, parameter_table
 from thermid.network.network import compile_network
 from thermid.prediction.split import split_needed
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from thermid.prediction.setting import Linear, Setting
 from thermid.prediction.spread import Spread
 from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["predict", "predicted"]
 

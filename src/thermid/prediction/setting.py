@@ -28,7 +28,7 @@ from thermid.prediction.budget import Budget, Target, combined
 from thermid.simulation.engine import Engine, Options
 from thermid.simulation.ensemble import Ensemble
 from thermid.simulation.extremes import MemberTurnings
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
 from thermid.simulation.wiring import Wiring

@@ -25,7 +25,7 @@ from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.prediction.split_priors import Part, parts_of
 from thermid.prediction.split_surface import Split, SplitSurface
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["split", "split_needed", "split_values"]
 

@@ -17,7 +17,7 @@ from thermid.physics.air import dry_air
 from thermid.physics.bodies import body_htc, conduction_floor
 from thermid.physics.finishes import SPAN, finish
 from thermid.physics.radiation import linearised_htc
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.steady import steady
 
 __all__ = ["Part", "Prior", "parts_of"]

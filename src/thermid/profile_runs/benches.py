@@ -12,7 +12,7 @@ from thermid.network.network import compile_network
 from thermid.profile_runs.legs import Bench, Conditions, memory_of
 from thermid.profiles.profile import ThermalProfile
 from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 
 __all__ = ["bench_of", "node_of", "watched"]

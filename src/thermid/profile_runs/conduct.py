@@ -23,7 +23,7 @@ from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.remarks import ordered
 from thermid.profiles.steps import Step
 from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.simulation.moisture.moisture import Moisture, moisture
 from thermid.simulation.moisture.vapour import follow
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 
 __all__ = ["LEFT_OUT", "humid"]

@@ -15,7 +15,7 @@ from thermid.model.laws.signal import Constant, Signal, Table, multiplied
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.simulation.engine import Engine, Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.steady import settle
 from thermid.simulation.traces import Traces

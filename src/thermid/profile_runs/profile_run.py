@@ -12,7 +12,7 @@ from thermid.physics.constants import ICE_POINT
 if TYPE_CHECKING:
     from thermid.profiles.profile import ThermalProfile
     from thermid.simulation.moisture.moisture import Moisture
-    from thermid.simulation.scenario import Scenario
+    from thermid.simulation.scenarios.scenario import Scenario
     from thermid.simulation.solution import Solution, Trace
 
 __all__ = ["Phase", "ProfileRun"]

@@ -21,8 +21,8 @@ from thermid.model.tree.model import Model
 from thermid.monte_carlo.chunks import digest
 from thermid.reduction.macro import assumed
 from thermid.reduction.reduce import Reduction, reduce
-from thermid.simulation.scenario import Scenario
 from thermid.simulation.scenario_file import load_scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate

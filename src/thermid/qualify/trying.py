@@ -33,8 +33,8 @@ from thermid.qualify.assumptions import extrapolations
 from thermid.qualify.plan import Plan
 from thermid.qualify.settled import dwells, settled_by, unsettled
 from thermid.qualify.trial import Trial
-from thermid.simulation.scenario import Scenario
 from thermid.simulation.scenario_file import load_scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration

@@ -22,7 +22,7 @@ from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.reduction.condense import Choice, Condensed, Drive, Part, chain, condensed, part_of
-from thermid.simulation.scenario import STEADY, Scenario, Start
+from thermid.simulation.scenarios.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate

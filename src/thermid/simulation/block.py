@@ -17,7 +17,7 @@ from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation.block_solution import Again, BlockSolution
 from thermid.simulation.engine import Options
 from thermid.simulation.large import METHODS, LargeAnswer, Watched, integrate
-from thermid.simulation.scenario import STEADY, Scenario, Start
+from thermid.simulation.scenarios.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import output_times
 from thermid.simulation.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
 from thermid.units import TEMPERATURE

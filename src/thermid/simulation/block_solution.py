@@ -17,7 +17,7 @@ from thermid.simulation.engine import Options
 from thermid.simulation.extremes import Turnings
 from thermid.simulation.kernel_form import break_times
 from thermid.simulation.large import LargeAnswer, Watched, integrate
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import HeatBalance, Solution, Trace
 from thermid.simulation.sparse import SparseNetwork
 

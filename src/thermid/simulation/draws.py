@@ -14,7 +14,7 @@ from thermid.knowledge.sources import uniforms
 
 if TYPE_CHECKING:
     from thermid.model.tree.model import Model
-    from thermid.simulation.scenario import Scenario
+    from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["draw"]
 

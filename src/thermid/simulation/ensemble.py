@@ -18,7 +18,7 @@ from thermid.simulation.solution import Trace
 if TYPE_CHECKING:
     from thermid.model.tree.model import Model
     from thermid.simulation.engine import Options
-    from thermid.simulation.scenario import Scenario
+    from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Ensemble", "Summary", "ensemble"]
 

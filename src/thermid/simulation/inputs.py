@@ -14,7 +14,7 @@ from thermid.errors import DeckError, ScenarioError, nearest
 from thermid.model.laws.signal import Constant, Drawn, Mixed, Signal, Sine, Table, multiplied, pulses, signal, together
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow, LoadRow
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import TEMPERATURE, require
 
 __all__ = ["Schedule", "check_courses", "load_inputs", "normalised", "read_schedule", "scheduled"]

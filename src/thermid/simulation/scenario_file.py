@@ -13,9 +13,9 @@ from thermid.model.deck.modelfile import read_toml, refuse_another_kind
 from thermid.model.laws.signal import literal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation
-from thermid.simulation.columns import LogColumns
-from thermid.simulation.scenario import SLOTS, Scenario
-from thermid.simulation.surroundings import surrounded
+from thermid.simulation.scenarios.columns import LogColumns
+from thermid.simulation.scenarios.scenario import SLOTS, Scenario
+from thermid.simulation.site.surroundings import surrounded
 from thermid.units import TEMPERATURE
 
 __all__ = ["load_scenario"]

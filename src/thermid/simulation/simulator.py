@@ -24,7 +24,7 @@ from thermid.network.reach import unreached
 from thermid.simulation.engine import Engine, Options
 from thermid.simulation.ensemble import Ensemble
 from thermid.simulation.run import Run
-from thermid.simulation.scenario import STEADY, Scenario, sampled_logs
+from thermid.simulation.scenarios.scenario import STEADY, Scenario, sampled_logs
 from thermid.simulation.solution import Solution
 from thermid.simulation.steady import held_inputs
 from thermid.simulation.wiring import Wiring

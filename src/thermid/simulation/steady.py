@@ -15,7 +15,7 @@ from thermid.model.blocks.block import Block
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.scenario import MEAN, PERIODIC, STEADY, Scenario
+from thermid.simulation.scenarios.scenario import MEAN, PERIODIC, STEADY, Scenario
 
 if TYPE_CHECKING:
     from thermid.simulation.block_solution import BlockSolution

@@ -10,7 +10,7 @@ from thermid.errors import ScenarioError
 from thermid.model.blocks.block import Block
 from thermid.model.tree.model import Model
 from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare
 from thermid.simulation.solution import Solution
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from thermid.measure.channel import Channel
     from thermid.measure.record import Record
     from thermid.model.tree.model import Model
-    from thermid.simulation.scenario import Scenario
+    from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Estimate", "Forecast", "forecast"]
 

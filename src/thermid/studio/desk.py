@@ -22,7 +22,7 @@ from thermid.model.tree.resolve import parameter_table
 from thermid.network.network import compile_network
 from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.diagrams.folding import parts_of
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
 from thermid.studio.curves import POINTS, Curve, RunCurves, Window, thinned

@@ -29,8 +29,8 @@ from thermid.model.tree.resolve import ParameterSet, deck_text, parameter_table
 from thermid.network.network import compile_network
 from thermid.reporting.blocks.cells import Table
 from thermid.reporting.pages.tables import levels
-from thermid.simulation.scenario import Scenario
 from thermid.simulation.scenario_file import load_scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.studio.desk import Desk
 from thermid.studio.stage_state import StageState
 from thermid.studio.watch import Watch

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from thermid.model.deck.modelfile import load_model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from unit.cli.conftest import Call
 

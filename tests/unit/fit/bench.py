@@ -12,7 +12,7 @@ from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Signal
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
 ICE = 273.15

@@ -17,7 +17,7 @@ from thermid.measure import Channel, Record
 from thermid.model.tree.model import Model
 from thermid.prediction.known import values_at
 from thermid.prediction.predict import predict
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from unit.fit.bench import HTC, MASS, box, log, room
 

@@ -15,7 +15,7 @@ from thermid.fit.problem.starts import first_reading
 from thermid.measure import Channel, Record, read_record
 from thermid.model.laws.signal import Constant, Table
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from unit.fit.bench import HTC, ICE, MASS, box, log, metered, pair, room
 
 

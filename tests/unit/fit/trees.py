@@ -11,7 +11,7 @@ import numpy as np
 from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from unit.fit.project import write_log
 

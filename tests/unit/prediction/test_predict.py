@@ -17,7 +17,7 @@ from thermid.fit.problem.request import Request
 from thermid.prediction.predict import predict
 from thermid.prediction.prediction import Prediction
 from thermid.prediction.spread import Spread
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from unit.fit.bench import HTC, MASS, box, log, pair
 

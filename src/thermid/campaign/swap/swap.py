@@ -22,7 +22,7 @@ from thermid.model.tree.model import Model
 from thermid.model.tree.replacement import Start
 from thermid.model.tree.resolve import ParameterSet
 from thermid.model.tree.touching import touching
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
     from thermid.campaign.stages import Campaign

@@ -18,7 +18,7 @@ from thermid.fit.problem.blocks import Block
 from thermid.fit.uncertainty.wander import wandering
 from thermid.measure import Record
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Alignment", "align"]
 

@@ -21,7 +21,7 @@ from thermid.measure import Record
 from thermid.memo import Memo
 from thermid.model.laws.signal import Table
 from thermid.model.tree.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Clocked"]
 

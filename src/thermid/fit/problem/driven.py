@@ -11,7 +11,7 @@ import numpy as np
 from thermid.errors import RecordError
 from thermid.measure import Channel, Record
 from thermid.model.laws.signal import Constant, Signal, Table, conducted
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Inputs", "corrected", "on_the_clock_of", "power_while_on", "signal_of"]
 

@@ -19,7 +19,7 @@ from thermid.measure.part import SensorPart
 from thermid.memo import Memo
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["SCALE", "Experiment", "Observation", "meet"]
 

@@ -15,7 +15,7 @@ from thermid.measure import Channel, Record
 from thermid.model.laws.signal import Constant
 from thermid.network.network import Network
 from thermid.simulation.engine import Engine
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.wiring import Wiring
 
 __all__ = ["UNSAID_NOISE", "HiddenStart", "first_reading", "hidden_starts", "starts_of"]

@@ -9,11 +9,11 @@ from thermid.errors import ScenarioError, nearest
 from thermid.measure import read_weather
 from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
-from thermid.simulation.ascent import ascent_scenario, read_trajectory
-from thermid.simulation.columns import LogColumns
-from thermid.simulation.pad import pad_scenario
-from thermid.simulation.scenario import Scenario
-from thermid.simulation.site import Site
+from thermid.simulation.scenarios.columns import LogColumns
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.site.ascent import ascent_scenario, read_trajectory
+from thermid.simulation.site.pad import pad_scenario
+from thermid.simulation.site.site import Site
 from thermid.units import TEMPERATURE
 
 __all__ = ["KEYS", "surrounded"]

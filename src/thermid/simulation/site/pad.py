@@ -23,8 +23,8 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
 from thermid.physics.exposure import cloudless_sky, driving_rain, sky_share
 from thermid.physics.moist import dew_point, vapour_pressure
-from thermid.simulation.scenario import Scenario
-from thermid.simulation.site import Site, quiet
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.site.site import Site, quiet
 from thermid.units import TEMPERATURE
 
 __all__ = ["open_sky", "pad_scenario", "wind_htc"]

@@ -19,7 +19,7 @@ from thermid.network.environment import Environment
 from thermid.network.irradiation import HOTTEST, Irradiation
 from thermid.physics.atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
 from thermid.physics.exposure import molecular_heating
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import TEMPERATURE
 
 __all__ = ["SPACE", "Trajectory", "ascent_scenario", "read_trajectory"]
