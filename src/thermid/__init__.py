@@ -149,26 +149,26 @@ if TYPE_CHECKING:
     from thermid.simulation.engine import Options as Options
     from thermid.simulation.ensemble import Ensemble as Ensemble
     from thermid.simulation.ensemble import ensemble as ensemble
-    from thermid.simulation.moisture.moisture import Moisture as Moisture
-    from thermid.simulation.moisture.moisture import moisture as moisture
-    from thermid.simulation.moisture.vapour import Volume as Volume
-    from thermid.simulation.moisture.vapour import WaterBalance as WaterBalance
     from thermid.simulation.scenario_file import load_scenario as load_scenario
     from thermid.simulation.scenarios.scenario import Scenario as Scenario
     from thermid.simulation.simulator import Simulator as Simulator
     from thermid.simulation.simulator import prepare as prepare
-    from thermid.simulation.site.ascent import Trajectory as Trajectory
-    from thermid.simulation.site.ascent import ascent_scenario as ascent_scenario
-    from thermid.simulation.site.ascent import read_trajectory as read_trajectory
-    from thermid.simulation.site.orbit import eclipse_signal as eclipse_signal
-    from thermid.simulation.site.orbit import orbit_irradiation as orbit_irradiation
-    from thermid.simulation.site.pad import pad_scenario as pad_scenario
-    from thermid.simulation.site.site import Site as Site
+    from thermid.simulation.sites.ascent import Trajectory as Trajectory
+    from thermid.simulation.sites.ascent import ascent_scenario as ascent_scenario
+    from thermid.simulation.sites.ascent import read_trajectory as read_trajectory
+    from thermid.simulation.sites.orbit import eclipse_signal as eclipse_signal
+    from thermid.simulation.sites.orbit import orbit_irradiation as orbit_irradiation
+    from thermid.simulation.sites.pad import pad_scenario as pad_scenario
+    from thermid.simulation.sites.site import Site as Site
     from thermid.simulation.solution import Solution as Solution
     from thermid.simulation.steady import Steady as Steady
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.steady import steady_levels as steady_levels
     from thermid.simulation.transient import simulate as simulate
+    from thermid.simulation.water.moisture import Moisture as Moisture
+    from thermid.simulation.water.moisture import moisture as moisture
+    from thermid.simulation.water.vapour import Volume as Volume
+    from thermid.simulation.water.vapour import WaterBalance as WaterBalance
     from thermid.steadiness.forecast import Forecast as Forecast
     from thermid.steadiness.forecast import forecast as forecast
     from thermid.steadiness.stabilisation import Stability as Stability
@@ -194,15 +194,15 @@ _PUBLIC = {
     "OpenSky": "network.irradiation",
     "Scenario": "simulation.scenarios.scenario",
     "load_scenario": "simulation.scenario_file",
-    "Site": "simulation.site.site",
+    "Site": "simulation.sites.site",
     "Weather": "measure",
     "read_weather": "measure",
-    "pad_scenario": "simulation.site.pad",
-    "Trajectory": "simulation.site.ascent",
-    "read_trajectory": "simulation.site.ascent",
-    "ascent_scenario": "simulation.site.ascent",
-    "orbit_irradiation": "simulation.site.orbit",
-    "eclipse_signal": "simulation.site.orbit",
+    "pad_scenario": "simulation.sites.pad",
+    "Trajectory": "simulation.sites.ascent",
+    "read_trajectory": "simulation.sites.ascent",
+    "ascent_scenario": "simulation.sites.ascent",
+    "orbit_irradiation": "simulation.sites.orbit",
+    "eclipse_signal": "simulation.sites.orbit",
     "AscentCheck": "profile_runs.ascent",
     "ascent_checks": "profile_runs.ascent",
     "Options": "simulation.engine",
@@ -217,10 +217,10 @@ _PUBLIC = {
     "Ensemble": "simulation.ensemble",
     "Solution": "simulation.solution",
     "BlockSolution": "simulation.block_solution",
-    "moisture": "simulation.moisture.moisture",
-    "Volume": "simulation.moisture.vapour",
-    "WaterBalance": "simulation.moisture.vapour",
-    "Moisture": "simulation.moisture.moisture",
+    "moisture": "simulation.water.moisture",
+    "Volume": "simulation.water.vapour",
+    "WaterBalance": "simulation.water.vapour",
+    "Moisture": "simulation.water.moisture",
     "Channel": "measure",
     "SensorPart": "measure",
     "SensorCertificate": "measure",

@@ -21,7 +21,7 @@ FOUNDATION = {"arguments", "errors", "files", "seals", "memo", "_units_table", "
 MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck", "model.blocks"}
 SIMULATION = {"simulation", "simulation.scenarios"}
 # Moisture, and sites with their weather, are optional: none of the rooms but those that say so imports them.
-OPTIONAL = {"simulation.site", "simulation.moisture"}
+OPTIONAL = {"simulation.sites", "simulation.water"}
 
 # Package: the packages it may import; of a room with packages inside, each has its own line. `thermid/__init__.py` offers the public names
 # of all of them and stands outside.
@@ -46,9 +46,9 @@ ARROWS: dict[str, set[str]] = {
     "measure": FOUNDATION,
     "knowledge": FOUNDATION | MODEL | {"physics", "measure"},
     "simulation.scenarios": FOUNDATION | MODEL | {"physics", "network", "measure"},
-    "simulation.site": FOUNDATION | MODEL | {"physics", "network", "measure", "simulation.scenarios"},
-    "simulation": FOUNDATION | MODEL | {"physics", "network", "knowledge", "simulation.scenarios", "simulation.site", "_kernel"},
-    "simulation.moisture": FOUNDATION | MODEL | {"physics", "network", "simulation", "simulation.scenarios"},
+    "simulation.sites": FOUNDATION | MODEL | {"physics", "network", "measure", "simulation.scenarios"},
+    "simulation": FOUNDATION | MODEL | {"physics", "network", "knowledge", "simulation.scenarios", "simulation.sites", "_kernel"},
+    "simulation.water": FOUNDATION | MODEL | {"physics", "network", "simulation", "simulation.scenarios"},
 }
 LOW = FOUNDATION | MODEL | SIMULATION | {"physics", "network", "measure", "knowledge"}
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
@@ -59,7 +59,7 @@ TESTED = {"sourced", "profiles", "profile_runs", "steadiness", "reduction", "mon
 ARROWS |= {
     "sourced": LOW,
     "profiles": LOW | {"sourced"},
-    "profile_runs": LOW | {"sourced", "profiles", "simulation.moisture"},
+    "profile_runs": LOW | {"sourced", "profiles", "simulation.water"},
     "steadiness": LOW | {"profile_runs"},
     "reduction": LOW,
     "fit.problem": LOW,
@@ -96,7 +96,7 @@ ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}
 # A scenario may take signals from columns of a table, and weather: that is all that `simulation` may know of measurements.
 ONLY_NAMES = {
     ("simulation.scenarios", "measure"): {"read_record", "read_plain"},
-    ("simulation.site", "measure"): {"read_plain", "read_weather", "Weather"},
+    ("simulation.sites", "measure"): {"read_plain", "read_weather", "Weather"},
 }
 
 HEAVY = ("pandas", "scipy", "matplotlib", "xarray", "pydantic", "pint", "plotly", "jinja2", "h5netcdf", "h5py", "sympy", "pvlib")

@@ -27,7 +27,7 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
 if TYPE_CHECKING:
-    from thermid.simulation.moisture.moisture import Moisture
+    from thermid.simulation.water.moisture import Moisture
 
 __all__ = ["run_profile"]
 

@@ -19,10 +19,10 @@ from thermid.model.tree.flat import Flat, FlatConductor
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.moisture.vapour import Followed, Volume, WaterBalance, follow
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
+from thermid.simulation.water.vapour import Followed, Volume, WaterBalance, follow
 
 __all__ = ["Moisture", "SurfaceMoisture", "moisture"]
 

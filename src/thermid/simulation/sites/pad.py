@@ -24,7 +24,7 @@ from thermid.physics.correlations import forced_plate_nusselt
 from thermid.physics.exposure import cloudless_sky, driving_rain, sky_share
 from thermid.physics.moist import dew_point, vapour_pressure
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.site.site import Site, quiet
+from thermid.simulation.sites.site import Site, quiet
 from thermid.units import TEMPERATURE
 
 __all__ = ["open_sky", "pad_scenario", "wind_htc"]
