@@ -146,7 +146,6 @@ if TYPE_CHECKING:
     from thermid.reporting.qualification.page import qualification_report as qualification_report
     from thermid.simulation.block_solution import BlockSolution as BlockSolution
     from thermid.simulation.draws import draw as draw
-    from thermid.simulation.engine import Options as Options
     from thermid.simulation.ensemble import Ensemble as Ensemble
     from thermid.simulation.ensemble import ensemble as ensemble
     from thermid.simulation.scenario_file import load_scenario as load_scenario
@@ -161,6 +160,7 @@ if TYPE_CHECKING:
     from thermid.simulation.sites.pad import pad_scenario as pad_scenario
     from thermid.simulation.sites.site import Site as Site
     from thermid.simulation.solution import Solution as Solution
+    from thermid.simulation.solver.engine import Options as Options
     from thermid.simulation.steady import Steady as Steady
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.steady import steady_levels as steady_levels
@@ -205,7 +205,7 @@ _PUBLIC = {
     "eclipse_signal": "simulation.sites.orbit",
     "AscentCheck": "profile_runs.ascent",
     "ascent_checks": "profile_runs.ascent",
-    "Options": "simulation.engine",
+    "Options": "simulation.solver.engine",
     "simulate": "simulation.transient",
     "prepare": "simulation.simulator",
     "Simulator": "simulation.simulator",

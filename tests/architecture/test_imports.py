@@ -19,7 +19,7 @@ from .source import Module, room_of, within
 FOUNDATION = {"arguments", "errors", "files", "seals", "memo", "_units_table", "units", "expression", "dual"}
 
 MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck", "model.blocks"}
-SIMULATION = {"simulation", "simulation.scenarios"}
+SIMULATION = {"simulation", "simulation.scenarios", "simulation.solver"}
 # Moisture, and sites with their weather, are optional: none of the rooms but those that say so imports them.
 OPTIONAL = {"simulation.sites", "simulation.water"}
 
@@ -47,8 +47,9 @@ ARROWS: dict[str, set[str]] = {
     "knowledge": FOUNDATION | MODEL | {"physics", "measure"},
     "simulation.scenarios": FOUNDATION | MODEL | {"physics", "network", "measure"},
     "simulation.sites": FOUNDATION | MODEL | {"physics", "network", "measure", "simulation.scenarios"},
-    "simulation": FOUNDATION | MODEL | {"physics", "network", "knowledge", "simulation.scenarios", "simulation.sites", "_kernel"},
-    "simulation.water": FOUNDATION | MODEL | {"physics", "network", "simulation", "simulation.scenarios"},
+    "simulation.solver": FOUNDATION | MODEL | {"physics", "network", "knowledge", "simulation.scenarios", "_kernel"},
+    "simulation": FOUNDATION | MODEL | SIMULATION | {"physics", "network", "knowledge", "simulation.sites", "_kernel"},
+    "simulation.water": FOUNDATION | MODEL | SIMULATION | {"physics", "network"},
 }
 LOW = FOUNDATION | MODEL | SIMULATION | {"physics", "network", "measure", "knowledge"}
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}

@@ -20,10 +20,10 @@ from thermid.measure.steady import SteadyPoint
 from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.engine import Engine
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.wiring import Wiring
 from thermid.simulation.steady import steady
-from thermid.simulation.wiring import Wiring
 
 __all__ = ["EnergyBalance", "energy_balance"]
 

@@ -19,10 +19,10 @@ from thermid.model.laws.signal import Table
 from thermid.model.tree.flat import FlatConductor, FlatLoad
 from thermid.network.network import Network
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.simulation.engine import Engine, Options
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.traces import Traces
-from thermid.simulation.wiring import Wiring
+from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.traces import Traces
+from thermid.simulation.solver.wiring import Wiring
 
 __all__ = [
     "Conditions",

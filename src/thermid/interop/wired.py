@@ -16,10 +16,10 @@ from thermid.model.tree.model import Model
 from thermid.network.network import Network
 from thermid.network.rows import ConductorRow
 from thermid.network.streams import signal_of
-from thermid.simulation.engine import Engine
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
-from thermid.simulation.wiring import Wiring
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.wiring import Wiring
 
 __all__ = ["Source", "Wired", "identifiers", "named_rows", "one_line", "refuse_crooked", "table_points", "wired"]
 

@@ -19,9 +19,9 @@ from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import known_of
 from thermid.prediction.spread import Spread
 from thermid.prediction.stated import check_variants
-from thermid.simulation.engine import Options
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import output_times
+from thermid.simulation.solver.engine import Options
 
 __all__ = ["Values", "plan_runs"]
 

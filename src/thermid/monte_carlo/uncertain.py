@@ -22,9 +22,9 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction.omitted import assumed_left_out, first_line, in_order
 from thermid.prediction.setting import Setting
 from thermid.reduction.macro import assumed
-from thermid.simulation.engine import Options
-from thermid.simulation.extremes import MemberTurnings
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.extremes import MemberTurnings
 
 __all__ = ["UncertainRuns", "uncertain_runs"]
 

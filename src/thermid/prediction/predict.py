@@ -22,8 +22,8 @@ from thermid.prediction.prediction import Band, Prediction
 from thermid.prediction.setting import Linear, Setting
 from thermid.prediction.spread import Spread
 from thermid.prediction.structural import CONSTANT, MISFIT
-from thermid.simulation.engine import Options
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Options
 
 __all__ = ["predict", "predicted"]
 

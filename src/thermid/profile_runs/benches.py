@@ -11,9 +11,9 @@ from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.profile_runs.legs import Bench, Conditions, memory_of
 from thermid.profiles.profile import ThermalProfile
-from thermid.simulation.engine import Options
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
+from thermid.simulation.solver.engine import Options
 
 __all__ = ["bench_of", "node_of", "watched"]
 

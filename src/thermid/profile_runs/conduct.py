@@ -22,8 +22,8 @@ from thermid.profile_runs.waiting import Wanted, wait
 from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.remarks import ordered
 from thermid.profiles.steps import Step
-from thermid.simulation.engine import Options
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Options
 from thermid.simulation.transient import simulate
 
 if TYPE_CHECKING:

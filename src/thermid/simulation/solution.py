@@ -15,7 +15,7 @@ from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.extremes import Dense, Extreme, Turnings, first_above
+from thermid.simulation.solver.extremes import Dense, Extreme, Turnings, first_above
 
 if TYPE_CHECKING:
     import xarray

@@ -15,8 +15,8 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.information import Information
 from thermid.measure import Channel
 from thermid.model.deck.modelfile import model_from_dict
-from thermid.simulation.engine import Options
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Options
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 STEP = 3e-5

@@ -16,8 +16,8 @@ from thermid.physics.bodies import body_htc
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import GASES, free_molecular_htc, gap_htc, half_pressure, knudsen_number
 from thermid.physics.plates import horizontal_plate_down_htc, horizontal_plate_up_htc, vertical_plate_htc_all
-from thermid.simulation.engine import Engine
-from thermid.simulation.wiring import Wiring
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.wiring import Wiring
 
 AIR = GASES["air"]
 BENCH = td.Scenario("bench", boundaries={"air": "300 [K]"}, start="air", duration="2 [h]")

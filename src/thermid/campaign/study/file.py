@@ -17,7 +17,7 @@ from thermid.model.laws.signal import literal
 from thermid.model.tree.boxes import part_boxes
 from thermid.model.tree.model import Model
 from thermid.model.tree.names import Names
-from thermid.simulation.engine import Options
+from thermid.simulation.solver.engine import Options
 from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:

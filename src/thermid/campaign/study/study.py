@@ -18,8 +18,8 @@ from thermid.fit.problem.residuals import Block
 from thermid.model.tree.boxes import node_boxes, part_boxes
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.engine import Options
 from thermid.simulation.solution import Solution
+from thermid.simulation.solver.engine import Options
 
 __all__ = ["Action", "Component", "Exceeded", "SensorSpec", "Step", "Study"]
 

@@ -14,8 +14,8 @@ from thermid.measure import Record
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.identity import local_identities
 from thermid.model.tree.model import Model
-from thermid.simulation.engine import Options
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Options
 from thermid.units import TEMPERATURE
 
 __all__ = ["FITTING", "LocalSpec", "Reading", "Request"]

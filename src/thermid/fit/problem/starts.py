@@ -14,9 +14,9 @@ from thermid.errors import RecordError, ThermidError
 from thermid.measure import Channel, Record
 from thermid.model.laws.signal import Constant
 from thermid.network.network import Network
-from thermid.simulation.engine import Engine
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.wiring import Wiring
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.wiring import Wiring
 
 __all__ = ["UNSAID_NOISE", "HiddenStart", "first_reading", "hidden_starts", "starts_of"]
 

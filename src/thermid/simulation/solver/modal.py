@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.errors import ScenarioError
 from thermid.model.laws.signal import Constant, Sine, Table
-from thermid.simulation.wiring import Assembled, Wiring
+from thermid.simulation.solver.wiring import Assembled, Wiring
 
 __all__ = ["METHODS", "Exact", "Modal", "Work"]
 

@@ -14,13 +14,13 @@ from thermid import _kernel
 from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError
 from thermid.network.rows import CONTROLS
-from thermid.simulation.beyond import NEAR, refused_tables, refuses
-from thermid.simulation.extremes import Turnings, by_column
-from thermid.simulation.kernel_form import break_times, ending, ints, kernel_input, row_form
-from thermid.simulation.modal import Modal
-from thermid.simulation.squares import LOSSES, Squares, Weighing
-from thermid.simulation.traces import Traces
-from thermid.simulation.wiring import Assembled, Wiring
+from thermid.simulation.solver.beyond import NEAR, refused_tables, refuses
+from thermid.simulation.solver.extremes import Turnings, by_column
+from thermid.simulation.solver.kernel_form import break_times, ending, ints, kernel_input, row_form
+from thermid.simulation.solver.modal import Modal
+from thermid.simulation.solver.squares import LOSSES, Squares, Weighing
+from thermid.simulation.solver.traces import Traces
+from thermid.simulation.solver.wiring import Assembled, Wiring
 
 __all__ = ["Answer", "Engine", "Options"]
 
@@ -164,7 +164,7 @@ class Engine:
         SolverError     When the run ends before its time.
         ScenarioError   When the modal solution is asked for and there is none.
         """
-        from thermid.simulation.large_model import integrate_model, takes_over
+        from thermid.simulation.solver.large_model import integrate_model, takes_over
 
         if takes_over(self, options, gradients):
             return integrate_model(self, a, times, nodes, end, options, extremes)
@@ -393,7 +393,7 @@ class Engine:
             return a
         if not unknown.all():
             raise ScenarioError("a steady start holds for all nodes; leave 'initial' out.", self.wiring.scenario.title)
-        from thermid.simulation.steady import beginning
+        from thermid.simulation.solver.settling import beginning
 
         found, slopes = beginning(self, a, gradients)
         return replace(a, initial=found, initial_gradient=slopes if gradients else a.initial_gradient)

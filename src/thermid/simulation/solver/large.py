@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.errors import SolverError
-from thermid.simulation.engine import UNSOLVED, Options
-from thermid.simulation.extremes import Turnings, by_column
-from thermid.simulation.kernel_form import break_times, runs_away, unsolved
-from thermid.simulation.sparse import SparseNetwork
+from thermid.simulation.solver.engine import UNSOLVED, Options
+from thermid.simulation.solver.extremes import Turnings, by_column
+from thermid.simulation.solver.kernel_form import break_times, runs_away, unsolved
+from thermid.simulation.solver.sparse import SparseNetwork
 
 __all__ = ["METHODS", "NAMES", "LargeAnswer", "Watched", "integrate"]
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from thermid.errors import SolverError
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.sparse import NONE, SparseNetwork
-from thermid.simulation.steady import unsettled
+from thermid.simulation.solver.settling import unsettled
+from thermid.simulation.solver.sparse import NONE, SparseNetwork
 
 __all__ = ["settle_large"]
 

@@ -12,7 +12,7 @@ from thermid.dual import gradient_of, value_of
 from thermid.memo import Memo
 from thermid.model.laws.curves import evaluate, value_and_slope
 from thermid.network.eliminate import held_in
-from thermid.simulation.wiring import Assembled, Wiring
+from thermid.simulation.solver.wiring import Assembled, Wiring
 
 __all__ = ["Traces", "kept_for"]
 

@@ -18,8 +18,8 @@ from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
-from thermid.simulation.inputs import check_courses, load_inputs, normalised, read_schedule, scheduled
 from thermid.simulation.scenarios.scenario import PERIODIC, STEADY, Scenario, Start
+from thermid.simulation.solver.inputs import check_courses, load_inputs, normalised, read_schedule, scheduled
 from thermid.units import TEMPERATURE
 
 __all__ = ["Assembled", "Wiring"]

@@ -14,8 +14,8 @@ from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Drawn
 from thermid.network.rows import CONTROLS, LOADS, conductor_law, curve_arrays, tables_behind
-from thermid.simulation.extremes import Turnings, signal_turnings
-from thermid.simulation.kernel_form import kernel_input
+from thermid.simulation.solver.extremes import Turnings, signal_turnings
+from thermid.simulation.solver.kernel_form import kernel_input
 
 __all__ = ["Csr", "Grid", "LoadGroup", "RowGroup", "SparseNetwork", "link_arrays"]
 

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, SolverError, nearest
 from thermid.network.eliminate import held_in
-from thermid.simulation.large import METHODS, Watched, integrate
-from thermid.simulation.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
+from thermid.simulation.solver.large import METHODS, Watched, integrate
+from thermid.simulation.solver.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
 
 if TYPE_CHECKING:
-    from thermid.simulation.engine import Answer, Engine, Options
-    from thermid.simulation.wiring import Assembled
+    from thermid.simulation.solver.engine import Answer, Engine, Options
+    from thermid.simulation.solver.wiring import Assembled
 
 __all__ = ["LARGE_FROM", "integrate_model", "refusal", "settle_model", "takes_over"]
 
@@ -146,7 +146,7 @@ def integrate_model(
     engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool = False
 ) -> Answer:
     """Return what `Engine.integrate` does, by the integrator of large networks."""
-    from thermid.simulation.engine import MAY_HAVE_LEFT, NEAR, Answer
+    from thermid.simulation.solver.engine import MAY_HAVE_LEFT, NEAR, Answer
 
     network = sparse_of(engine, a)
     place, size = _places(engine, a), network.capacities.size
@@ -185,7 +185,7 @@ def settle_model(engine: Engine, a: Assembled, time: float) -> Array | None:
     # powers that never grow with temperature, so that a balance is stable
     if _size(engine) < LARGE_FROM or engine.refuses or refusal(engine) or any(r[0] != "signal" for r in engine.wiring.structure()["loads"]):
         return None
-    from thermid.simulation.large_steady import settle_large
+    from thermid.simulation.solver.large_steady import settle_large
 
     rest = settle_large(sparse_of(engine, a), time, f"{engine.wiring.network.title}, {engine.wiring.scenario.title}")[0]
     found = rest[_places(engine, a)]
