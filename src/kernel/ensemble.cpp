@@ -69,10 +69,20 @@ void Ensemble::run_alone(Block& b, long member) {
     for (const Turnings::Point& x : r.turnings) b.turnings.push_back({member, x});
 }
 
+// In order of columns, then of members; those of a member's column are in order of time.
 std::vector<Ensemble::Turning> Ensemble::turnings() const {
-    std::vector<Turning> out;
-    for (const Block& b : blocks_) out.insert(out.end(), b.turnings.begin(), b.turnings.end());
-    return out;
+    std::vector<Turning> all, out;
+    for (const Block& b : blocks_) all.insert(all.end(), b.turnings.begin(), b.turnings.end());
+    out.resize(all.size());
+    const auto ordered = [](const std::vector<Turning>& from, std::vector<Turning>& to, size_t keys, auto key) {  // by counting
+        std::vector<size_t> begin(keys + 1);
+        for (const Turning& x : from) ++begin[key(x) + 1];
+        for (size_t k = 0; k < keys; ++k) begin[k + 1] += begin[k];
+        for (const Turning& x : from) to[begin[key(x)]++] = x;
+    };
+    ordered(all, out, static_cast<size_t>(setup.members), [](const Turning& x) { return static_cast<size_t>(x.member); });
+    ordered(out, all, setup.observed.size(), [](const Turning& x) { return static_cast<size_t>(x.point.column); });
+    return all;
 }
 
 // The outputs first to last of one group.

@@ -252,9 +252,10 @@ void Group::turn() {
     double rate = 0.0, moved = 0.0;
     for (int k = 0; leftover_ && k < g_.plan->nk; ++k) {
         if (!active_[k]) continue;
-        const double most = input(k).furthest(in_[k], origin_, end_, hint_[k]), b = strongest(k);
+        const double b = strongest(k), spread = g_.h * std::sqrt(in_[k].variance);
+        const double most = b * spread < 0.1 * Turnings::NOISE ? 2.0 * spread / g_.h : input(k).furthest(in_[k], origin_, end_, hint_[k]);
         rate += b * most;
-        moved += b * g_.h * std::min(0.5 * most, std::sqrt(in_[k].variance));
+        moved += b * std::min(0.5 * g_.h * most, spread);
     }
     if (moved < Turnings::NOISE) {
         for (int j = 0, many = 1; j < nobs; j += many) {  // nodes that stand side by side at once
@@ -266,17 +267,13 @@ void Group::turn() {
     }
     std::vector<double>& at = seen_times_;
     at.clear();
+    double bend = 0.0;
+    for (int i : s_.observed) bend = std::max(bend, Turnings::most_bent(g_.poly + i * LANES, m, LANES));
+    const double gap = Turnings::gap(rate, bend / (g_.h * g_.h));
     for (int k = 0; k < g_.plan->nk; ++k)
-        if (active_[k]) input(k).knots(origin_, end_, at, std::min(Turnings::NOISE / rate, g_.h / 8));
+        if (active_[k]) input(k).knots(origin_, end_, at, gap);
     std::sort(at.begin(), at.end());
-    at.erase(std::unique(at.begin(), at.end()), at.end());
-    long next = out_next_;
-    const auto stored = [&](double t) {
-        while (next < static_cast<long>(s_.times.size()) && s_.times[next] < t) ++next;
-        return next < static_cast<long>(s_.times.size()) && s_.times[next] == t;
-    };
-    at.erase(std::remove_if(at.begin(), at.end(), stored), at.end());
-    at.push_back(end_);
+    turnings_.among_outputs(at, out_next_, end_, gap);
     seen_.resize(at.size() * columns);
     for (size_t r = 0; r < at.size(); ++r) {
         weigh(at[r]);
@@ -291,8 +288,7 @@ void Group::turn() {
 double Group::strongest(int k) const {
     const double* b = g_.b + static_cast<size_t>(k) * g_.plan->n * LANES;
     double most = 0.0;
-    for (int i : s_.observed)
-        for (int l = i * LANES; l < (i + 1) * LANES; ++l) most = std::fabs(b[l]) > most ? std::fabs(b[l]) : most;
+    for (int i : s_.observed) most = std::max(most, Turnings::steepest(b + i * LANES, LANES));
     return most;
 }
 

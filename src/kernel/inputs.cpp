@@ -108,7 +108,16 @@ double Input::furthest(const StepInput& x, double t0, double t1, int hint) const
     int i = segment(t0, hint);
     see(0.0, i < 0 ? seg[0].u : seg[i].u + seg[i].s * (t0 - seg[i].t));
     const bool held = kind == 1;
-    for (++i; i < m && seg[i].t < t1; ++i) {
+    double lows[4] = {}, highs[4] = {};  // four knots at a time
+    for (++i; !held && i + 4 <= m && seg[i + 3].t < t1; i += 4)
+        for (int l = 0; l < 4; ++l) {
+            const double s = seg[i + l].t - t0, v = seg[i + l].u - (x.p0 + s * (x.p1 + s * x.p2));
+            lows[l] = v < lows[l] ? v : lows[l];
+            highs[l] = v > highs[l] ? v : highs[l];
+        }
+    low = std::min(low, *std::min_element(lows, lows + 4));
+    high = std::max(high, *std::max_element(highs, highs + 4));
+    for (; i < m && seg[i].t < t1; ++i) {
         if (held && i > 0) see(seg[i].t - t0, seg[i - 1].u);
         see(seg[i].t - t0, seg[i].u);
     }

@@ -72,6 +72,14 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         massless_begin_.push_back(static_cast<int>(massless_at_.size()));
     }
     index_slaved(massless_);
+    std::vector<char> taken(n_, 0);
+    for (int r = 0; r < p.con.size(); ++r) {  // what holds the heat of another is tied to that one alone
+        const int own = p.con.a[r], node = p.con.b[r];
+        if (p.con.kind[r] != POTENTIAL || own >= n_ || node >= n_ || cap_[node] > 0.0 || !(cap_[own] > 0.0) || taken[node]) continue;
+        if (p.pattern.begin[own + 1] - p.pattern.begin[own] != 2) continue;
+        taken[node] = 1;
+        holds_.push_back({node, own});
+    }
     for (int l : p.thermostats) {
         sensor_boundary_ = sensor_boundary_ || p.control.sensor[l] >= n_;
         sensor_slaved_ = sensor_slaved_ || p.control.sensor[l] < n_;

@@ -123,6 +123,8 @@ class Integrator {
     void project();
     void start(bool first);
     bool stages();
+    std::vector<std::pair<int, int>> holds_;  // massless node, node that holds its heat
+    void pass_on();
     void guess(int s);
     bool newton(int s);
     void stage_sensitivity(int s);

@@ -13,7 +13,7 @@ namespace {
 const double ROOT = std::sqrt(2.0);
 const double DIAGONAL = 1.0 - ROOT / 2.0, WEIGHT_1 = ROOT / 4.0, FIRST_PART = 2.0 - ROOT;
 constexpr int MOST_NEWTON = 10, MOST_GRADIENTS = 5000;
-constexpr int MOST_MELTING = 30;  // steps of Newton's method where tables of stored heat have knees
+constexpr int MOST_SWINGING = 30;  // steps of Newton's method where whole ones may swing to and fro
 }  // namespace
 
 // y = J x, that of the links and of rows_.
@@ -76,17 +76,18 @@ void LargeRun::matrix_diagonal(double dh, double scale) {
 // The change that is left has an energy norm of at least (change of one node) sqrt(C); its estimate: Hestenes and Stiefel 1952, delayed.
 bool LargeRun::gradients(std::vector<double>& rhs, double dh, double scale, double accuracy) {
     matrix_diagonal(dh, scale);
+    const bool held = scale == 0.0;
     double capacity = 0.0, by_links = 0.0;
     for (int i = 0; i < n_; ++i) {
+        if (held && p_.capacity[i] > 0.0) diag_[i] = 1.0;  // not solved for
         if (!(diag_[i] > 0.0)) {
             if (diag_[i] == 0.0 && p_.capacity[i] == 0.0) r_->node = i;
             return false;
         }
         capacity += p_.capacity[i];
-        by_links += diag_[i];
+        if (!held || p_.capacity[i] == 0.0) by_links += diag_[i];
     }
     const double enough = accuracy * accuracy * (scale > 0.0 ? scale * capacity : by_links) / n_;
-    const bool held = scale == 0.0;
     double rz = 0.0;
     for (int i = 0; i < n_; ++i) {
         if (held && p_.capacity[i] > 0.0) rhs[i] = 0.0;
@@ -127,9 +128,10 @@ bool LargeRun::gradients(std::vector<double>& rhs, double dh, double scale, doub
 // (C - dh S J S) y = S r, which is, and which f' = 0 does no harm: C dH = r + dh J S y.
 bool LargeRun::solve_stage(Field& at, const std::vector<double>& base, double dh) {
     const double fine = 0.01 * o_.tolerance;
-    const bool plain = p_.stored.empty();
-    double before = 0.0;
-    for (int k = 0; k < (plain ? MOST_NEWTON : MOST_MELTING); ++k) {
+    // Where temperature does not move with heat, or nothing is stored, a knee or what the symmetric part leaves out may make whole steps swing.
+    const bool plain = p_.stored.empty(), swings = !plain || !massless_.empty();
+    double before = 0.0, share = 1.0;
+    for (int k = 0; k < (swings ? MOST_SWINGING : MOST_NEWTON); ++k) {
         const Field& t = warm(at);
         gather(rows_, t.data());
         rows_.evaluate(p_, u_.data(), true);
@@ -147,13 +149,14 @@ bool LargeRun::solve_stage(Field& at, const std::vector<double>& base, double dh
         levels(dh);
         double size = 0.0, sum = 0.0;
         for (int i = 0; i < n_; ++i) {
-            at[i] += x_[i];
             size = std::max(size, std::fabs(x_[i]));
             sum += x_[i];
         }
-        if (!std::isfinite(sum) || (plain && k > 1 && size > before)) return false;
+        if (!std::isfinite(sum) || (!swings && k > 1 && size > before)) return false;
+        if (swings && k > 1 && size > 0.7 * before) share = std::max(0.5 * share, 0.0625);
+        for (int i = 0; i < n_; ++i) at[i] += share * x_[i];
         // Linear networks need one solve; else the next change is about size^2 / before.
-        if (linear_ || size < fine || (plain && k > 0 && size * size < fine * before)) return true;
+        if (linear_ || size < fine || (plain && share == 1.0 && k > 0 && size * size < fine * before)) return true;
         before = size;
     }
     return false;
@@ -245,7 +248,8 @@ void LargeRun::restore_slopes() {
 
 // Massless nodes at the start, and after a jump of the inputs: F = 0 with the others held.
 bool LargeRun::settle_massless() {
-    for (int k = 0; k < 5 * MOST_NEWTON; ++k) {
+    double before = std::numeric_limits<double>::infinity(), share = 1.0;
+    for (int k = 0; k < 10 * MOST_NEWTON; ++k) {
         const Field& t = warm(T_);
         gather(rows_, t.data());
         rows_.evaluate(p_, u_.data(), true);
@@ -255,7 +259,9 @@ bool LargeRun::settle_massless() {
         if (!gradients(r_v_, 1.0, 0.0, 1e-4 * o_.tolerance)) return false;
         double size = 0.0;
         for (int i = 0; i < n_; ++i) size = std::max(size, std::fabs(x_[i]));
-        const double cut = size > 100.0 ? 100.0 / size : 1.0;
+        if (k > 1 && size > 0.7 * before) share = std::max(0.5 * share, 0.0625);
+        before = size;
+        const double cut = share * (size > 100.0 ? 100.0 / size : 1.0);
         for (int i = 0; i < n_; ++i) T_[i] += cut * x_[i];
         if (size < 1e-3 * o_.tolerance) return true;
         if (!std::isfinite(size)) return false;

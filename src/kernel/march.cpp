@@ -93,7 +93,9 @@ struct Follower {
 
 // The short way along a log: how many knots in a row come h after one another, up to the first output that lies on none of them. Fills values,
 // slopes and the rows of outputs.
-int regular(Follower& f, const double* out_t, long nout, long& next, int most, double t, double h, double* drive, int* row, int& filled) {
+// `echo`: where rows hold the input, that of the row to come; `terms` apart.
+int regular(Follower& f, const double* out_t, long nout, long& next, int most, double t, double h, double* drive, int* row, int& filled,
+            double* echo, int terms) {
     const Input::Segment* s = f.next;
     most = static_cast<int>(std::min<std::ptrdiff_t>(most, f.end - s));
     double now = f.now, slope = f.slope;
@@ -105,6 +107,7 @@ int regular(Follower& f, const double* out_t, long nout, long& next, int most, d
         *drive++ = now;
         *drive++ = slope;
         row[k] = out ? filled : -1;
+        if (echo && out) echo[static_cast<size_t>(filled) * terms] = s->u;
         filled += out;
         next += out;
         t = at;
@@ -207,7 +210,10 @@ void Modal::flush(int nobs, double* traces) {
             total_[j] += w[j] * sum_[j] + w2[j] * level + w3[j] * slope;
         }
     }
-    if (filled_ > 0) {
+    if (filled_ > 0 && turnings_.on()) {
+        collect(nobs, traces);
+        sane_ = sane_ && plausible(seen_.data(), static_cast<size_t>(filled_) * course_base_.size());
+    } else if (filled_ > 0) {
         double* to = traces + static_cast<size_t>(done_) * nobs;
         blend(to, rows_.data(), filled_, mix_.data(), terms_, nobs);
         sane_ = sane_ && plausible(to, static_cast<size_t>(filled_) * nobs);
@@ -216,7 +222,10 @@ void Modal::flush(int nobs, double* traces) {
     count_ = filled_ = 0;
 }
 
-void Modal::march(const double* out_t, long nout, const int* obs, int nobs, double t0, double t_end, const std::function<void()>& poll, Result& r) {
+void Modal::march(const double* outputs, long noutputs, const int* obs, int nobs, double t0, double t_end, const std::function<void()>& poll, Result& r) {
+    const bool watch = turnings_.on();  // then with rows among the outputs
+    const double* out_t = watch ? row_times_.data() : outputs;
+    const long nout = watch ? static_cast<long>(row_times_.size()) : noutputs;
     const int nin = static_cast<int>(sampled_.size()), nw = static_cast<int>(sines_.size());
     constexpr double INF = std::numeric_limits<double>::infinity();
     std::vector<Follower> follow(nin);
@@ -239,21 +248,43 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
             *to++ = wave(k, time, false);
         }
     };
-    const bool watch = turnings_.on(), plain = nin == 1 && nw == 0 && !echo_ && !watch;
+    const bool plain = nin == 1 && nw == 0 && (!echo_ || watch);
+    double* const echo = echo_ ? rows_.data() + lanes_ + 1 : nullptr;
+    size_t span = 0;
+    long until_row = nout;  // rows of the calm span under way
+    const auto enter_span = [&] {  // where t has reached the next
+        while (span + 1 < spans_.size() && spans_[span].end <= t + ROUNDING * std::fabs(t)) ++span;
+        const bool exact = spans_[span].exact;
+        if (exact != exact_) {
+            flush(nobs, r.traces);
+            kink_ = t;
+        }
+        exact_ = exact;
+        until_row = std::upper_bound(out_t, out_t + nout, spans_[span].end) - out_t;
+    };
+    if (watch) {
+        exact_ = spans_[0].exact;
+        enter_span();
+    }
     for (; next < nout || t < t_end; ++steps) {
-        if (plain && last->h > 0.0) {
+        if (watch && span + 1 < spans_.size() && spans_[span].end <= t + ROUNDING * std::fabs(t)) enter_span();
+        if (plain && last->h > 0.0 && !(watch && exact_)) {
             double* drive = drive_.data() + 2 * static_cast<size_t>(count_);
-            const int k = regular(follow[0], out_t, nout, next, BLOCK - count_, t, last->h, drive, row_ + count_, filled_);
+            const int k = regular(follow[0], out_t, until_row, next, BLOCK - count_, t, last->h, drive, row_ + count_, filled_, echo, terms_);
             if (k > 0) t = follow[0].from;
             std::fill(use_ + count_, use_ + count_ + k, last);
             count_ += k;
             steps += k;
             wanted = next < nout ? out_t[next] : INF;
             if (next == nout && !(t < t_end)) break;
+            if (next == until_row && next < nout && k > 0) {  // the next span
+                --steps;
+                continue;
+            }
         }
         double until = std::min(wanted, t_end);
         for (const Follower& f : follow) until = std::min(until, f.knot);
-        for (int k = 0; watch && k < nw; ++k) until = std::min(until, t + 0.125 * p_.inputs[sines_[k]].period);
+        for (int k = 0; watch && exact_ && k < nw; ++k) until = std::min(until, t + 0.125 * p_.inputs[sines_[k]].period);
         until = std::max(until, t);
         if (count_ == BLOCK) {
             flush(nobs, r.traces);
@@ -272,7 +303,7 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
             f.now = f.u + f.slope * (until - f.from);
         }
         row_[at] = -1;
-        if (watch) {  // one stretch after the other
+        if (watch && exact_) {  // one stretch after the other
             before_ = z_;
             const std::vector<double> own(drive_.begin(), drive_.begin() + 2 * nin);
             row_[at] = wanted <= same ? filled_ : -1;
@@ -295,10 +326,10 @@ void Modal::march(const double* out_t, long nout, const int* obs, int nobs, doub
     }
     r.steps = steps;
     flush(nobs, r.traces);
-    r.filled = nout;
-    for (size_t i = 0, n = sane_ ? 0 : static_cast<size_t>(nout) * nobs; i < n; ++i) {
+    r.filled = noutputs;
+    for (size_t i = 0, n = sane_ ? 0 : static_cast<size_t>(noutputs) * nobs; i < n; ++i) {
         if (r.traces[i] > COLDEST && r.traces[i] < 1e5) continue;
-        r.time = out_t[i / nobs];
+        r.time = outputs[i / nobs];
         throw Failure{std::isfinite(r.traces[i]) ? RUN_AWAY : NON_FINITE, obs[i % nobs]};
     }
     r.time = t_end;

@@ -243,7 +243,11 @@ void Modal::run(const double* start, double t0, double t_end, const double* out_
         decompose();
         begin(start, t0);
         outputs(obs, nobs);
-        if (sums) follow(out_t, nout, obs, nobs, *sums, t0);
+        if (sums) {
+            follow(out_t, nout, obs, nobs, *sums, t0);
+            survey(t0, t_end);
+            weave(out_t, nout);
+        }
         march(out_t, nout, obs, nobs, t0, t_end, poll, r);
         if (sums) turnings_.end();
         r.turnings.swap(turnings_.found);

@@ -76,6 +76,15 @@ class Modal {
     double course_slope(int column, const double* z, const double* drive, double s) const;
     double slope_at(int column, const double* drive, double s, double t);
     void turn(Stretch& x, const double* drive, double t, double until);
+    // Rows along calm spans, where knots lie close together and move little, and the outputs among them; elsewhere every stretch is looked at.
+    struct Span { double end; bool exact; };
+    std::vector<Span> spans_;
+    std::vector<double> row_times_, seen_;  // outputs and rows; (rows, columns)
+    std::vector<long> stored_;              // of each: which output (-1: none)
+    bool exact_ = true;
+    void survey(double t0, double t_end);
+    void weave(const double* out_t, long nout);
+    void collect(int nobs, double* traces);
     double wave(int k, double t, bool sine) const;
     double wave_area(int k, double t0, double t_end, bool sine) const;
 };

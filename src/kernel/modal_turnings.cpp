@@ -8,6 +8,8 @@
 namespace thermid {
 
 namespace {
+constexpr double START = 0.01, CALM = 0.1;  // of the shortest time constant: rows are no further apart, just after a kink and long after
+constexpr double PARTS = 30.0;  // of a piece between two knots: with more, it is no part of a calm span
 constexpr double SHORT = 0.1;  // of the shortest time constant: a slope changes sign once at most
 constexpr double CLOSE = 1e-9; // of a stretch: where its slope is zero
 }  // namespace
@@ -41,6 +43,133 @@ void Modal::follow(const double* out_t, long nout, const int* obs, int nobs, con
     for (auto* v : {&level_, &tilt_, &reached_}) v->assign(ns, 0.0);
     for (auto& v : slope_) v.assign(columns, 0.0);
     wave_now_.assign(2 * nw, 0.0);
+}
+
+// Where the run is calm. Over rows D apart a column strays from the straight line between them by b (u_max - u_min) D / 4 at most, where b is
+// what an input does to its slope, and by what it takes from the input at once; modes that a kink has left alone by (rate D)^2 / 8.
+void Modal::survey(double t0, double t_end) {
+    const int ns = modes_, nin = static_cast<int>(sampled_.size()), columns = static_cast<int>(course_base_.size());
+    spans_.assign(1, {t_end, true});
+    row_times_.clear();
+    if (!sines_.empty() || nin == 0 || ns == 0) return;
+    std::vector<double> rate(nin, 0.0), direct(nin, 0.0), low(nin), high(nin), bottom(nin), top(nin), to(nin), knots;
+    for (int k = 0; k < nin; ++k) {
+        const Input& in = p_.inputs[sampled_[k]];
+        for (int c = 0; c < columns; ++c) {
+            double b = 0.0;
+            for (int j = 0; j < ns; ++j) b += course_shape_[c * ns + j] * force_[j * cols_ + 1 + sampled_[k]];
+            rate[k] = std::max(rate[k], std::fabs(b));
+            direct[k] = std::max(direct[k], std::fabs(course_direct_[c * nin + k]));
+        }
+        double jump = 0.0;
+        for (size_t i = 1; in.kind == SAMPLED_HOLD && i < in.seg.size(); ++i) jump = std::max(jump, std::fabs(in.seg[i].u - in.seg[i - 1].u));
+        if (direct[k] * jump > Turnings::NOISE) return;
+        in.knots(t0, t_end, knots);
+    }
+    if (knots.empty() || (t_end - t0) / static_cast<double>(knots.size()) * fastest_ > CALM) return;
+    if (nin > 1) {
+        std::sort(knots.begin(), knots.end());
+        knots.erase(std::unique(knots.begin(), knots.end()), knots.end());
+    }
+    knots.push_back(t_end);
+    spans_.clear();
+    const auto mark = [&](double end, bool exact) {
+        if (!spans_.empty() && spans_.back().exact == exact) spans_.back().end = end;
+        else spans_.push_back({end, exact});
+    };
+    const auto spacing = [&](double since) { return std::min(START * std::exp(std::min(fastest_ * since / 3.0, 30.0)), CALM) / fastest_; };
+    std::vector<int> at(nin, -1);
+    double begin = t0, kink = t0, longest = spacing(0.0), t = t0;
+    bool empty = true;
+    for (double next : knots) {
+        // The piece from t to next: least and greatest of every input.
+        double alone = 0.0, joined = 0.0, jump = 0.0;
+        for (int k = 0; k < nin; ++k) {
+            const Input& in = p_.inputs[sampled_[k]];
+            const int i = at[k] = in.segment(t, at[k]);
+            const double u = i < 0 ? in.seg[0].u : in.seg[i].u + in.seg[i].s * (t - in.seg[i].t), v = i < 0 ? u : u + in.seg[i].s * (next - t);
+            jump += t > t0 ? rate[k] * std::fabs(u - to[k]) : 0.0;
+            to[k] = v;
+            bottom[k] = std::min(u, v);
+            top[k] = std::max(u, v);
+            alone += (top[k] - bottom[k]) * (0.25 * rate[k] * (next - t) + direct[k]);
+            low[k] = empty ? bottom[k] : std::min(low[k], bottom[k]);
+            high[k] = empty ? top[k] : std::max(high[k], top[k]);
+            joined += (high[k] - low[k]) * (0.25 * rate[k] * (next - begin) + direct[k]);
+        }
+        const bool bent = jump * CALM * CALM > 2.0 * fastest_ * Turnings::NOISE;
+        if (bent) kink = t;
+        if (bent || !(joined <= Turnings::NOISE && next - begin <= longest)) {  // a row at t
+            if (!empty) {
+                row_times_.push_back(t);
+                mark(t, false);
+            }
+            longest = spacing(t - kink);
+            begin = t;
+            low = bottom;
+            high = top;
+            const double parts = std::ceil((next - t) / longest);
+            empty = !(alone <= Turnings::NOISE && parts <= PARTS);
+            for (double q = 1.0; !empty && q < parts; ++q) row_times_.push_back(begin = t + (next - t) * q / parts);
+            if (empty) {
+                row_times_.push_back(next);
+                mark(next, true);
+                if (alone > Turnings::NOISE) kink = next;
+                begin = next;
+                longest = spacing(next - kink);
+            }
+        } else {
+            empty = false;
+        }
+        t = next;
+    }
+    if (empty) return;
+    row_times_.push_back(t_end);
+    mark(t_end, false);
+}
+
+// Rows among the outputs, and all columns as combinations of what a row holds: modes, one, sampled inputs, waves.
+void Modal::weave(const double* out_t, long nout) {
+    const int ns = modes_, nin = static_cast<int>(sampled_.size()), nw = static_cast<int>(sines_.size()), columns = static_cast<int>(course_base_.size());
+    std::vector<double> all(out_t, out_t + nout);
+    all.insert(all.end(), row_times_.begin(), row_times_.end());
+    std::inplace_merge(all.begin(), all.begin() + nout, all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    row_times_.swap(all);
+    stored_.assign(row_times_.size(), -1);
+    for (size_t r = 0, next = 0; r < row_times_.size() && next < static_cast<size_t>(nout); ++r)
+        if (row_times_[r] == out_t[next]) stored_[r] = static_cast<long>(next++);
+    echo_ = std::any_of(course_direct_.begin(), course_direct_.end(), [](double x) { return x != 0.0; });
+    terms_ = lanes_ + 1 + (echo_ ? nin : 0) + 2 * nw;
+    const size_t wide = padded(columns);
+    mix_.assign(static_cast<size_t>(terms_) * wide + 4, 0.0);
+    for (int c = 0; c < columns; ++c) {
+        double* to = mix_.data() + c;
+        for (int j = 0; j < ns; ++j) to[j * wide] = course_shape_[c * ns + j];
+        to += lanes_ * wide;
+        *to = course_base_[c];
+        to += wide;
+        for (int k = 0; echo_ && k < nin; ++k, to += wide) *to = course_direct_[c * nin + k];
+        for (int k = 0; k < 2 * nw; ++k, to += wide) *to = course_wave_[c * 2 * nw + k];
+    }
+    rows_.assign(static_cast<size_t>(BLOCK) * terms_, 0.0);
+    for (int r = 0; r < BLOCK; ++r) rows_[static_cast<size_t>(r) * terms_ + lanes_] = 1.0;
+    seen_.resize(static_cast<size_t>(BLOCK) * columns);
+}
+
+// The rows that wait: outputs are stored, and along a calm span all are shown.
+void Modal::collect(int nobs, double* traces) {
+    const int columns = static_cast<int>(course_base_.size());
+    blend(seen_.data(), rows_.data(), filled_, mix_.data(), terms_, columns);
+    for (int r = 0; r < filled_; ++r)
+        if (stored_[done_ + r] >= 0) std::copy_n(seen_.data() + r * columns, nobs, traces + stored_[done_ + r] * nobs);
+    if (exact_) return;
+    const auto output = [&](int r) { return stored_[done_ + r] >= 0; };
+    for (int first = 0, last; first < filled_; first = last) {  // but for outputs among outputs, between which nothing happens
+        while (first + 1 < filled_ && output(first) && output(first + 1)) ++first;
+        for (last = first + 1; last < filled_ && !(output(last - 1) && output(last));) ++last;
+        turnings_.see_rows(row_times_.data() + done_ + first, last - first, seen_.data() + first * columns);
+    }
 }
 
 void Modal::parts_of(Stretch& x) const {

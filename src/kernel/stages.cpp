@@ -58,9 +58,10 @@ void Integrator::start(bool first) {
     e_.slopes(J0_.data());
     for (int i = 0; i < n_; ++i) {
         F_[i] = cap_[i] > 0.0 ? e_.f[i] : 0.0;
-        d0_[i] = cap_[i] > 0.0 ? F_[i] / cap_[i] : 0.0;
         if (!std::isfinite(e_.f[i])) throw Failure{NON_FINITE, i};
     }
+    for (const auto& [node, own] : holds_) F_[own] += e_.f[node];
+    for (int i = 0; i < n_; ++i) d0_[i] = cap_[i] > 0.0 ? F_[i] / cap_[i] : 0.0;
     if (!massless_.nodes.empty()) factor_slaved(massless_, J0_.data());
     make_slaved(quick_, 1e-2);
     if (!quick_.nodes.empty()) factor_slaved(quick_, J0_.data());
@@ -191,6 +192,13 @@ void Integrator::stage_sensitivity(int s) {
     difference(fs, xa_.data(), S1_.data(), guess_.data(), comb_.data(), n_, np_);
 }
 
+// The tie between a massless node and what holds its heat makes microwatts of the rounding of a temperature: what is left at such a node goes where
+// its heat is held, so that the balance closes.
+void Integrator::pass_on() {
+    e_.rows();
+    for (const auto& [node, own] : holds_) e_.t[own] = T_[own] + inv_cap_[own] * (base_[own] + h_ * GAMMA * (e_.f[own] + e_.f[node]));
+}
+
 bool Integrator::stages() {
     const size_t n = n_;
     std::fill(acc_con_.begin(), acc_con_.end(), 0.0);
@@ -208,11 +216,12 @@ bool Integrator::stages() {
         set_stage_inputs(NODE[s] * h_);
         guess(s);
         if (!newton(s)) return false;
+        if (!holds_.empty()) pass_on();
         heats(F_.data() + s * n, cap_.data(), e_.t.data(), T_.data(), base_.data(), h_ * GAMMA, n_);
         // The rows stand at the last iterate; heats and derivatives are wanted at the solution.
-        const bool again = last_size_ > (np_ == 0 ? 1e-5 : leftover_ ? 0.02 * tolerance() : 1e-9) && (np_ > 0 || (o_.energy && curved_));
+        const bool again = holds_.empty() && last_size_ > (np_ == 0 ? 1e-5 : leftover_ ? 0.02 * tolerance() : 1e-9) && (np_ > 0 || (o_.energy && curved_));
         if (again) e_.rows();
-        if (o_.energy) add_energy(s, !again);
+        if (o_.energy) add_energy(s, !again && holds_.empty());
         if (np_ > 0) {
             if (!constant_) {
                 e_.slopes(J1_.data());

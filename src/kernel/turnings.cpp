@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "four.hpp"
 #include "integrator.hpp"
@@ -12,6 +13,7 @@
 namespace thermid {
 
 namespace {
+constexpr int WIDE = 8;   // columns side by side
 constexpr int PARTS = 2;  // of a step, where a course is sampled, and halfway between
 // Columns whose polynomials have no turning point within the step, and which go on as they went: they move on to their ends. Others are busy.
 THERMID_CLONES void go_on(const double* THERMID_RESTRICT c, size_t m, const double* THERMID_RESTRICT y, int count, double end, double small, double flat,
@@ -36,62 +38,131 @@ THERMID_CLONES void go_on(const double* THERMID_RESTRICT c, size_t m, const doub
     }
 }
 
-// A row among those of an interval: the highest and lowest of each column so far, and in which row.
-THERMID_CLONES void spread(const double* THERMID_RESTRICT y, int m, double row, double* THERMID_RESTRICT high, double* THERMID_RESTRICT low,
-                           double* THERMID_RESTRICT high_row, double* THERMID_RESTRICT low_row) {
+// A row among those of an interval: the highest and lowest of each column so far, and when.
+THERMID_CLONES void spread(const double* THERMID_RESTRICT y, int m, double time, double* THERMID_RESTRICT high, double* THERMID_RESTRICT low,
+                           double* THERMID_RESTRICT high_time, double* THERMID_RESTRICT low_time) {
     for (int j = 0; j < m; ++j) {
         const double v = y[j], h = high[j], l = low[j];
-        high_row[j] = v > h ? row : high_row[j];
+        high_time[j] = v > h ? time : high_time[j];
         high[j] = v > h ? v : h;
-        low_row[j] = v < l ? row : low_row[j];
+        low_time[j] = v < l ? time : low_time[j];
         low[j] = v < l ? v : l;
     }
 }
 
+// Whether the highest or lowest of any column passes both the output before and this one.
+THERMID_CLONES bool passes(const double* THERMID_RESTRICT y, int m, double small, const double* THERMID_RESTRICT high, const double* THERMID_RESTRICT low,
+                           const double* THERMID_RESTRICT above, const double* THERMID_RESTRICT below) {
+    int64_t many = 0;
+    for (int j = 0; j < m; ++j) {
+        const double top = y[j] > above[j] ? y[j] : above[j], bottom = y[j] < below[j] ? y[j] : below[j];
+        many += (high[j] - top > small) | (bottom - low[j] > small);
+    }
+    return many > 0;
+}
+
 }  // namespace
 
+THERMID_CLONES double Turnings::steepest(const double* b, int count) {
+    double most[WIDE] = {};
+    int j = 0;
+    for (; j + WIDE <= count; j += WIDE)
+        for (int l = 0; l < WIDE; ++l) most[l] = std::fabs(b[j + l]) > most[l] ? std::fabs(b[j + l]) : most[l];
+    for (; j < count; ++j) most[0] = std::max(most[0], std::fabs(b[j]));
+    return *std::max_element(most, most + WIDE);
+}
+
+THERMID_CLONES double Turnings::most_bent(const double* c, std::size_t m, int count) {
+    const auto of = [=](int j) {
+        return 2.0 * std::fabs(c[2 * m + j]) + 6.0 * std::fabs(c[3 * m + j]) + 12.0 * std::fabs(c[4 * m + j]) + 20.0 * std::fabs(c[5 * m + j]);
+    };
+    double most[WIDE] = {};
+    int j = 0;
+    for (; j + WIDE <= count; j += WIDE)
+        for (int l = 0; l < WIDE; ++l) most[l] = of(j + l) > most[l] ? of(j + l) : most[l];
+    for (; j < count; ++j) most[0] = std::max(most[0], of(j));
+    return *std::max_element(most, most + WIDE);
+}
+
 void Turnings::see_polynomials(int first, int count, const double* c, std::size_t stride, double t, double h, double end, const double* y) {
+    if (open_) close();
     double* busy = busy_.data() + first;
     go_on(c, stride, y, count, end, SMALL, FLAT, time_.data() + first, kelvin_.data() + first, way_.data() + first, busy);
     for (int j = 0; j < count; ++j)
         if (busy[j] != 0.0) see_polynomial(first + j, c + j, stride, t, h, end, y[j]);
 }
 
-void Turnings::see_rows(const double* times, long rows, const double* y) {
-    const int m = static_cast<int>(columns_.size());
-    for (auto* v : {&high_, &low_, &high_row_, &low_row_}) v->resize(m);
-    long next = std::lower_bound(times_, times_ + n_, times[0]) - times_;
-    for (long first = 0, last; first < rows; first = last) {
-        while (next < n_ && times_[next] < times[first]) ++next;
-        last = first + 1;
-        while (last < rows && !(next < n_ && times[last] > times_[next])) ++last;
-        if (last == rows && rows - first == 1) break;  // the end alone
-        for (int j = 0; j < m; ++j) {
-            high_[j] = low_[j] = y[first * m + j];
-            high_row_[j] = low_row_[j] = static_cast<double>(first);
+void Turnings::open() {
+    const size_t m = columns_.size();
+    const double inf = std::numeric_limits<double>::infinity();
+    high_ = low_ = kelvin_;
+    high_time_ = low_time_ = time_;
+    above_.assign(m, -inf);
+    below_.assign(m, inf);
+    for (size_t j = 0; j < m; ++j)
+        if (way_[j] == NEW) {
+            high_[j] = -inf;
+            low_[j] = inf;
         }
-        for (long r = first + 1; r < last; ++r) spread(y + r * m, m, static_cast<double>(r), high_.data(), low_.data(), high_row_.data(), low_row_.data());
-        for (int j = 0; j < m; ++j) {
-            const long high = static_cast<long>(high_row_[j]), low = static_cast<long>(low_row_[j]);
-            vertex(j, std::min(high, low), times, rows, y);
-            vertex(j, std::max(high, low), times, rows, y);
-        }
-    }
-    for (int j = 0; j < m; ++j) see(j, times[rows - 1], y[(rows - 1) * m + j]);
+    open_ = true;
 }
 
-void Turnings::vertex(int j, long r, const double* times, long rows, const double* y) {
-    const std::size_t m = columns_.size();
-    const double y1 = y[r * m + j];
-    if (r > 0 && r + 1 < rows) {
-        const double t0 = times[r - 1], t1 = times[r], t2 = times[r + 1], y0 = y[(r - 1) * m + j], y2 = y[(r + 1) * m + j];
-        if ((y1 - y0) * (y2 - y1) < 0.0) {  // the slope at the middle row, and how it bends
-            const double a = (y1 - y0) / (t1 - t0), b = (y2 - y1) / (t2 - t1);
-            const double bend = (b - a) / (t2 - t0), slope = a + bend * (t1 - t0), s = -0.5 * slope / bend;
-            if (t1 + s > t0 && t1 + s < t2) return see(j, t1 + s, y1 + 0.5 * slope * s);
+// The highest and lowest since the last output of a column.
+void Turnings::note(int j) {
+    const bool first = high_time_[j] < low_time_[j];
+    turn(j, first ? high_time_[j] : low_time_[j], first ? high_[j] : low_[j]);
+    turn(j, first ? low_time_[j] : high_time_[j], first ? low_[j] : high_[j]);
+}
+
+void Turnings::close() {
+    open_ = false;
+    for (int j = 0; j < static_cast<int>(columns_.size()); ++j)
+        if (high_[j] >= low_[j] && (high_[j] > above_[j] || low_[j] < below_[j])) note(j);
+}
+
+void Turnings::see_rows(const double* times, long rows, const double* y) {
+    const int m = static_cast<int>(columns_.size());
+    if (!open_) open();
+    long next = std::lower_bound(times_, times_ + n_, times[0]) - times_;
+    for (long r = 0; r < rows; ++r, y += m) {
+        if (r + 1 == rows)
+            for (int j = 0; j < m; ++j) {
+                const double before = r > 0 ? y[j - m] : kelvin_[j];
+                way_[j] = y[j] < before ? -1.0 : 1.0;
+                time_[j] = times[r];
+                kelvin_[j] = y[j];
+            }
+        while (next < n_ && times_[next] < times[r]) ++next;
+        if (!(next < n_ && times_[next] == times[r])) {
+            spread(y, m, times[r], high_.data(), low_.data(), high_time_.data(), low_time_.data());
+            continue;
         }
+        if (passes(y, m, NOISE, high_.data(), low_.data(), above_.data(), below_.data()))
+            for (int j = 0; j < m; ++j) {
+                const double over = high_[j] - std::max(y[j], above_[j]), under = std::min(y[j], below_[j]) - low_[j];
+                if (over > NOISE && under > NOISE) note(j);
+                else if (over > NOISE) turn(j, high_time_[j], high_[j]);
+                else if (under > NOISE) turn(j, low_time_[j], low_[j]);
+            }
+        for (auto* v : {&high_, &low_, &above_, &below_}) std::copy(y, y + m, v->begin());
+        for (auto* v : {&high_time_, &low_time_}) std::fill(v->begin(), v->end(), times[r]);
     }
-    see(j, times[r], y1);
+}
+
+void Turnings::among_outputs(std::vector<double>& times, long next, double end, double gap) const {
+    long last = next;
+    double widest = 0.0;
+    for (; last < n_ && times_[last] <= end; ++last) widest = std::max(widest, last > 0 ? times_[last] - times_[last - 1] : 0.0);
+    if (last < n_ && last > 0) widest = std::max(widest, times_[last] - times_[last - 1]);
+    if (n_ > 0 && last > next && widest <= gap) {
+        times.clear();
+        next = last - 1;
+    }
+    const size_t knots = times.size();
+    times.insert(times.end(), times_ + next, times_ + last);
+    times.push_back(end);
+    std::inplace_merge(times.begin(), times.begin() + knots, times.end());
+    times.erase(std::unique(times.begin(), times.end()), times.end());
 }
 
 // With the inputs of this step: massless nodes and boundaries jump where these do.
@@ -137,12 +208,18 @@ Integrator::Unrest Integrator::unrest() const {
     Unrest all;
     for (int k = 0; k < nk_; ++k) {
         if (!noise_[k].active) continue;
-        const double most = p_.inputs[k].furthest(in_[k], t_, end_, hint_[k]);
         double b = 0.0, direct = 0.0;
         for (int i : followed_) b = std::max(b, std::fabs(noise_[k].b[i]));
         for (const auto& parts : sum_parts_)
             for (const SumPart& x : parts)
                 if (x.input == k) direct = std::max(direct, std::fabs(x.weight));
+        const double spread = h_ * std::sqrt(in_[k].variance);  // |int v| is no more
+        if (direct == 0.0 && b * spread < 0.1 * Turnings::NOISE) {
+            all.moved += b * spread;
+            all.rate += b * spread / h_;
+            continue;
+        }
+        const double most = p_.inputs[k].furthest(in_[k], t_, end_, hint_[k]);
         all.rate += b * most;
         all.moved += b * h_ * std::min(0.5 * most, std::sqrt(in_[k].variance));
         all.direct += direct * most;
@@ -158,7 +235,9 @@ void Integrator::turnings_end(const Outputs& out) {
     const Unrest x = leftover_ ? unrest() : Unrest();
     if (x.jumps) return turnings_sampled(out);
     if (x.moved + x.direct < Turnings::NOISE) return turnings_smooth(out);
-    turnings_knots(out, x.direct > Turnings::NOISE ? 0.0 : std::min(Turnings::NOISE / x.rate, h_ / 8));
+    double bend = 0.0;
+    for (int i : followed_) bend = std::max(bend, Turnings::most_bent(poly_.data() + i, n_, 1));
+    turnings_knots(out, x.direct > Turnings::NOISE ? 0.0 : Turnings::gap(x.rate, bend / (h_ * h_)));
 }
 
 // Turning points of the polynomials of nodes and sums.
@@ -197,14 +276,7 @@ void Integrator::turnings_knots(const Outputs& out, double gap) {
         ++active;
     }
     if (active > 1) std::sort(at.begin(), at.end());
-    at.push_back(end_);
-    long next = out.next;
-    const auto stored = [&](double t) {
-        while (next < out.n && out.t[next] < t) ++next;
-        return next < out.n && out.t[next] == t;
-    };
-    at.erase(std::remove_if(at.begin(), at.end() - 1, stored), at.end() - 1);
-    at.erase(std::unique(at.begin(), at.end()), at.end());
+    turnings_.among_outputs(at, out.next, end_, gap);
     count_ = POWERS + 4 * active;
     const int sums = o_.sums.size(), wide = static_cast<int>(followed_.size()), columns = out.nobs + sums;
     const long many = static_cast<long>(at.size());

@@ -1,6 +1,7 @@
 // Turning points: where the course of a temperature changes from rising to falling, or back, between the times at which it is stored.
 // Every integrator shows the ends of its steps and the extremes inside them; between two outputs the highest and the lowest are kept.
 #pragma once
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -24,6 +25,11 @@ class Turnings {
   public:
     static constexpr double SMALL = 1e-6;  // a course that moves by less stands still [K]
     static constexpr double NOISE = 1e-3;  // what is left over of the inputs and moves a node by less is not looked at [K]
+    // How far points may be apart under noise that moves a node by `rate` [K/s] at most, where polynomials bend by `bend` [K/s^2]: between two of
+    // them it strays by rate gap / 2 and bend gap^2 / 8.
+    static double gap(double rate, double bend) { return std::min(2.0 * NOISE / rate, std::sqrt(2.0 * NOISE / std::max(bend, 1e-300))); }
+    static double steepest(const double* b, int count);                           // the largest magnitude
+    static double most_bent(const double* c, std::size_t stride, int count);      // of polynomials in s / h: h^2 times the most they bend
     struct Point { int column; double time, kelvin; };
     std::vector<Point> found;
 
@@ -35,12 +41,14 @@ class Turnings {
         time_.assign(columns, 0.0);
         kelvin_.assign(columns, 0.0);
         way_.assign(columns, NEW);
+        open_ = false;
         busy_.assign(columns, 0.0);
         found.clear();
     }
     bool on() const { return !columns_.empty(); }
     // The course of a column at a time that is not before the last one; at a jump, twice the same time.
     void see(int column, double time, double kelvin) {
+        if (open_) close();
         double& way = way_[column];
         const double up = kelvin - kelvin_[column];
         if (way == NEW) {
@@ -112,15 +120,26 @@ class Turnings {
         if (inside && at > t1) see(column, at, top);
         see(column, t2, y2);
     }
-    // Many increasing times of all columns, y (rows, columns): of each interval between outputs the highest and the lowest, each as the vertex of a
-    // parabola through its neighbours, then the last row.
+    // Under noise: increasing times of all columns, y (rows, columns), outputs among them. What passes the outputs around it by less than NOISE
+    // is left out.
     void see_rows(const double* times, long rows, const double* y);
+    // Adds the outputs from `next` up to `end` to times of a step, in order, and `end`; where outputs are nowhere more than `gap` apart, these
+    // say it all, and the last of them and `end` are what is left.
+    void among_outputs(std::vector<double>& times, long next, double end, double gap) const;
     // The end of the run, or of what is known of it.
     void end() {
+        if (open_) close();
         for (std::size_t k = 0; k < columns_.size(); ++k) {
             if (way_[k] != NEW && (n_ == 0 || time_[k] > times_[n_ - 1])) turn(static_cast<int>(k));
             keep(static_cast<int>(k), columns_[k]);
         }
+        // In order of columns; those of a column are in order of time.
+        std::vector<std::size_t> first(columns_.size() + 1);
+        for (const Point& p : found) ++first[p.column + 1];
+        for (std::size_t k = 0; k < columns_.size(); ++k) first[k + 1] += first[k];
+        std::vector<Point> ordered(found.size());
+        for (const Point& p : found) ordered[first[p.column]++] = p;
+        found.swap(ordered);
     }
 
   private:
@@ -132,15 +151,20 @@ class Turnings {
     };
     std::vector<Column> columns_;
     std::vector<double> time_, kelvin_, way_;  // of each column: the point seen last, and whether it rose (1) or fell (-1) to it
-    std::vector<double> busy_, high_, low_, high_row_, low_row_;
+    std::vector<double> busy_;
+    // Under noise: the highest and lowest since the last output, and the temperature there.
+    bool open_ = false;
+    std::vector<double> high_, low_, high_time_, low_time_, above_, below_;
 
-    void vertex(int j, long r, const double* times, long rows, const double* y);
+    void open();
+    void close();
+    void note(int column);
     const double* times_ = nullptr;
     long n_ = 0;
 
-    void turn(int column) {
+    void turn(int column) { turn(column, time_[column], kelvin_[column]); }
+    void turn(int column, double time, double kelvin) {
         Column& c = columns_[column];
-        const double time = time_[column], kelvin = kelvin_[column];
         if (c.row < n_ && times_[c.row] < time) {
             keep(column, c);
             while (c.row < n_ && times_[c.row] < time) ++c.row;

@@ -1,4 +1,4 @@
-"""What the logs of each stage of a campaign can tell, or told."""
+"""What the logs of each stage of a campaign can tell, or told; and whether a campaign can run at all."""
 
 from __future__ import annotations
 
@@ -8,14 +8,19 @@ from dataclasses import replace
 from pathlib import Path
 
 from thermid.campaign.cache import recall
-from thermid.campaign.file import placed, read_campaign
-from thermid.campaign.staging import keyed, request_of
+from thermid.campaign.file import CampaignSource, local_of, placed, read_campaign, scenario_of
+from thermid.campaign.schema import StageTable, VerdictTable
+from thermid.campaign.staging import keyed, readings_of, request_of
 from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
+from thermid.fit.inputs import Input, InputTable, inputs_of
+from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.request import LocalSpec, Request
 from thermid.inference.identifiability import Identifiability, identifiability, identifiability_of
+from thermid.model.tree.rules import Finding
 
-__all__ = ["survey"]
+__all__ = ["check_campaign", "survey"]
 
 
 def survey(
@@ -73,3 +78,86 @@ def survey(
         except ThermidError as error:
             raise placed(error, source.where(f"stages.{k}")) from None
     return out
+
+
+def check_campaign(
+    campaign: str | os.PathLike[str], data: str | os.PathLike[str] | None = None
+) -> tuple[tuple[Finding, ...], dict[str, InputTable]]:
+    """Return what would stop or mislead a campaign, and the inputs of each stage; every log is opened and bound, and none is fitted.
+
+    Of records that verdicts hold out, files, columns and bindings are checked; none of their numbers is shown.
+
+    Parameters
+    ----------
+    campaign : path     The campaign file.
+    data : path         A folder of logs outside the project.
+
+    Raises
+    ------
+    DeckError   When the campaign or a deck does not follow its grammar.
+    """
+    source = read_campaign(campaign, data)
+    tables = source.content.stages
+    files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(tables)}
+    found = [f for file, where in files.items() for f in source.model(file, where).check()]
+    inputs: dict[str, InputTable] = {}
+    requests: dict[str, Request] = {}
+    for k, stage in enumerate(tables):
+        where = source.where(f"stages.{k}")
+        try:
+            # what is inherited is not known yet; it changes values and no bindings
+            request = request_of(source, stage.model_copy(update={"inherit": {}, "freeze": []}), k, {})
+        except ThermidError as error:
+            found.append(_finding(error, where))
+            continue
+        requests[stage.name] = request
+        rows, wrong = _bound(request, where)
+        found += wrong
+        inputs[stage.name] = InputTable.of(rows)
+    for k, verdict in enumerate(source.content.verdicts):
+        stage = next(s for s in tables if s.name == verdict.model)
+        found += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))
+    return tuple(dict.fromkeys(found)), inputs
+
+
+def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
+    """Return the inputs of the records of a request, and what keeps any of them from being run."""
+    rows: list[Input] = []
+    wrong: list[Finding] = []
+    for record in request.records:
+        try:
+            problem = problem_for(replace(request, records=(record,)))
+            problem.benches()
+            rows += inputs_of(request, problem.experiments, problem.unknowns).rows
+        except ThermidError as error:
+            wrong.append(_finding(error, where))
+    return rows, wrong
+
+
+def _judged_on(source: CampaignSource, verdict: VerdictTable, stage: StageTable, request: Request | None, where: str) -> list[Finding]:
+    """Return what keeps the records of a verdict from being run."""
+    try:
+        records = tuple(source.bound(name, stage) for name in source.pick([verdict.record], where))
+        if request is None:
+            return []
+        asked = replace(
+            request,
+            records=records,
+            free=(),
+            priors={},
+            weights={},
+            scenarios={"*": scenario_of(verdict.scenario or stage.scenario, verdict.name or verdict.record)},
+            local={n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(verdict.local).items()},
+            record_local={},
+            readings=readings_of(verdict.readings if verdict.readings is not None else stage.readings),
+            fit_start=False,
+        )
+    except ThermidError as error:
+        return [_finding(error, where)]
+    return _bound(asked, where)[1]
+
+
+def _finding(error: ThermidError, where: str) -> Finding:
+    """Return an error as a finding, with its place in the campaign."""
+    full = placed(error, where)
+    return Finding("error", full.where, full.message)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from thermid.campaign.stages import Campaign
+    from thermid.fit.inputs import InputTable
     from thermid.model.tree.model import Model
     from thermid.simulation.scenarios.scenario import Scenario
 
@@ -139,28 +140,30 @@ def _with_unit(value: str, unit: str) -> str:
 
 
 @app.command()
-def check(deck: Deck, as_json: Json = False) -> None:
-    """Say what a careful reader would remark about a deck or campaign; leave with 2 when it cannot be used."""
+def check(deck: Deck, data: Data = None, as_json: Json = False) -> None:
+    """Check a deck or campaign, with its logs, for errors and questionable values. Exit code 2 if it cannot be used."""
     from thermid.model.deck.modelfile import load_model, read_toml
 
     content, _ = read_toml(deck)
+    inputs: dict[str, InputTable] = {}
     if "stages" in content:
-        from thermid.campaign.file import read_campaign
+        from thermid.campaign.survey import check_campaign
 
-        source = read_campaign(deck)
-        files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(source.content.stages)}
-        models = [source.model(file, where) for file, where in files.items()]
+        findings, inputs = check_campaign(deck, data)
     else:
-        models = [load_model(deck)]
-    found = [{"severity": f.severity, "where": f.where, "message": f.message} for m in models for f in m.check()]
+        findings = tuple(load_model(deck).check())
+    found = [{"severity": f.severity, "where": f.where, "message": f.message} for f in findings]
     bad = any(f["severity"] == "error" for f in found)
     if as_json:
         first = next((f for f in found if f["severity"] == "error"), None)
         error = {"message": first["message"], "where": first["where"]} if first is not None else {}
-        typer.echo(json.dumps({"schema": 1, "status": "error" if bad else "ok", **error, "findings": found}))
+        tables = {"inputs": {stage: i.to_dict() for stage, i in inputs.items()}} if "stages" in content else {}
+        typer.echo(json.dumps({"schema": 1, "status": "error" if bad else "ok", **error, "findings": found, **tables}))
     else:
         for f in found:
             typer.echo(f"{f['severity']}: {f['where']}: {f['message']}")
+        for stage, table in inputs.items():
+            typer.echo(f"{stage}: inputs\n{table.indented}")
         count = {s: sum(f["severity"] == s for f in found) for s in ("error", "warning", "note")}
         typer.echo(f"{deck.name}: {count['error']} errors, {count['warning']} warnings, {count['note']} notes")
     raise SystemExit(2 if bad else 0)
@@ -330,6 +333,9 @@ def calibrate(
         typer.echo(json.dumps(campaign_object(result, [f.name for f in files])))
     else:
         typer.echo(str(result))
+        for stage, fit in result.stages.items():
+            if fit.inputs.rows:
+                typer.echo(f"\n{stage}: inputs\n{fit.inputs.indented}")
         for stage, changed in result.changed.items():
             if changed:
                 typer.echo(f"\nfitted again: {stage}; changed since the results were kept: {', '.join(changed)}")

@@ -95,6 +95,7 @@ def calibration_object(fit: Calibration) -> dict[str, Any]:
         "standing": fit.standing.to_dict(fit.stage),
         "contradicted": dict(fit.contradicted),
         "warnings": list(fit.warnings),
+        "inputs": fit.inputs.to_dict(),
     }
 
 

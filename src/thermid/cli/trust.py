@@ -39,4 +39,4 @@ def identify(
     if as_json:
         typer.echo(json.dumps(clean({"schema": 1, "status": "ok", "stages": {n: i.to_dict() for n, i in found.items()}})))
     else:
-        typer.echo("\n\n".join(str(i) for i in found.values()))
+        typer.echo("\n\n".join(f"{i}\n  inputs:\n{i.inputs.indented}" for i in found.values()))

@@ -98,12 +98,12 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
     """Return the instruments of a fit's first record, with the noise that the fit used."""
     if not isinstance(source, Calibration) or source.problem is None:
         return ()
-    from thermid.fit.problem.experiment import _bound
+    from thermid.fit.problem.experiment import role_and_target
 
     experiment = source.experiments[0]
     out = []
     for name, c in experiment.record.channels.items():
-        role, path = _bound(experiment.record, c, experiment.network)
+        role, path = role_and_target(experiment.record, c, experiment.network)
         noise = c.noise if c.noise is not None else source.problem.noise.get(name)
         if role != "command":
             out.append(Sensor(name, path, role, noise, c.accuracy))

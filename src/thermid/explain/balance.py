@@ -12,7 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import RecordError
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import _bound, meet
+from thermid.fit.problem.experiment import meet, role_and_target
 from thermid.fit.problem.sensor_parts import at_their_seats, attached
 from thermid.measure import Record
 from thermid.measure.amounts import short
@@ -149,7 +149,7 @@ class _Case:
         rates = list[tuple[str, float, float]]()
         for name, v in point.values.items():
             channel = point.source.channel(name)
-            role, path = _bound(point.source, channel, network)
+            role, path = role_and_target(point.source, channel, network)
             if role == "command":
                 continue
             self.slots.append((role, path))

@@ -15,6 +15,7 @@ from thermid.explain.whiteness import ljung_box, modes_of, periodogram, stretche
 from thermid.fit.calibrate import fit as refit
 from thermid.fit.calibration import Calibration
 from thermid.measure.amounts import short
+from thermid.simulation.transient import simulate
 
 __all__ = ["Candidate", "Criticism", "TraceCriticism", "criticise"]
 
@@ -205,8 +206,6 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
 
 
 def _traces(fit: Calibration) -> list[TraceCriticism]:
-    from thermid.simulation.transient import simulate
-
     out = []
     powers = {}
     for e in fit.experiments:

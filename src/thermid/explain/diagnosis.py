@@ -2,21 +2,290 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError
-from thermid.explain.fault_bench import FaultBench, cases_of
-from thermid.explain.suspects import GROUPS, Candidate, suspects
+from thermid.dual import value_of
+from thermid.errors import IdentificationError, ThermidError
 from thermid.fit.calibration import Calibration
+from thermid.model.parts.elements import Conductor
+from thermid.model.parts.parameter import parameter
+from thermid.model.tree.model import Model
+from thermid.network.network import Network, compile_network
+from thermid.simulation.simulator import Simulator, prepare
 
-__all__ = ["Diagnosis", "Suspect", "diagnose"]
+__all__ = ["Diagnosis", "Suspect", "diagnose", "laid_open", "suspects"]
 
 Array = NDArray[np.float64]
+GROUPS = {
+    "boundary or reference": "the chamber's or room's temperature, or an error that all sensors share: reference junction, logger",
+    "power": "what is dissipated, or how it was measured",
+    "link": "a path of heat that is missing, or stronger or weaker than it is modelled",
+    "capacitance": "a mass or a specific heat",
+    "sensor": "one sensor: off, or come loose",
+}
+"""Group of parameters -> what it stands for."""
+KELVIN, SHARE, LOOSE, MORE = 5.0, 0.4, 0.3, 0.5
+"""How large a fault is taken to be, as standard deviations: temperatures [K], powers and capacitances [-], the part of its reading that a
+loose sensor takes from its surroundings [-], and a link over what its ends have already [-]. Generous on purpose: what they decide is
+between groups of like evidence."""
+ADDED = "suspected_link_"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that may be wrong.
+
+    Parameters
+    ----------
+    group : str         A key of `GROUPS`.
+    name : str          What it is.
+    free : str          What varies in a simulation; empty for what acts on readings alone.
+    size : float        Standard deviation of the fault that is thought possible, in its own unit.
+    one_sided : bool    Whether it can only be above zero.
+    unit : str          K, 1, W/K.
+    sensor : str        The sensor that it acts on, where it is one.
+    start : float       The value in the model; what varies is added to it. [SI]
+    """
+
+    group: str
+    name: str
+    free: str
+    size: float
+    one_sided: bool = False
+    unit: str = "1"
+    sensor: str = ""
+    start: float = 0.0
+
+    def words(self, amount: float) -> str:
+        """Return what a fault of a size means."""
+        if self.group == "sensor":
+            return f"{self.name} {amount:+.1f} K" if self.unit == "K" else f"{self.name}: {100 * amount:.0f} % of its reading is the room"
+        if self.unit == "K":
+            return f"{self.name} {amount:+.1f} K"
+        return f"{self.name} {amount:+.3g} W/K" if self.unit == "W/K" else f"{self.name} {100 * amount:+.0f} %"
+
+
+def laid_open(model: Model) -> Model:
+    """Return a model of which every node may be linked from outside."""
+    parts = {name: replace(part, model=laid_open(part.model)) for name, part in model.submodels.items()}
+    own = [*model.nodes, *(f"{name}.{offered}" for name, part in parts.items() for offered in part.model.offers)]
+    return replace(model, submodels=parts, offers=tuple(dict.fromkeys([*model.offers, *own])))
+
+
+def suspects(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fault, ...]]:
+    """Return a model with a link of no conductance between every two masses, and everything in it that may be wrong.
+
+    Parameters
+    ----------
+    model : Model       The model.
+    sensors : dict      Sensor -> its node.
+    """
+    network = compile_network(model)
+    numbers = network.numbers()
+    held = {n: float(value_of(c)) for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0}
+    pairs = [p for p in itertools.combinations([*held, *network.boundaries], 2) if not set(p) <= set(network.boundaries)]
+    strength, joined = _strength(network), _joined(network, {*held, *network.boundaries})
+    links, out = {}, []
+    for k, (a, b) in enumerate(pairs):
+        name = f"{ADDED}{k}"
+        links[name] = Conductor("conduction", (a, b), {"conductance": parameter("0 [W/K]", name)})
+        size = MORE * min(strength.get(n, np.inf) for n in (a, b) if n in held)
+        known = frozenset((a, b)) in joined
+        text = f"link {a} - {b}" if known else f"missing link {a} - {b}"
+        out.append(Fault("link", text, f"{name}.conductance", size if np.isfinite(size) and size > 0 else 0.1, not known, "W/K"))
+    out.append(Fault("boundary or reference", "all sensors", "", KELVIN, unit="K"))
+    out += [Fault("boundary or reference", f"boundary {b}", b, KELVIN, unit="K") for b in network.boundaries]
+    out += [Fault("power", f"power of {load.path}", f"scale.{load.path}", SHARE, start=1.0) for load in network.flat.loads]
+    out += [Fault("capacitance", f"capacitance of {node}", path, SHARE, start=value) for node, path, value in _masses(network, held)]
+    out += [Fault("sensor", s, "", KELVIN, unit="K", sensor=s) for s in sensors]
+    out += [Fault("sensor", f"{s} loose", "", LOOSE, True, "1", s) for s in sensors]
+    grown = laid_open(model)
+    return replace(grown, conductors={**grown.conductors, **links}), tuple(out)
+
+
+def _strength(network: Network) -> dict[str, float]:
+    """Return node -> sum of the constant conductances that end at it. [W/K]"""
+    out: dict[str, float] = {}
+    for row in network.numbers().conductors:
+        size = abs(float(value_of(row.coefficients[0]))) if row.coefficients else 0.0
+        for n in row.ends:
+            out[n] = out.get(n, 0.0) + size
+    return {n: g for n, g in out.items() if np.isfinite(g) and g > 0}
+
+
+def _joined(network: Network, ends: set[str]) -> set[frozenset[str]]:
+    """Return the pairs of masses and boundaries that heat passes between directly or through nodes without mass."""
+    near: dict[str, set[str]] = {}
+    for row in network.numbers().conductors:
+        a, b = row.ends[0], row.ends[1]
+        near.setdefault(a, set()).add(b)
+        near.setdefault(b, set()).add(a)
+    out = set()
+    for begin in ends:
+        seen, todo = {begin}, [*near.get(begin, ())]
+        while todo:
+            n = todo.pop()
+            if n in seen:
+                continue
+            seen.add(n)
+            if n in ends:
+                out.add(frozenset((begin, n)))
+            else:
+                todo += near.get(n, ())
+    return out
+
+
+def _masses(network: Network, held: Mapping[str, float]) -> Iterator[tuple[str, str, float]]:
+    """Yield node, path and value of a number that this node's capacitance, and no other one's, is proportional to."""
+    table, values = network.flat.parameters, network.numbers().values
+    fields = {n.path: [p for p in n.fields.values() if p] for n in network.flat.nodes}
+    for node, own in held.items():
+        wanted = set(fields[node])
+        roots = [p for p in table.order if table.table[p].parameter.is_literal and wanted & set(table.downstream([p]))]
+        for path in roots:
+            value = float(value_of(values[path]))
+            after = network.numbers({path: 1.01 * value}).capacitances
+            moved = {n for n, c in held.items() if abs(float(value_of(after[n] or 0.0)) / c - 1.0) > 1e-9}
+            if moved == {node} and abs(float(value_of(after[node] or 0.0)) / own - 1.01) < 1e-9:
+                yield node, path, value
+                break
+
+
+BINS = 24
+"""Stretches of time into which every log is thinned."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One log: thinned deviations, and what simulates it."""
+
+    ready: Simulator
+    sensors: tuple[str, ...]
+    nodes: tuple[str, ...]
+    centres: Array
+    deviations: Array
+    errors: Array
+    room: str
+    starts: Mapping[str, tuple[str, ...]]
+
+    def run(self, values: Mapping[str, float], only: str = "") -> tuple[Array, dict[str, Array], Array]:
+        """Return temperatures (sensors, bins), their derivatives by free name (one, or all), and temperatures of the room (bins,)."""
+        run = self.ready.run(values, sensitivities=True)
+        at = np.array([np.interp(self.centres, run.times, run[n].kelvin) for n in self.nodes])
+        several = [run.slopes(n) for n in self.nodes]
+        slopes = {
+            f: np.array([np.interp(self.centres, run.times, m[:, k]) for m in several])
+            for k, f in enumerate(self.ready.free)
+            if only in ("", f)
+        }
+        return at, slopes, np.interp(self.centres, run.times, run[self.room].kelvin)
+
+
+class FaultBench:
+    """All logs together: deviations as one vector, their covariance, the response of every candidate."""
+
+    def __init__(self, cases: Sequence[Case], candidates: Sequence[Fault], floor: float, accuracy: Mapping[str, float]) -> None:
+        self.cases, self.candidates = cases, candidates
+        self.nominal = [c.run({}) for c in cases]
+        self.d = np.concatenate([c.deviations.ravel() for c in cases])
+        self._covariance = self._errors(floor, accuracy)
+
+    def _errors(self, floor: float, accuracy: Mapping[str, float]) -> Array:
+        """Return the covariance of the deviations where nothing is wrong: noise, constant errors of sensors, a part that wanders."""
+        blocks, owner = [], []
+        for c in self.cases:
+            near = np.exp(-np.abs(c.centres[:, None] - c.centres[None, :]) / (0.2 * (np.ptp(c.centres) or 1.0)))
+            for k, s in enumerate(c.sensors):
+                blocks.append(np.diag(c.errors[k] ** 2) + floor**2 * near)
+                owner += [s] * c.centres.size
+        out = np.zeros((len(owner), len(owner)))
+        at = 0
+        for b in blocks:
+            out[at : at + len(b), at : at + len(b)] = b
+            at += len(b)
+        same = np.array(owner)[:, None] == np.array(owner)[None, :]
+        own = np.array([accuracy.get(s, 0.0) for s in owner])
+        return np.asarray(out + same * own[:, None] * own[None, :])
+
+    @cached_property
+    def root(self) -> Array:
+        """The inverse of a Cholesky factor: what it multiplies has independent errors of size one."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self._covariance)))
+
+    def spread_over(self, columns: Array) -> None:
+        """Count what values that are not known exactly do to the readings, a column per direction."""
+        self._covariance = self._covariance + columns @ columns.T
+        self.__dict__.pop("root", None)
+
+    def response(self, c: Fault, runs: Sequence[tuple[Array, dict[str, Array], Array]]) -> Array:
+        """Return what a unit of a candidate adds to every simulated reading."""
+        parts = []
+        for case, (at, slopes, room) in zip(self.cases, runs, strict=True):
+            if c.free:
+                factor = c.start if c.group == "capacitance" else 1.0
+                part = factor * slopes[case.ready.canonical(c.free)]
+            else:
+                own = np.array([c.sensor in ("", s) for s in case.sensors])[:, None]
+                part = own * (np.ones_like(at) if c.unit == "K" else room[None, :] - at)
+                # what starts at a wrong reading runs on from there
+                for s, names in case.starts.items():
+                    if c.sensor in ("", s):
+                        first = 1.0 if c.unit == "K" else float(room[0] - at[case.sensors.index(s), 0])
+                        part = part - first * sum(slopes[n] for n in names)
+            parts.append(part.ravel())
+        return np.concatenate(parts)
+
+    def moved(self, c: Fault, amount: float) -> tuple[Array, Array]:
+        """Return what a candidate of some size adds to the simulated readings, and its response there."""
+        if not c.free:
+            s = self.response(c, self.nominal)
+            return amount * s, s
+        value = c.start * (1.0 + amount) if c.group == "capacitance" else c.start + amount
+        runs = []
+        for case in self.cases:
+            name = case.ready.canonical(c.free)
+            runs.append(case.run({c.free: value if c.unit != "K" else case.ready.nominal[name] + amount}, name))
+        added = [(run[0] - base[0]).ravel() for run, base in zip(runs, self.nominal, strict=True)]
+        return np.concatenate(added), self.response(c, runs)
+
+
+def cases_of(told: Calibration, grown: Any, candidates: Sequence[Fault], extra: Sequence[str]) -> list[Case]:
+    """Return the logs of a comparison, thinned, each with what simulates it and the unknowns of the candidates free."""
+    out = []
+    for e in told.experiments:
+        own = [b for b in told.blocks if b.record == e.record.name]
+        begin, end = float(min(b.times[0] for b in own)), float(max(b.times[-1] for b in own))
+        edges = np.linspace(begin, end, BINS + 1)
+        centres = 0.5 * (edges[1:] + edges[:-1])
+        deviations, errors = np.zeros((len(own), BINS)), np.zeros((len(own), BINS))
+        for k, b in enumerate(own):
+            place = np.clip(np.searchsorted(edges, b.times, side="right") - 1, 0, BINS - 1)
+            count = np.bincount(place, minlength=BINS)
+            sums = np.bincount(place, b.residuals, minlength=BINS)
+            filled = count > 0
+            deviations[k] = np.interp(centres, centres[filled], sums[filled] / count[filled])
+            noise = float(e.observations[k].noise or 0.05) if k < len(e.observations) else 0.05
+            errors[k] = np.where(filled, noise / np.sqrt(np.maximum(count, 1)), 10.0)
+        begun = {o.sensor: tuple(f"initial.{n}" for n in e.loose if n == o.seat) for o in e.observations}
+        for node, sensor in e.readings.items():
+            begun[sensor] = (*begun.get(sensor, ()), f"initial.{node}")
+        starts = {s: tuple(dict.fromkeys(names)) for s, names in begun.items() if names}
+        initial = [n for names in starts.values() for n in names]
+        free = tuple(dict.fromkeys([c.free for c in candidates if c.free] + list(extra) + initial))
+        ready = prepare(grown, e.bare, free, times=np.linspace(0.0, e.bare.seconds, 4 * BINS + 1))
+        room = ready.wiring.network.boundaries[0]
+        out.append(Case(ready, tuple(b.sensor for b in own), tuple(b.node for b in own), centres, deviations, errors, room, starts))
+    return out
+
+
 ROUNDS, REFITTED = 4, 6
 NOTHING = "nothing"
 MOST = 0.7
@@ -171,16 +440,14 @@ Tried = tuple[float, float, float, float, float]
 """Log of the evidence over that of no fault, amount, its error, weighted squares left, RMS left [K]."""
 
 
-def _linear(bench: FaultBench, c: Candidate, z: Array) -> Tried:
+def _linear(bench: FaultBench, c: Fault, z: Array) -> Tried:
     s = bench.response(c, bench.nominal)
     w = bench.root @ s
     amount, square = _best(c, float(w @ w), float(w @ z))
     return _evidence(c, z, z - w * amount, bench.d - s * amount, amount, square)
 
 
-def _refitted(bench: FaultBench, c: Candidate, z: Array, begun: Tried) -> Tried:
-    from thermid.errors import ThermidError
-
+def _refitted(bench: FaultBench, c: Fault, z: Array, begun: Tried) -> Tried:
     amount, best = begun[1], begun
     for _ in range(ROUNDS):
         try:
@@ -199,14 +466,14 @@ def _refitted(bench: FaultBench, c: Candidate, z: Array, begun: Tried) -> Tried:
     return best
 
 
-def _best(c: Candidate, own: float, cross: float) -> tuple[float, float]:
+def _best(c: Fault, own: float, cross: float) -> tuple[float, float]:
     """Return the likeliest amount, and its curvature."""
     square = own + 1.0 / c.size**2
     amount = cross / square
     return (max(amount, 0.0) if c.one_sided else amount), square
 
 
-def _evidence(c: Candidate, z: Array, left: Array, rest: Array, amount: float, square: float) -> Tried:
+def _evidence(c: Fault, z: Array, left: Array, rest: Array, amount: float, square: float) -> Tried:
     gain = 0.5 * (float(z @ z) - float(left @ left) - (amount / c.size) ** 2) - 0.5 * float(np.log(c.size**2 * square))
     gain += float(np.log(2.0)) if c.one_sided and amount > 0 else 0.0
     return gain, amount, float(square**-0.5), float(left @ left), float(np.sqrt(np.mean(rest**2)))

@@ -13,8 +13,10 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
 from thermid.fit.calibration import Calibration
 from thermid.fit.clocks.search import at_clocks, in_turns, with_clocks
+from thermid.fit.contradicted import FIRST
 from thermid.fit.discrepancy import with_discrepancy
 from thermid.fit.hand_stage import tuned_by_hand
+from thermid.fit.inputs import inputs_of
 from thermid.fit.least_squares.search import searched
 from thermid.fit.least_squares.solve import Fit, covariances, ended, minimise
 from thermid.fit.mistakes import mistakes, strange_powers
@@ -120,7 +122,7 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         found = replace(again, **kept)
     spread = wander(problem, found, request.loss, request.knee)
     _, random, weights = covariances(found, spread.level, spread.excess)
-    asked = strange_powers(problem) if request.free else ()
+    asked = strange_powers(problem)
     found = replace(found, remarks=(*found.remarks, *asked))
     if stated and request.free and len(problem.experiments) == len(request.records):
         more = mistakes(request, problem, found.chi_square / _freedom(problem), _misfit)
@@ -128,7 +130,9 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     try:
         refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
     except IdentificationError as refusal:
-        raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in asked)]), refusal.where) from None
+        unlogged = (f"{r.words}." for r in inputs_of(request, problem.experiments, problem.unknowns).assumed if r.kind == "load")
+        questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*asked, *unlogged))
+        raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
     errors = responses(request, problem, found, spread.level, random, weights)
     return with_discrepancy(summarise(request, problem, found, errors, random, spread))
 
@@ -139,7 +143,7 @@ def _units_asked(problem: Problem) -> Iterator[None]:
     try:
         yield
     except SolverError as error:
-        raise SolverError(" ".join([error.message, *strange_powers(problem)]), error.where) from None
+        raise SolverError(" ".join([error.message, *(a.removeprefix(FIRST) for a in strange_powers(problem))]), error.where) from None
 
 
 def _freedom(problem: Problem) -> float:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.fit.contradicted import BLAME, LOUD, contradicted
+from thermid.fit.contradicted import BLAME, FIRST, LOUD, contradicted
+from thermid.fit.inputs import InputTable, input_lines, inputs_of
 from thermid.fit.problem.residuals import Block, Predictions, Problem
 from thermid.fit.problem.statistics import SensorStatistics, Sums, pooled
 from thermid.fit.sensors import instrument_shares, sensor_shares
@@ -140,6 +141,13 @@ class Calibration:
         """Value -> what would have to be wrong, of those over ten deviations from an accuracy or prior: do not use the fit then."""
         return contradicted(self.values)
 
+    @property
+    def inputs(self) -> InputTable:
+        """Every boundary, load and start of every record with its source, what is assumed first; empty where no log was fitted."""
+        if self.request is None or self.problem is None:
+            return InputTable()
+        return inputs_of(self.request, self.experiments, self.problem.unknowns)
+
     def _sums(self) -> list[tuple[str, str, Sums]]:
         """Return record, sensor and the sums of its residuals; of blocks that were not predicted yet, as the fit left them."""
         if isinstance(self.blocks, Predictions):
@@ -197,6 +205,8 @@ class Calibration:
         counts = f"{free}, {samples} samples of {channels}{records}{kind}"
         told = self.standing.line(self.stage) + (f". {BLAME}" if self.contradicted else "")
         lines = [f"{self.stage}: {counts}"] if self.standing.fair else [f"{self.stage}: {told}", f"  {counts}"]
+        lines += [f"  {w}" for w in self.warnings if w.startswith(FIRST)]
+        lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
         lines += [f"  {v.path}: one value with {', '.join(v.also)}" for v in fitted.values() if v.also]
@@ -204,7 +214,7 @@ class Calibration:
         lines += _known_lines(self.store, {*self.values.assignments}, width)
         for name, s in self.sensors.items():
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
-            worth = f", worth {short(s.effective_samples)} independent samples" if s.effective_samples < 0.9 * s.samples else ""
+            worth = f", worth {short(s.effective_samples)} independent samples" if s.wanders else ""
             lines.append(
                 f"  {name}: RMSE {short(s.rmse, 3)} K   largest {short(abs(s.largest), 3)} K   residuals white: {white}{worth}"
                 + _bias_text(name, self)
@@ -219,7 +229,7 @@ class Calibration:
         lines += self.moved.lines()
         lines.append(f"  reduced chi-square {short(self.reduced_chi_square, 3)}; {counted(self.evaluations, 'evaluation')}")
         lines += [f"  search: {self.search}"] if self.search else []
-        lines += [f"  warning: {w}" for w in self.warnings if not w.startswith(LOUD)]
+        lines += [f"  warning: {w}" for w in self.warnings if not w.startswith((LOUD, FIRST))]
         return "\n".join(lines)
 
 

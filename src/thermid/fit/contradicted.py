@@ -6,15 +6,25 @@ import math
 from typing import TYPE_CHECKING
 
 from thermid.measure.amounts import short
+from thermid.model.tree.resolve import parameter_table
+from thermid.units import unit
 
 if TYPE_CHECKING:
     from thermid.knowledge.values import FittedValue, FittedValues
+    from thermid.model.tree.model import Model
 
-__all__ = ["BLAME", "FAR", "LOUD", "contradicted", "loudly"]
+__all__ = ["BLAME", "FAR", "FIRST", "LOUD", "TIMES", "contradicted", "far_from_sheet", "loudly"]
 
 LOUD = "NOT CREDIBLE: "
 BLAME = "A column, a unit, a node or the accuracy is wrong, or the model is. Do not use these values."
 """What to look for where a fit contradicts what was stated."""
+
+FIRST = "check: "
+"""Begins what stands in the first lines of a fit: a question that its user can answer and the fit cannot."""
+TIMES = 5.0
+"""Factor from the deck's value from which a fitted value with a source is questioned. [-]"""
+UNSOURCED = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
+"""Quantities that are questioned also where the deck gives no source: nobody is wrong about a mass by so much."""
 
 FAR = 10.0
 """Standard deviations from what was stated beyond which a fit is not believed; chance and a careless accuracy do not reach so far. [-]"""
@@ -30,6 +40,28 @@ def loudly(values: FittedValues) -> tuple[str, ...]:
     """Return the one sentence that says so at the head of a fit; nothing where nothing is contradicted."""
     far = contradicted(values)
     return (f"{LOUD}{'; '.join(far.values())}. {BLAME}",) if far else ()
+
+
+def far_from_sheet(model: Model, values: FittedValues) -> tuple[str, ...]:
+    """Return a question about each fitted value that is five times the deck's, or a fifth of it.
+
+    Asked of values whose source is a data sheet, a publication, a measurement or a derivation, and of masses and heat capacities unless
+    they are assumed.
+    """
+    table, out = parameter_table(model), []
+    for path, v in values.parameters.items():
+        if path not in table or not (v.log and v.start > 0.0 and v.value > 0.0):
+            continue
+        ratio, source = v.value / v.start, table[path].parameter.source
+        asked = source != "assumed" if source else unit(v.unit).dimension in UNSOURCED
+        if asked and not 1.0 / TIMES < ratio < TIMES:
+            of = f"{short(v.converted(v.start), 3)} {v.unit} ({source})" if source else f"{short(v.converted(v.start), 3)} {v.unit}"
+            times = f"{short(ratio, 3)} times" if ratio > 1.0 else f"{short(1.0 / ratio, 3)} times less than"
+            out.append(
+                f"{FIRST}{path} is {short(v.in_unit, 3)} {v.unit}, {times} the deck's {of}. A unit of time, power or temperature in the "
+                "log, or the deck's value, may be wrong."
+            )
+    return tuple(out)
 
 
 def _deviations(v: FittedValue) -> float:

@@ -8,7 +8,7 @@ from itertools import combinations, islice
 from typing import TYPE_CHECKING
 
 from thermid.errors import ThermidError
-from thermid.fit.uncertainty.grouping import listed
+from thermid.fit.contradicted import FIRST, TIMES
 from thermid.knowledge.store import Store
 from thermid.measure import Channel, Record
 from thermid.measure.amounts import short
@@ -26,6 +26,8 @@ GAIN = 0.1
 PAIRS = 10
 STRANGE = 300.0
 """Ratio of the power of a log and that of the deck from which one of them is in another unit."""
+FULL = 101.0
+"""Largest number that a duty cycle in per cent reaches, with what rounding adds."""
 UNITS = ((1e-3, "mW, where W were taken"), (1e3, "kW, where W were taken"))
 
 
@@ -49,11 +51,14 @@ def mistakes(request: Request, problem: Problem, misfit: float, again: Callable[
             continue
         if left < GAIN * misfit:
             out.append((left, f"{words} The residuals would then fall from {misfit**0.5:.2g} to {left**0.5:.2g} times the noise."))
-    return (*_unlogged(problem), *(text for _, text in sorted(out)[:2]))
+    return tuple(text for _, text in sorted(out)[:2])
 
 
 def strange_powers(problem: Problem) -> tuple[str, ...]:
-    """Return remarks on logged powers that are some hundred times what the deck has, or a small part of it: is their unit right?"""
+    """Return questions about logged powers that are far from the deck's: is their unit right?
+
+    Far is 300 times, and five times where nobody said the unit of the column: a duty cycle in per cent then counts as watts.
+    """
     out: dict[str, str] = {}
     for e in problem.experiments:
         values = e.network.flat.parameters.evaluate({})
@@ -61,21 +66,17 @@ def strange_powers(problem: Problem) -> tuple[str, ...]:
         for c in (c for c in e.record.channels.values() if c.role == "load" and c.quantity == "power" and c.valid.any()):
             path = e.network.flat.names.model.canonical(c.target or "")
             logged, deck = float(abs(c.values[c.valid]).max()), decks.get(path, 0.0)
-            if logged > 0 and deck > 0 and not 1.0 / STRANGE < logged / deck < STRANGE:
+            if not (logged > 0 and deck > 0):
+                continue
+            gives = f"{FIRST}'{c.name}' gives '{path}' {short(logged, 3)} W, the deck has {short(deck, 3)} W: "
+            if not 1.0 / STRANGE < logged / deck < STRANGE:
+                out[c.name] = f'{gives}is its unit right? A column in mW has unit = "mW" in its table, or [mW] in its header.'
+            elif c.assumed and logged / deck >= TIMES and logged <= FULL:
                 out[c.name] = (
-                    f"'{c.name}' gives '{path}' {short(logged, 3)} W, the deck has {short(deck, 3)} W: is its unit right? A column in mW "
-                    'has unit = "mW" in its table, or [mW] in its header.'
+                    f"{gives}is it a duty cycle in per cent? Nothing says its unit, and watts were taken. Give full_scale = '... [W]', its "
+                    'power at 100 %, or, if these are watts, unit = "W".'
                 )
     return tuple(out.values())
-
-
-def _unlogged(problem: Problem) -> tuple[str, ...]:
-    """Return a remark on loads of constant power that neither a log nor a scenario gives."""
-    taken: dict[str, None] = {}
-    for e in problem.experiments:
-        given = {*e.scenario.loads, *e.scenario.commands}
-        taken |= {row.path: None for row in e.network.flat.loads if row.path not in given and set(row.fields) == {"power"}}
-    return (f"no log gives the power of {listed(list(taken))}: that of the deck was taken, from beginning to end.",) if taken else ()
 
 
 def _others(records: tuple[Record, ...]) -> Iterator[tuple[str, tuple[Record, ...]]]:

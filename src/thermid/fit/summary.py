@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.fit.calibration import Calibration, Local
-from thermid.fit.contradicted import FAR, loudly
+from thermid.fit.contradicted import FAR, far_from_sheet, loudly
 from thermid.fit.least_squares.solve import Fit
 from thermid.fit.problem.residuals import Predictions, Problem
 from thermid.fit.problem.starts import UNSAID_NOISE
+from thermid.fit.problem.statistics import wanders
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.standings import at_bounds, own_standing, rests_on
 from thermid.fit.stored import stored
@@ -73,6 +74,7 @@ def summarise(request: Request, problem: Problem, found: Fit, known: Responses, 
         request.loss,
         (
             *loudly(values),
+            *far_from_sheet(request.model, values),
             *request.remarks,
             *_warnings(problem, found, total, spread),
             *found.remarks,
@@ -151,7 +153,7 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Wander | None)
 
 def _wandering(spread: Wander) -> list[str]:
     """Return one remark on traces whose residuals wander."""
-    slow = [t for t in spread.traces if t.effective < 0.9 * t.samples]
+    slow = [t for t in spread.traces if wanders(t.effective, t.samples)]
     # one white trace in a hundred looks as if it wandered
     if len(slow) <= CHANCE * len(spread.traces) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(spread.traces)):
         return []

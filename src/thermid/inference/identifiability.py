@@ -13,6 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.design.planned import planned_record, sensors_of
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
+from thermid.fit.inputs import InputTable, input_lines, inputs_of
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import Problem
@@ -88,6 +89,7 @@ class Identifiability:
     parameters : dict           Path -> `Known`, priors counted.
     groups : tuple of Group     What cannot be told apart: structural ones first.
     cures : tuple of Cure       What would help, the best first.
+    inputs : InputTable             Every boundary, load and start of every record, with its source.
     """
 
     title: str
@@ -99,6 +101,7 @@ class Identifiability:
     cures: tuple[Cure, ...]
     information: Information = field(repr=False)
     problem: Problem = field(repr=False)
+    inputs: InputTable = field(default=InputTable(), repr=False)
 
     def __getitem__(self, path: str) -> Known:
         """Return what is known of one parameter."""
@@ -146,6 +149,7 @@ class Identifiability:
                 }
                 for g in self.groups
             ],
+            "inputs": self.inputs.to_dict(),
             "cures": [{"action": c.action, "errors": dict(c.errors)} for c in self.cures],
         }
 
@@ -154,6 +158,7 @@ class Identifiability:
         when = {"planned": "what this test would tell", "before": "what these readings can tell", "after": "what the readings told"}
         free = len(self.parameters)
         lines = [f"{self.title}: {when[self.stage]} of {counted(free, 'parameter')} ({self.samples} readings)"]
+        lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
         if self.rank < free:
             lines.append(f"  The readings hold {counted(self.rank, 'independent fact')} about {free} parameters.")
         lines += [f"  Whatever is measured so: {g}.{self._split_by(g)}" for g in self.structural if g.form != "unseen"]
@@ -219,7 +224,8 @@ def identifiability_of(request: Request, stage: str = "before", tell: float = TE
     """Return what the records of a request tell, at the values where its fit would start; see `identifiability`."""
     problem = problem_for(request)
     start = np.array([u.to_fitted(u.start) for u in problem.unknowns])
-    return _told(request.name or request.model.title, stage, problem, start, 1.0, tell)
+    found = _told(request.name or request.model.title, stage, problem, start, 1.0, tell)
+    return replace(found, inputs=InputTable() if stage == "planned" else inputs_of(request, problem.experiments, problem.unknowns))
 
 
 def _after(fit: Calibration, tell: float) -> Identifiability:
@@ -232,6 +238,7 @@ def _after(fit: Calibration, tell: float) -> Identifiability:
     grown = {p: fit.values[p].error / k.error if k.error > 0 else 1.0 for p, k in found.parameters.items()}
     return replace(
         found,
+        inputs=fit.inputs,
         parameters={
             p: replace(k, error=k.error * grown[p], relative=k.relative * grown[p], without=k.without * grown[p])
             for p, k in found.parameters.items()

@@ -4,22 +4,71 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from thermid.errors import IdentificationError, ScenarioError, nearest
 from thermid.model.laws.signal import literal
+from thermid.physics.constants import ICE_POINT
 from thermid.sourced.marks import check_mark
 
-if TYPE_CHECKING:
-    from thermid.judge.correlation import Deviation
-
-__all__ = ["CRITERIA", "CriteriaSet", "Gate", "judge", "read_criteria"]
+__all__ = ["CRITERIA", "CriteriaSet", "Deviation", "Gate", "judge", "read_criteria"]
 
 KINDS = ("steady", "transient")
 KELVIN = ("mean", "spread", "each", "rmse")
 KEYS = (*KELVIN, "share", "kinds", "mark", "source")
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far one sensor lies from the simulation in one case.
+
+    Parameters
+    ----------
+    case, sensor : str
+    kind : str              'steady', the mean of a settled stretch; 'transient', every reading.
+    samples : int
+    measured : float        Mean of the readings. [K]
+    simulated : float       Mean of the simulation. [K]
+    spread : float          Standard deviation of the difference over time. [K]
+    largest : float         Largest difference by size, with its sign. [K]
+    rmse : float            [K]
+    accuracy : float        Of the sensor. [K]
+    weight : float          In the means over sensors. [-]
+    excluded : str          Why it does not count; empty where it does.
+    """
+
+    case: str
+    sensor: str
+    kind: str
+    samples: int
+    measured: float
+    simulated: float
+    spread: float
+    largest: float
+    rmse: float
+    accuracy: float
+    weight: float = 1.0
+    excluded: str = ""
+
+    @property
+    def mean(self) -> float:
+        """Mean of measured less simulated. [K]"""
+        return self.measured - self.simulated
+
+    @property
+    def size(self) -> float:
+        """What a limit for each sensor looks at: the mean where it is settled, the largest difference where it moves. [K]"""
+        return abs(self.mean) if self.kind == "steady" else abs(self.largest)
+
+    def __str__(self) -> str:
+        """Return it as a line."""
+        out = f"; left out: {self.excluded}" if self.excluded else ""
+        return (
+            f"{self.case}, {self.sensor}, {self.kind}: measured {self.measured - ICE_POINT:.2f}, simulated "
+            f"{self.simulated - ICE_POINT:.2f} degC, mean {self.mean:+.2f}, spread {self.spread:.2f}, largest {self.largest:+.2f} K{out}"
+        )
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,13 @@ from pathlib import Path
 from thermid.errors import DeckError
 from thermid.files import OWN, write_text
 
-__all__ = ["Look", "look", "looks_at"]
+__all__ = ["RecordedLook", "look", "looks_at"]
 
 FILE = "looks.json"
 
 
 @dataclass(frozen=True)
-class Look:
+class RecordedLook:
     """One verdict on a record.
 
     Parameters
@@ -37,7 +37,7 @@ class Look:
     date: str
 
 
-def looks_at(folder: Path | None, sha256: str) -> tuple[Look, ...]:
+def looks_at(folder: Path | None, sha256: str) -> tuple[RecordedLook, ...]:
     """Return the verdicts on a record that a results folder remembers, oldest first.
 
     Raises
@@ -47,7 +47,7 @@ def looks_at(folder: Path | None, sha256: str) -> tuple[Look, ...]:
     return tuple(one for one in _read(folder) if one.sha256 == sha256)
 
 
-def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, passed: bool) -> tuple[Look, ...]:
+def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, passed: bool) -> tuple[RecordedLook, ...]:
     """Return the earlier failed verdicts on a record by other values than these, and note this one.
 
     The same values judged again are no new look.
@@ -60,14 +60,14 @@ def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, pa
         return ()
     known = _read(folder)
     earlier = tuple(one for one in known if one.sha256 == sha256 and not one.passed and one.key != key)
-    now = Look(record, sha256, stage, key, passed, datetime.now(UTC).date().isoformat())
+    now = RecordedLook(record, sha256, stage, key, passed, datetime.now(UTC).date().isoformat())
     if all((one.sha256, one.key, one.passed) != (sha256, key, passed) for one in known):
         folder.mkdir(parents=True, exist_ok=True)
         write_text(folder / FILE, json.dumps([asdict(one) for one in (*known, now)], indent=1), OWN)
     return earlier
 
 
-def _read(folder: Path | None) -> tuple[Look, ...]:
+def _read(folder: Path | None) -> tuple[RecordedLook, ...]:
     path = folder / FILE if folder is not None else None
     if path is None or not path.is_file():
         return ()
@@ -75,7 +75,7 @@ def _read(folder: Path | None) -> tuple[Look, ...]:
         content = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(content, list):
             raise TypeError
-        return tuple(Look(**one) for one in content)
+        return tuple(RecordedLook(**one) for one in content)
     except (ValueError, TypeError):
         raise DeckError(
             "the file is damaged. It says which records failed a verdict before; without it they would pass for independent ones. "

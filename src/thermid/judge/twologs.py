@@ -7,6 +7,8 @@ from pathlib import Path
 
 from thermid.errors import RecordError
 from thermid.measure import Record, read_record
+from thermid.measure.columns import name_and_unit
+from thermid.measure.formats import log_cells
 
 __all__ = ["read_two"]
 
@@ -43,8 +45,5 @@ def read_two(measured: Path, simulated: Path, *, accuracy: str = "", time: str |
 
 def _columns(path: Path) -> list[str]:
     """Return the names of a log's columns, without units."""
-    from thermid.measure.columns import name_and_unit
-    from thermid.measure.formats import log_cells
-
     named = [name_and_unit(c) for c in log_cells(path).header]
     return [n for at, (n, u) in enumerate(named) if at == 0 or u in _TEMPERATURES or (u is None and not _METER.match(n))]

@@ -15,7 +15,7 @@ from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import Block
 from thermid.fit.problem.sensor_parts import as_found
 from thermid.fit.problem.statistics import SensorStatistics
-from thermid.judge.looks import Look
+from thermid.judge.looks import RecordedLook
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
 from thermid.model.laws.signal import literal
@@ -107,7 +107,7 @@ class Verdict:
     fitted_locally : tuple of str   What was fitted to this very record; the verdict is then conditional on it.
     prediction : Calibration        Measured and predicted readings; None where it was not judged.
     title : str                     What it is about.
-    failed_before : tuple of Look   Failed verdicts on this record by other values, of which the results folder knows.
+    failed_before : tuple of RecordedLook   Failed verdicts on this record by other values, of which the results folder knows.
     standing : Standing             Of the values that were judged, before the verdict.
     """
 
@@ -118,7 +118,7 @@ class Verdict:
     fitted_locally: tuple[str, ...]
     prediction: Calibration | None
     title: str = ""
-    failed_before: tuple[Look, ...] = ()
+    failed_before: tuple[RecordedLook, ...] = ()
     standing: Standing = UNJUDGED
 
     @property

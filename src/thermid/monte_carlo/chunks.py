@@ -24,7 +24,7 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Options
 from thermid.simulation.solver.extremes import MemberTurnings
 
-__all__ = ["Chunk", "Job", "MissingPackageError", "Store", "digest", "run_members_of", "work"]
+__all__ = ["Chunk", "ChunkStore", "Job", "MissingPackageError", "digest", "run_members_of", "work"]
 
 Array = NDArray[np.float64]
 PARTS = ("members", "times", "kelvin")
@@ -160,7 +160,7 @@ def run_members_of(job: Job, numbers: Array, threads: int = 1) -> Chunk:
 
 
 @dataclass(frozen=True)
-class Store:
+class ChunkStore:
     """A folder with the chunks of one job, whose name is the job's key.
 
     Parameters
@@ -171,7 +171,7 @@ class Store:
     folder: Path
 
     @classmethod
-    def of(cls, job: Job, folder: str | os.PathLike[str]) -> Store:
+    def of(cls, job: Job, folder: str | os.PathLike[str]) -> ChunkStore:
         """Return the place of a job below a folder."""
         place = Path(folder) / job.key()
         place.mkdir(parents=True, exist_ok=True)

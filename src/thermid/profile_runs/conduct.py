@@ -10,26 +10,95 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError
+from thermid.errors import ScenarioError, nearest
 from thermid.measure.stability import StabilityRule, rule_of
-from thermid.model.laws.signal import literal
+from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.model import Model
-from thermid.profile_runs.benches import bench_of, node_of, watched
+from thermid.network.network import compile_network
 from thermid.profile_runs.humid import humid
-from thermid.profile_runs.legs import Bench, Conditions, Leg, Plan
+from thermid.profile_runs.legs import ChamberConditions, ChamberSetup, Leg, Timeline, memory_of
 from thermid.profile_runs.profile_run import Phase, ProfileRun
 from thermid.profile_runs.waiting import Wanted, wait
-from thermid.profiles.profile import ThermalProfile
-from thermid.profiles.remarks import ordered
-from thermid.profiles.steps import Step
+from thermid.profiles.profile import ProfileStep, ThermalProfile, ordered
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.simulator import network_for
 from thermid.simulation.solver.engine import Options
 from thermid.simulation.transient import simulate
 
 if TYPE_CHECKING:
     from thermid.simulation.water.moisture import Moisture
 
-__all__ = ["run_profile"]
+__all__ = ["bench_of", "node_of", "run_profile", "watched"]
+
+
+def bench_of(
+    model: Model,
+    profile: ThermalProfile,
+    chamber: str | Sequence[str],
+    equipment: Sequence[str] | None,
+    base: Scenario,
+    options: Options,
+) -> tuple[ChamberSetup, ChamberConditions]:
+    """Return the model in its chamber, and the conditions at the start."""
+    network = compile_network(model, prescribed=tuple(base.prescribed))  # the steps say in which gas it runs
+    asked = (chamber,) if isinstance(chamber, str) else tuple(chamber)
+    if not asked and len(network.boundaries) != 1:
+        raise ScenarioError(f"say which boundaries are the chamber: chamber = ... out of {', '.join(network.boundaries)}.", profile.title)
+    names = tuple(model.canonical(n) for n in asked) or network.boundaries
+    for name in names:
+        if name not in network.boundaries:
+            raise ScenarioError(f"'{name}' is no boundary.{nearest(name, network.boundaries)}", f"{profile.title}, chamber")
+    free = [b for b in network.boundaries if b not in names and b not in {model.canonical(k) for k in base.boundaries}]
+    if free:
+        raise ScenarioError(
+            f"boundary '{free[0]}' is not the chamber and has no temperature. Name it in chamber, or give it one in the scenario.",
+            profile.title,
+        )
+    loads = {load.path: load for load in network.flat.loads}
+    switched = tuple(model.canonical(n) for n in equipment) if equipment is not None else ()
+    for name in switched:
+        if name not in loads:
+            raise ScenarioError(f"there is no load '{name}' to switch.{nearest(name, loads)}", f"{profile.title}, equipment")
+    if equipment is None:
+        controlled = ("thermostat", "proportional")
+        switched = tuple(p for p, load in loads.items() if not any(f.startswith(controlled) for f in load.fields))
+    ambient = profile.value("ambient")
+    others = {k: v for k, v in base.boundaries.items() if model.canonical(k) not in names}
+    steps = profile.steps
+    thin = any(s.pressure is not None for s in steps)
+    kept = replace(
+        base,
+        boundaries=others,
+        loads={model.canonical(k): v for k, v in base.loads.items()},
+        commands={model.canonical(k): v for k, v in base.commands.items()},
+        start=base.start if base.start != "" else ambient,
+    )
+    gases = tuple(n for n in names if n in base.environment) or (("*",) if thin else ())
+    bench = ChamberSetup(model, kept, names, switched, gases, profile.ground, options, memory_of(model, _kept_with(kept, names, ambient)))
+    humid = profile.value("humidity") if profile.has("humidity") else None
+    first = next((s.power for s in steps if s.power is not None), True)
+    return bench, ChamberConditions(ambient, bool(first), profile.ground if thin else None, humid)
+
+
+def _kept_with(base: Scenario, chamber: tuple[str, ...], kelvin: float) -> Scenario:
+    """Return a scenario with the chamber at a temperature."""
+    return base.with_(boundaries={name: Constant(kelvin) for name in chamber})
+
+
+def node_of(bench: ChamberSetup, name: str) -> str:
+    """Return the path of a node."""
+    network = network_for(bench.model, bench.base)
+    return network.find(name)
+
+
+def watched(bench: ChamberSetup, watch: Sequence[str]) -> tuple[str, ...]:
+    """Return the nodes that must be stable."""
+    network = network_for(bench.model, bench.base)
+    if watch:
+        return tuple(network.find(n) for n in watch)
+    capacities = network.numbers().capacitances
+    return tuple(n for n in network.nodes if capacities.get(n) is not None)
+
 
 Array = NDArray[np.float64]
 SET_POINT_TRIES = 12
@@ -102,9 +171,11 @@ def _rate(given: str | float) -> float:
 class _Course:
     """The test so far: conditions, state, phases."""
 
-    def __init__(self, bench: Bench, profile: ThermalProfile, start: Conditions, watch: tuple[str, ...], base: str, limit: float) -> None:
+    def __init__(
+        self, bench: ChamberSetup, profile: ThermalProfile, start: ChamberConditions, watch: tuple[str, ...], base: str, limit: float
+    ) -> None:
         self.bench, self.profile, self.watch, self.base, self.limit = bench, profile, watch, base, limit
-        self.plan = Plan((0.0,), (start,))
+        self.plan = Timeline((0.0,), (start,))
         first = Leg.of(bench, self.plan.scenario(bench.base, bench, profile.title, tail=1.0), 0.0)
         self.first = first.engine.started(first.assembled).initial
         self.state: Array = self.first
@@ -115,11 +186,11 @@ class _Course:
         self.remarks: dict[str, None] = {}
 
     @property
-    def now(self) -> Conditions:
+    def now(self) -> ChamberConditions:
         """The conditions that hold."""
         return self.plan.states[-1]
 
-    def do(self, step: Step) -> None:
+    def do(self, step: ProfileStep) -> None:
         """Do one step: the way there, the wait, the stay."""
         power = self.now.power if step.power is None else step.power
         after = replace(self.now, power=power)
@@ -141,7 +212,7 @@ class _Course:
         if step.dwell > 0.0:
             self._pass(step, self.now, step.dwell, "stay")
 
-    def _span(self, step: Step, after: Conditions) -> float:
+    def _span(self, step: ProfileStep, after: ChamberConditions) -> float:
         """Return how long the way to other conditions takes. [s]"""
         way = abs(after.chamber - self.now.chamber)
         moving = way > 0.0 or after.pressure != self.now.pressure or after.humidity != self.now.humidity
@@ -153,13 +224,13 @@ class _Course:
             self.remarks[f"the chamber is limited to {60.0 * self.limit:.3g} K/min, slower than the profile asks for"] = None
         return max(asked, least)
 
-    def _set_point(self, after: Conditions, level: float) -> float:
+    def _set_point(self, after: ChamberConditions, level: float) -> float:
         """Return the temperature of the chamber at which the base plate settles at its level. [K]"""
         if not self.base:
             return level
         at, found = level, []  # type: float, list[tuple[float, float]]
         for _ in range(SET_POINT_TRIES):
-            leg = self.bench.leg(Plan((0.0,), (replace(after, chamber=at),)), replace(after, chamber=at), 0.0)
+            leg = self.bench.leg(Timeline((0.0,), (replace(after, chamber=at),)), replace(after, chamber=at), 0.0)
             steady = leg.steady((self.base,))
             if steady is None:
                 self.remarks[f"'{self.base}' has no steady state to aim at: the chamber stays at the level itself"] = None
@@ -178,7 +249,7 @@ class _Course:
             self.profile.title,
         )
 
-    def _pass(self, step: Step, after: Conditions, span: float, kind: str) -> None:
+    def _pass(self, step: ProfileStep, after: ChamberConditions, span: float, kind: str) -> None:
         """Run on for a time, on the way to other conditions or under the same."""
         leg = self.bench.leg(self.plan, after, span if kind == "way" else 0.0)
         _, final = leg.run(self._state_for(leg), np.array([span]))
@@ -191,7 +262,7 @@ class _Course:
             return self.state
         return np.asarray(self.last.named(self.state[None, :], leg.nodes, np.array([self.ran]))[0])
 
-    def _wait(self, step: Step) -> None:
+    def _wait(self, step: ProfileStep) -> None:
         """Run on until the unit is stable."""
         if self.rule is None:
             raise ScenarioError("it waits for a stable unit and has no rule for that. Give it: stable = '3 C/h'.", self.profile.title)
@@ -207,7 +278,7 @@ class _Course:
         self._note(step, leg, final, reached.after, "wait", self.rule.name, reached.slowest, reached.rate)
         self.plan, self.state, self.last, self.ran = self.plan.then(reached.after, self.now), final, leg, reached.after
 
-    def _note(self, step: Step, leg: Leg, final: Array, span: float, kind: str, rule: str, slowest: str, rate: float) -> None:
+    def _note(self, step: ProfileStep, leg: Leg, final: Array, span: float, kind: str, rule: str, slowest: str, rate: float) -> None:
         """Write a phase down: what moved, what is left to go."""
         after = self.now if kind != "way" else None
         at = leg.named(final[None, :], self.watch, np.array([span]))[0]
@@ -235,10 +306,10 @@ class _Course:
         )
 
 
-def leg_end(leg: Leg, bench: Bench, span: float) -> Conditions:
+def leg_end(leg: Leg, bench: ChamberSetup, span: float) -> ChamberConditions:
     """Return the temperature of the chamber at the end of a way."""
     at = leg.wiring.boundary(bench.chamber[0], np.array([leg.begin + span]), leg.assembled.offsets)
-    return Conditions(float(at[0]), True)
+    return ChamberConditions(float(at[0]), True)
 
 
 def _finished(course: _Course, every: str | float, told: Callable[[int, int, float], None] | None) -> ProfileRun:

@@ -21,7 +21,7 @@ from thermid.simulation.solver.settling import settle
 from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
-__all__ = ["Bench", "Conditions", "Leg", "Plan"]
+__all__ = ["ChamberConditions", "ChamberSetup", "Leg", "Timeline"]
 
 Array = NDArray[np.float64]
 TAIL = 1e6
@@ -31,7 +31,7 @@ PUMP_POINTS = 25
 
 
 @dataclass(frozen=True)
-class Conditions:
+class ChamberConditions:
     """What is held at one time.
 
     Parameters
@@ -49,7 +49,7 @@ class Conditions:
 
 
 @dataclass(frozen=True)
-class Plan:
+class Timeline:
     """The course of a test so far: conditions at the ends of stretches; power jumps, everything else runs straight (a pressure by factors).
 
     Parameters
@@ -59,14 +59,14 @@ class Plan:
     """
 
     times: tuple[float, ...]
-    states: tuple[Conditions, ...]
+    states: tuple[ChamberConditions, ...]
 
-    def then(self, span: float, after: Conditions) -> Plan:
+    def then(self, span: float, after: ChamberConditions) -> Timeline:
         """Return the course with one more stretch; power acts from its beginning."""
         last = replace(self.states[-1], power=after.power)
-        return Plan((*self.times, self.times[-1] + span), (*self.states[:-1], last, after))
+        return Timeline((*self.times, self.times[-1] + span), (*self.states[:-1], last, after))
 
-    def scenario(self, base: Scenario, bench: Bench, title: str, tail: float = 0.0) -> Scenario:
+    def scenario(self, base: Scenario, bench: ChamberSetup, title: str, tail: float = 0.0) -> Scenario:
         """Return the scenario of the whole course, with what holds at its end held for a time more. [s]"""
         end = self.times[-1] + tail
         # a stretch is looked at beyond its end; the whole course, without a tail, is refused where a signal ends before it
@@ -119,7 +119,7 @@ def _by_factors(times: tuple[float, ...], values: list[float], ground: float) ->
 
 
 @dataclass(frozen=True)
-class Bench:
+class ChamberSetup:
     """A model in a chamber.
 
     Parameters
@@ -155,7 +155,7 @@ class Bench:
             (loads if kind == "loads" else commands)[load] = multiplied(own, on)
         return {"commands": commands, "loads": loads}
 
-    def leg(self, past: Plan, after: Conditions, span: float) -> Leg:
+    def leg(self, past: Timeline, after: ChamberConditions, span: float) -> Leg:
         """Return the stretch that follows a course: the way to other conditions in a time, or conditions held (`span` zero). [s]"""
         before = replace(past.states[-1], power=after.power)
         if self.memory:
@@ -163,7 +163,7 @@ class Bench:
             return Leg.of(self, course.scenario(self.base, self, "profile", tail=TAIL), past.times[-1])
 
         def made() -> Leg:
-            course = Plan((0.0, span), (before, after)) if span else Plan((0.0,), (after,))
+            course = Timeline((0.0, span), (before, after)) if span else Timeline((0.0,), (after,))
             return Leg.of(self, replace(course.scenario(self.base, self, "profile", tail=TAIL), initial={}, start=293.15), 0.0)
 
         return self.memo.made((before, after, span), made)
@@ -175,18 +175,18 @@ class Leg:
 
     Parameters
     ----------
-    bench : Bench
+    bench : ChamberSetup
     begin : float   Time at which it begins on the clock of its scenario. [s]
     """
 
-    bench: Bench
+    bench: ChamberSetup
     wiring: Wiring
     engine: Engine
     assembled: Assembled
     begin: float
 
     @classmethod
-    def of(cls, bench: Bench, scenario: Scenario, begin: float) -> Leg:
+    def of(cls, bench: ChamberSetup, scenario: Scenario, begin: float) -> Leg:
         """Return the leg of a scenario."""
         wiring = Wiring(network_for(bench.model, scenario), scenario)
         engine = Engine(wiring)

@@ -1,22 +1,165 @@
-"""Profiles of environmental tests: the numbers of the standards as data, each with its clause and the mark of how it is known."""
+"""Profiles of environmental tests: numbers with clause and mark, the steps that follow, remarks of a careful reader, text and TOML."""
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from thermid.errors import ScenarioError, nearest
+from thermid.errors import ScenarioError, ThermidError, nearest
 from thermid.files import PROFILE, write_text
 from thermid.measure.stability import rule_of
 from thermid.model.laws.signal import literal
-from thermid.physics.constants import ATMOSPHERE
-from thermid.profiles.steps import Step, steps_of
+from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+from thermid.profiles.cycles import Equivalence, equivalent_cycles
 from thermid.sourced.number import MARKS, SLOTS, WORDS, Number, number, weakest
 from thermid.units import TEMPERATURE
 
-__all__ = ["KINDS", "ThermalProfile", "pair_of"]
+__all__ = ["KINDS", "STEP_KEYS", "ProfileStep", "ThermalProfile", "as_text", "as_toml", "pair_of", "remarks", "steps_of"]
+
+STEP_KEYS = ("name", "cycle", "to", "over", "ramp", "pressure", "humidity", "wait", "dwell", "power", "mark")
+
+
+@dataclass(frozen=True)
+class ProfileStep:
+    """One step of a profile. What is None stays as it was.
+
+    Parameters
+    ----------
+    name : str                  What it is.
+    cycle : int                 The cycle that it belongs to, from 1; 0 before the first and after the last.
+    target : float or None      Temperature that the chamber goes to. [K]
+    over : float or None        Time in which it goes there. [s]
+    ramp : float or None        Rate at which it goes there, where no time is given. [K/s]
+    pressure : float or None    Pressure that it goes to. [Pa]
+    humidity : float or None    Relative humidity that it goes to. [-]
+    wait : bool                 Whether to wait until the unit is stable.
+    dwell : float               Time to stay after that. [s]
+    power : bool or None        Whether the unit is switched on.
+    mark : str                  How the numbers of the step are known.
+    """
+
+    name: str
+    cycle: int = 0
+    target: float | None = None
+    over: float | None = None
+    ramp: float | None = None
+    pressure: float | None = None
+    humidity: float | None = None
+    wait: bool = False
+    dwell: float = 0.0
+    power: bool | None = None
+    mark: str = "read"
+
+
+def steps_of(profile: ThermalProfile) -> tuple[ProfileStep, ...]:
+    """Return the steps of a profile, every cycle written out.
+
+    Raises
+    ------
+    ScenarioError   When a number that the steps need is missing.
+    """
+    count = int(profile.value("cycles"))
+    if count < 1 or count != profile.value("cycles"):
+        raise ScenarioError(f"a profile has a whole number of cycles, at least one, not {profile['cycles'].text}.", profile.title)
+    if not profile.plan:
+        return tuple(_cycling(profile, count))
+    out: list[ProfileStep] = []
+    for k in range(1, count + 1):
+        written = (_read(profile, row, f"{profile.title}, step {n}") for n, row in enumerate(profile.plan, 1))
+        out += [replace(s, cycle=s.cycle or k) for s in written]
+    return tuple(out)
+
+
+def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> ProfileStep:
+    """Return a step as a file writes it; a value may be the name of a number of the profile."""
+    for key in row:
+        if key not in STEP_KEYS:
+            raise ScenarioError(f"a step has no '{key}'; it has {', '.join(STEP_KEYS)}.{nearest(key, STEP_KEYS)}", where)
+
+    def value(key: str, slot: str) -> float | None:
+        given = row.get(key)
+        if given is None:
+            return None
+        if isinstance(given, str) and given in SLOTS:
+            return profile.value(given)
+        found = literal(given, slot, f"{where}, {key}")
+        if slot != TEMPERATURE and found < 0.0:
+            raise ScenarioError(f"{given!r} is below zero.", f"{where}, {key}")
+        return found
+
+    power = row.get("power")
+    if power not in (None, "on", "off"):
+        raise ScenarioError(f"{power!r}: power is on or off.", where)
+    mark = row.get("mark", profile.step_mark)
+    if mark not in MARKS:
+        raise ScenarioError(f"there is no mark '{mark}'; there are {', '.join(MARKS)}.{nearest(str(mark), MARKS)}", where)
+    target, over = value("to", TEMPERATURE), value("over", "s")
+    ramp = value("ramp", "K/s")
+    if target is not None and over is None and ramp is None:
+        ramp = profile.value("ramp")
+    return ProfileStep(
+        str(row.get("name", "step")),
+        int(row.get("cycle", 0)),
+        target,
+        over,
+        ramp,
+        value("pressure", "Pa"),
+        value("humidity", "1"),
+        bool(row.get("wait", False)),
+        value("dwell", "s") or 0.0,
+        None if power is None else power == "on",
+        mark,
+    )
+
+
+def _cycling(profile: ThermalProfile, count: int) -> Iterator[ProfileStep]:
+    """Yield the steps of cycles between hot and cold."""
+    value, has = profile.value, profile.has
+    ramp, powered = value("ramp"), profile.word("starts", "never") != "never"
+    if has("pressure"):
+        if has("rough_pressure"):
+            yield ProfileStep("pump down", power=powered, pressure=value("rough_pressure"), over=value("pump_down"))
+        yield ProfileStep("high vacuum", power=powered, pressure=value("pressure"), over=value("pump_down") if has("pump_down") else 600.0)
+    first = profile.word("first", "hot")
+    order = (first, "cold" if first == "hot" else "hot")
+    for k in range(1, count + 1):
+        for side in order:
+            yield from _plateau(profile, side, k, count, ramp, powered)
+    if profile.word("last", order[1]) != order[1]:
+        yield ProfileStep(f"to {first}, closing half cycle", 0, value(first), None, ramp, wait=True, power=powered)
+        yield ProfileStep(f"{first}, closing half cycle", 0, dwell=value("dwell") if has("dwell") else 0.0)
+    yield ProfileStep("return", 0, value("ambient"), None, ramp, power=powered)
+    if has("pressure"):
+        yield ProfileStep("let in gas", 0, pressure=profile.ground, over=600.0)
+
+
+def _plateau(profile: ThermalProfile, side: str, k: int, count: int, ramp: float, powered: bool) -> Iterator[ProfileStep]:
+    """Yield one stay at hot or cold: there, stable, dwell, off, start, operation until the soak is over."""
+    value = profile.value
+
+    def at_ends(name: str) -> float:
+        """Return a number that may be another in the first and the last cycle."""
+        own = f"{name}_ends" if k in (1, count) and profile.has(f"{name}_ends") else name
+        return value(own) if profile.has(own) else 0.0
+
+    starts = profile.word("starts", "never")
+    start = starts == "each" or (starts == "first and last" and k in (1, count))
+    dwell = value("dwell") if profile.has("dwell") else 0.0
+    off = value("off") if start and profile.has("off") else 0.0
+    operate = at_ends("operate") if side == "hot" and start else 0.0
+    left = max(at_ends("soak") - dwell - off, operate)
+    yield ProfileStep(f"to {side}", k, value(side), None, ramp, wait=profile.has("stable"), power=powered)
+    if start:
+        if dwell:
+            yield ProfileStep(f"{side} dwell", k, dwell=dwell)
+        yield ProfileStep(f"{side}, off", k, dwell=off, power=False)
+        yield ProfileStep(f"{side} start", k, dwell=left, power=True)
+    elif dwell + left > 0.0:
+        yield ProfileStep(f"{side} soak" if not dwell else f"{side} dwell", k, dwell=dwell + left)
+
 
 KINDS: Final = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")
 
@@ -102,7 +245,7 @@ class ThermalProfile:
         return str(self.numbers[name].value) if name in self.numbers else otherwise
 
     @property
-    def steps(self) -> tuple[Step, ...]:
+    def steps(self) -> tuple[ProfileStep, ...]:
         """What is done, one step after the other, every cycle written out."""
         return steps_of(self)
 
@@ -154,8 +297,6 @@ class ThermalProfile:
         ----------
         beside : float  Cycles over the same range that other tests of the unit run.
         """
-        from thermid.profiles.remarks import remarks
-
         return remarks(self, beside)
 
     def with_(
@@ -177,14 +318,10 @@ class ThermalProfile:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it as a profile file that `load_profile` reads, every number with its mark."""
-        from thermid.profiles.text import as_toml
-
         write_text(path, as_toml(self), PROFILE)
 
     def __str__(self) -> str:
         """The profile as a table, with clauses and marks."""
-        from thermid.profiles.text import as_text
-
         return as_text(self)
 
 
@@ -198,3 +335,152 @@ def pair_of(given: Any, where: str) -> tuple[float, float]:
             f"predicted: the lowest ({low - 273.15:g} degC) does not lie below the highest ({high - 273.15:g} degC).", where
         )
     return low, high
+
+
+SHOWN = 16
+"""Steps that a table shows before it stops."""
+
+
+def as_text(profile: ThermalProfile) -> str:
+    """Return a profile as a table: numbers with clause and mark, then the steps of the first cycle, then what there is to remark."""
+    head = [profile.title, f"  {profile.kind}, {profile.standard} {profile.edition}, {profile.clause}".rstrip(" ,")]
+    head += [f"  {profile.note}"] if profile.note else []
+    numbers = _numbers(profile)
+    width = max(len(k) for k in numbers)
+    wide = max(len(n.text) for n in numbers.values())
+    rows = [
+        f"  {k:<{width}}  {n.text:<{wide}}  {n.mark:<9}  {n.clause}{'; ' if n.clause and n.note else ''}{n.note}".rstrip()
+        for k, n in numbers.items()
+    ]
+    lines = [*head, *rows]
+    try:
+        steps = profile.steps
+        lines += ["  steps:", *(f"    {_step(s)}" for s in steps[:SHOWN])]
+        lines += [f"    ... {len(steps) - SHOWN} more"] if len(steps) > SHOWN else []
+        lines += [f"  remark: {r}" for r in profile.check()]
+    except ThermidError as error:
+        lines += [f"  steps: {error.message}"]
+    return "\n".join([*lines, f"  trust: {profile.trust}"])
+
+
+def _numbers(profile: ThermalProfile) -> Mapping[str, Number]:
+    """Return the numbers to show; hot and cold worked out where that is possible."""
+    try:
+        return profile.used
+    except ThermidError:
+        return profile.numbers
+
+
+def _step(step: ProfileStep) -> str:
+    """Return a step in words."""
+    parts = []
+    if step.target is not None:
+        how = f" in {step.over / 60.0:.4g} min" if step.over is not None else f" at {60.0 * (step.ramp or 0.0):.3g} K/min"
+        parts.append(f"to {step.target - ICE_POINT:.4g} degC{how}")
+    if step.pressure is not None:
+        parts.append(f"to {step.pressure:.4g} Pa in {(step.over or 0.0) / 60.0:.4g} min")
+    if step.humidity is not None:
+        parts.append(
+            f"to {100.0 * step.humidity:.3g} % humidity" + (f" in {step.over / 60.0:.4g} min" if step.target is None and step.over else "")
+        )
+    parts += ["until stable"] if step.wait else []
+    parts += [f"stay {step.dwell / 3600.0:.4g} h"] if step.dwell else []
+    cycle = f"{step.cycle:2d}" if step.cycle else "  "
+    power = {None: "", True: "  on", False: "  off"}[step.power]
+    return f"{cycle} {step.name}: {', '.join(parts) or 'at once'}{power}"
+
+
+def as_toml(profile: ThermalProfile) -> str:
+    """Return a profile as a file, every number with its mark."""
+    words = ("title", "kind", "standard", "edition", "clause", "level", "note")
+    lines = ["[profile]", *(f"{w} = {_quoted(getattr(profile, w))}" for w in words if getattr(profile, w))]
+    if profile.plan:
+        lines.append(f"mark = {_quoted(profile.step_mark)}")
+    if profile.predicted is not None:
+        low, high = (f"{round(v - ICE_POINT, 9):.9g} [degC]" for v in profile.predicted)
+        lines.append(f"predicted = [{_quoted(low)}, {_quoted(high)}]")
+    if profile.plan:
+        lines += ["steps = [", *(f"  {_table(row)}," for row in profile.plan), "]"]
+    lines += ["", "[profile.numbers]"]
+    for name, n in profile.numbers.items():
+        fields: dict[str, Any] = {"value": n.value if n.slot == "1" else n.text, "mark": n.mark}
+        fields |= {k: v for k, v in (("clause", n.clause), ("note", n.note)) if v}
+        lines.append(f"{name} = {_table(fields)}")
+    return "\n".join([*lines, ""])
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _table(row: Mapping[str, Any]) -> str:
+    def one(value: Any) -> str:
+        return _quoted(value) if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else f"{value:g}"
+
+    return "{ " + ", ".join(f"{k} = {one(v)}" for k, v in row.items()) + " }"
+
+
+def remarks(profile: ThermalProfile, beside: float = 0.0) -> tuple[str, ...]:
+    """Return the remarks about a profile; `beside` is how many cycles over its range other tests of the same unit run.
+
+    Raises
+    ------
+    ScenarioError   When its levels stand in the wrong order.
+    """
+    if "hot" in profile.used or "cold" in profile.used:
+        ordered(profile)
+    return (*_condensation(profile), *_count(profile, beside), *_trust(profile))
+
+
+def ordered(profile: ThermalProfile) -> None:
+    """Check that cold lies below hot.
+
+    Raises
+    ------
+    ScenarioError   When it does not.
+    """
+    cold, hot = profile["cold"], profile["hot"]
+    if float(cold.value) >= float(hot.value):
+        raise ScenarioError(f"its cold level, {cold.text}, does not lie below its hot level, {hot.text}. Exchange them.", profile.title)
+
+
+def _condensation(profile: ThermalProfile) -> Iterator[str]:
+    """Compare the first and the last half cycle with the rule against condensation: both hot."""
+    if profile.kind != "thermal cycling" or profile.plan:
+        return
+    low = [s for s in profile.steps if s.target is not None and s.target < profile.value("ambient")]
+    if not low:
+        return
+    turns = [s.name.split(",")[0].removeprefix("to ") for s in profile.steps if s.target is not None and s.name.startswith("to ")]
+    for at, side in (("first", turns[0]), ("last", turns[-1])):
+        if side != "hot":
+            yield (
+                f"the {at} half cycle is cold: the unit is colder than humid air can be when the door opens. SMC-S-016, 6.3.8.3 asks for "
+                "a first and a last half cycle that are hot, or for dry gas"
+            )
+
+
+def _count(profile: ThermalProfile, beside: float) -> Iterator[str]:
+    """Compare the count of cycles with the one that the range asks for, in this and in other tests together."""
+    if not profile.has("base_cycles"):
+        return
+    law = Equivalence(
+        profile.value("base_cycles"), profile.value("base_range"), profile.value("range_exponent"), profile["base_cycles"].clause
+    )
+    low, high = profile.value("cold"), profile.value("hot")
+    need = equivalent_cycles(low, high, law)
+    own = profile.value("cycles")
+    if need != law.cycles or own < need:
+        missing = need - own - beside
+        yield (
+            f"over {high - low:.4g} K the clause asks for {need} cycles in all ({law.cycles:g} ("
+            + f"{law.range:g}/{high - low:.4g})^{law.exponent:g} = "
+            f"{law.exact(high - low):.2f}), in vacuum and in air together; the profile runs {own:g}"
+            + (f" and other tests of the plan {beside:g}" if beside else "")
+            + (f": {missing:g} are missing" if missing > 0 else "")
+        )
+
+
+def _trust(profile: ThermalProfile) -> Iterator[str]:
+    if not profile.decides:
+        yield profile.trust

@@ -5,21 +5,28 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
+from thermid.campaign.filed import filed
+from thermid.campaign.stages import run_stages
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
+from thermid.files import read_bytes
+from thermid.fit.uncertainty.grouping import listed
 from thermid.judge.criteria import CRITERIA, CriteriaSet, read_criteria
 from thermid.judge.limits import Limits, load_limits, read_limits
-from thermid.model.deck.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
+from thermid.measure.stability import rule_of
+from thermid.model.deck.faults import deck_error
+from thermid.model.deck.modelfile import load_model, project_root, read_toml, refuse_another_kind, resolve_inside
+from thermid.model.laws.signal import literal
 from thermid.prediction.known import Known
-from thermid.qualify.basis import basis
 from thermid.reduction.macro import macro_model
 from thermid.sourced.policies import POLICIES
+from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:
     from thermid.qualify.plan_schema import PlanFile, TestTable
@@ -87,8 +94,6 @@ class Plan:
     def _known(self) -> Known:
         source, folder = self.content.model, self.path.parent
         if source.campaign:
-            from thermid.campaign.stages import run_stages
-
             file = resolve_inside(folder, source.campaign, "model.campaign")
             data = self.data or (resolve_inside(folder, source.data, "model.data") if source.data else None)
             campaign = run_stages(file, data=data, cache=file.parent / "results")
@@ -100,8 +105,6 @@ class Plan:
         model = load_model(resolve_inside(folder, source.deck, "model.deck"))
         if not source.values:
             return Known(model)
-        from thermid.campaign.filed import filed
-
         found = filed(resolve_inside(folder, source.values, "model.values"), model)
         made = bool(found.values.provenance.get("synthetic", False))
         return Known(found.model, (found.values,), synthetic=made, remarks=found.lines)
@@ -116,8 +119,6 @@ class Plan:
 
     def limits_on(self, host: str) -> tuple[Limits, ...]:
         """Return the limits under their paths on a host."""
-        from dataclasses import replace
-
         if not host:
             return self.limits
         at = self.content.hosts[host].unit
@@ -146,8 +147,6 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     """
     from pydantic import ValidationError
 
-    from thermid.model.deck.faults import deck_error
-    from thermid.qualify.plan_checks import check_parts, check_test
     from thermid.qualify.plan_schema import PlanFile
 
     target = Path(path)
@@ -208,3 +207,156 @@ def _not_empty(raw: Mapping[str, Any], name: str) -> None:
         raise DeckError(
             f"the plan has no {', no '.join(lacking)}. Say so before any log is read; what is decided afterwards proves little.", name
         )
+
+
+LONGEST = 255
+"""Characters that a file's name can have."""
+
+
+def basis(target: Path, content: PlanFile, data: Path | None, where: Callable[[str], str]) -> dict[str, str]:
+    """Return file -> hash: of a deck of the plan, of what its model means; of every other file, of its bytes.
+
+    A file's name is its way from the plan, or ``data: ...`` in the folder of logs that the plan or the caller names.
+
+    Parameters
+    ----------
+    target : Path       The plan's file.
+    content : PlanFile  What it says.
+    data : Path or None A folder of logs outside the project.
+    where : callable    Key -> its place in the plan, for messages.
+
+    Raises
+    ------
+    DeckError   When a file that the plan names is not there.
+    """
+    folder, source = target.parent, content.model
+    decks = [*([source.deck] if source.deck else []), *(h.deck for h in content.hosts.values())]
+    out = {name: load_model(resolve_inside(folder, name, where("model"))).identity() for name in decks}
+    plain = [source.values, source.campaign, content.limits if isinstance(content.limits, str) else ""]
+    plain += [t.scenario for t in content.tests if isinstance(t.scenario, str)]
+    logs = data or (resolve_inside(folder, source.data, where("model.data")) if source.data else None)
+    for name in (n for n in plain if n):
+        file = resolve_inside(folder, name, where("files"))
+        if not file.is_file():
+            raise DeckError(f"there is no file '{name}'.", target.name)
+        for one in _with_named(file, logs, set()):
+            out[_name(one, folder, logs)] = hashlib.sha256(read_bytes(one)).hexdigest()
+    return out
+
+
+def _name(file: Path, folder: Path, logs: Path | None) -> str:
+    """Return how a file is called: a folder of logs may be somewhere else tomorrow."""
+    inside = logs is not None and file.is_relative_to(logs.resolve()) and not folder.resolve().is_relative_to(logs.resolve())
+    return (
+        f"data: {file.relative_to(logs.resolve()).as_posix()}"
+        if logs and inside
+        else Path(os.path.relpath(file, folder.resolve())).as_posix()
+    )
+
+
+def _with_named(file: Path, logs: Path | None, seen: set[Path]) -> Iterator[Path]:
+    """Yield a file, and every file that it names, at any depth.
+
+    Every text in a TOML file that is the name of a file counts, whatever its key: a key that is new tomorrow is not forgotten then.
+    """
+    if file in seen:
+        return
+    seen.add(file)
+    yield file
+    if file.suffix == ".toml":
+        for key, text in _texts(read_toml(file)[0]):
+            for found in _found(key, text, file.parent, logs):
+                yield from _with_named(found, logs, seen)
+
+
+def _texts(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield every text of a file with the key that it stands under."""
+    if isinstance(value, str):
+        yield key, value
+    elif isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _texts(inner, name)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _texts(inner, key)
+
+
+def _found(key: str, text: str, folder: Path, logs: Path | None) -> list[Path]:
+    """Return the files that a text names, in the folder of logs first; none where it names none, or one outside of the project."""
+    if not text or len(text) > LONGEST or "\0" in text or "\n" in text:
+        return []
+    roots = [r.resolve() for r in (project_root(folder), logs) if r is not None]
+    for root in (r for r in (logs, folder) if r is not None):
+        hits = sorted(root.glob(text)) if key == "files" and not Path(text).is_absolute() else [root / text]
+        inside = [f for f in (h.resolve() for h in hits) if f.is_file() and any(f.is_relative_to(r) for r in roots)]
+        if inside:
+            return inside
+    return []
+
+
+Where = Callable[[str], str]
+RANGES = {"temperature": TEMPERATURE, "pressure": "Pa", "power": "W", "gravity": "m/s^2"}
+"""Key of the validity -> the unit of its two ends."""
+
+
+def check_parts(content: PlanFile, where: Where) -> None:
+    """Refuse what no test could be judged by: sensors without a reason, exclusions of none, ranges that are none.
+
+    Raises
+    ------
+    DeckError           When a reason is missing, or a range is no pair in order.
+    NameNotFoundError   When an exclusion names no sensor.
+    """
+    for name, sensor in content.sensors.items():
+        if not sensor.reason.strip():
+            raise DeckError(f"sensor '{name}' sits there without a reason. Say why.", where(f"sensors.{name}.reason"))
+    for name in content.exclusions.reasons:
+        if name not in content.sensors:
+            raise NameNotFoundError(
+                f"'{name}' is excluded, but is no sensor.{nearest(name, content.sensors)}", where(f"exclusions.reasons.{name}")
+            )
+    for key, unit in RANGES.items():
+        given = getattr(content.validity, key)
+        ends = [literal(t, unit, where(f"validity.{key}")) for t in given]
+        if given and (len(ends) not in ((1, 2) if key == "gravity" else (2,)) or ends != sorted(ends)):
+            raise DeckError(f"where the model was calibrated is a pair, lowest first, not {given}.", where(f"validity.{key}"))
+
+
+def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, CriteriaSet], where: Where) -> None:
+    """Refuse a test without a name or course of its own, and names and stretches that do not fit.
+
+    Raises
+    ------
+    DeckError           When it is no test.
+    NameNotFoundError   When it names a host, a sensor or criteria that the plan does not have.
+    RecordError         When its rule of stability is none.
+    """
+    names = [t.name for t in content.tests]
+    if not test.name.strip() or names.count(test.name) > 1:
+        raise DeckError(f"a test needs a name of its own, not '{test.name}'.", where("name"))
+    if test.profile is None and test.scenario is None:
+        raise DeckError(f"test '{test.name}' needs its course: a profile or a scenario.", where("name"))
+    if test.host and test.host not in content.hosts:
+        raise NameNotFoundError(f"there is no host '{test.host}'.{nearest(test.host, content.hosts)}", where("host"))
+    for key in ("sensors", "weights"):
+        for sensor in getattr(test, key):
+            if sensor not in content.sensors:
+                raise NameNotFoundError(f"there is no sensor '{sensor}'.{nearest(sensor, content.sensors)}", where(key))
+    for name in test.criteria:
+        if name not in criteria:
+            raise NameNotFoundError(
+                f"there are no criteria '{name}'; there are {listed(list(criteria))}.{nearest(name, criteria)}", where("criteria")
+            )
+    rule_of(test.stable)
+    steady = [n for n in test.criteria if "steady" in criteria[n].kinds]
+    if test.log is not None and steady and not test.steady and test.profile is None:
+        raise DeckError(
+            f"'{steady[0]}' judges settled cases, and test '{test.name}' names no settled stretch: steady = [[\"4 [h]\", \"5 [h]\"]].",
+            where("criteria"),
+        )
+    for window in test.steady:
+        ends = [literal(t, "s", where("steady")) for t in window]
+        if len(ends) != 2 or not ends[0] < ends[1]:
+            raise DeckError('a settled stretch is a pair of times, the earlier first: ["4 [h]", "5 [h]"].', where("steady"))
+    if test.state == "waived" and not test.note.strip():
+        raise DeckError(f"test '{test.name}' is waived without a reason. Say why, and by whom, in its note.", where("state"))

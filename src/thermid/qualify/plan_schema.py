@@ -59,7 +59,7 @@ class HostTable(_Strict):
     unit: str = "unit"
 
 
-class SensorTable(_Strict):
+class PlanSensorTable(_Strict):
     """A sensor: where it sits, why there, and how far it can be believed."""
 
     node: str
@@ -154,7 +154,7 @@ class PlanFile(_Strict):
     hosts: dict[str, HostTable] = {}
     limits: str | dict[str, dict[str, Any]] = {}
     margins: MarginTable = MarginTable()
-    sensors: dict[str, SensorTable] = {}
+    sensors: dict[str, PlanSensorTable] = {}
     criteria: dict[str, dict[str, Any]] = {}
     exclusions: ExclusionTable = ExclusionTable()
     validity: ValidityTable = ValidityTable()

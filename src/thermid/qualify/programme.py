@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import ThermidError
+from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.judge.limits import Limits
 from thermid.judge.margins import Margin, margins
 from thermid.prediction.foresight import IN_TESTS, widened
@@ -55,8 +55,6 @@ class Qualification:
 
     def __getitem__(self, name: str) -> Trial:
         """Return a test by its name."""
-        from thermid.errors import NameNotFoundError, nearest
-
         found = {t.test.name: t for t in self.trials}
         if name not in found:
             raise NameNotFoundError(f"the plan has no test '{name}'.{nearest(name, found)}", self.plan.title)

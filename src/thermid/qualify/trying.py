@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.errors import NameNotFoundError, RecordError, ScenarioError, nearest
 from thermid.explain.diagnosis import diagnose
 from thermid.judge.compare import compare
 from thermid.judge.correlation import Exclusions, correlate
@@ -17,6 +19,8 @@ from thermid.judge.limit_checks import LimitCheck, check_limits, check_readings
 from thermid.judge.limits import Limits
 from thermid.judge.overlay import Overlay, overlays, paired
 from thermid.measure import Record, read_record
+from thermid.measure.amounts import duration_text
+from thermid.measure.stability import rule_of
 from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.model.tree.flat import flatten
@@ -24,17 +28,16 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
 from thermid.profile_runs.conduct import run_profile
-from thermid.profile_runs.profile_run import ProfileRun
-from thermid.profile_runs.remarks import in_short
+from thermid.profile_runs.profile_run import ProfileRun, in_short
 from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.standards import profile_from
-from thermid.qualify.as_run import exchanged, not_covered, not_reached
 from thermid.qualify.assumptions import extrapolations
 from thermid.qualify.plan import Plan
-from thermid.qualify.settled import dwells, settled_by, unsettled
 from thermid.qualify.trial import Trial
 from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solution import Solution
+from thermid.steadiness.stabilisation import Stability, stability
 
 if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
@@ -265,3 +268,164 @@ def _record(
     time = log.time or None if log is not None else None
     record = read_record(found, channels, time=time, name=test.name)
     return record.prepare(log.prepare) if log is not None and log.prepare else record
+
+
+LONG = 3600.0
+"""Stays of at least so long end settled. [s]"""
+
+
+def settled_by(
+    trial: Trial, record: Record, windows: Sequence[tuple[float, float]], sensors: Sequence[str]
+) -> tuple[tuple[Stability, ...], tuple[str, ...]]:
+    """Return what the readings say about every settled stretch by the test's rule, and where they say nothing."""
+    out: list[Stability] = []
+    unsure: dict[str, list[str]] = {}
+    for begin, end in windows if sensors else ():
+        try:
+            found = stability(record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.known.at)
+        except RecordError as error:
+            unsure.setdefault(f"that it is settled cannot be told: {error}", []).append(_span(begin, end))
+            continue
+        out.append(found)
+        if found.verdict == "cannot tell":
+            unsure.setdefault(f"the readings cannot tell whether '{found.rule.name}' holds at {found.slowest}", []).append(
+                _span(begin, end)
+            )
+    more = {why: f" and {len(spans) - 1} more" if len(spans) > 1 else "" for why, spans in unsure.items()}
+    return tuple(out), tuple(f"{spans[0]}{more[why]}: {why}" for why, spans in unsure.items())
+
+
+def unsettled(settled: Sequence[Stability]) -> Iterator[str]:
+    """Yield the stretches that count as settled and are not."""
+    for s in settled:
+        worst = s.channels[s.slowest]
+        if s.verdict == "not stable" and s.decides and s.stored is not None:
+            yield f"{_span(worst.start, worst.end)} counts as settled and is not: {s.stored} by '{s.rule.name}' [{s.rule.mark}]"
+        elif s.verdict == "not stable" and s.decides:
+            yield (
+                f"{_span(worst.start, worst.end)} counts as settled and is not: {s.slowest} drifts by {3600.0 * worst.rate:+.2f} K/h, "
+                f"the rule is '{s.rule.name}' [{s.rule.mark}]"
+            )
+
+
+def _span(begin: float, end: float) -> str:
+    return f"the stretch {begin / 3600.0:.4g} .. {end / 3600.0:.4g} h"
+
+
+def dwells(trial: Trial, nodes: Sequence[str], end: float) -> list[tuple[float, float]]:
+    """Return the last part of every long stay of a course in which its unit is expected to be settled; a log must have followed it.
+
+    Stays that nothing waited for, such as those of humidity tests, may begin and end while the unit still drifts: those are left out.
+    """
+    rule, run = rule_of(trial.test.stable), trial.foresight.solution
+    stays = [p for p in trial.course.phases if p.kind == "stay" and p.duration >= LONG] if trial.course is not None else []
+    out = []
+    for p in (p for p in stays if p.end <= end):
+        window = (p.end - max(0.25 * p.duration, 0.5 * LONG), p.end)
+        moved = (run[n].at(window) for n in nodes)
+        drift = max(abs(float(end - begin)) for begin, end in moved) / (window[1] - window[0])
+        if rule.stored or drift <= rule.rate:
+            out.append(window)
+    return out
+
+
+Array = NDArray[np.float64]
+Window = tuple[float, float]
+LEVEL = 3.0
+"""How far a test's temperature may be off its level: SMC-S-016, 4.7 (read). [K]"""
+MISSING = 0.02
+"""Share of a test without readings from which it counts as not covered. [-]"""
+GAP = 5.0
+"""A pause is a gap from so many usual intervals on."""
+THERE = 0.9
+"""Share of the planned time at a level that must have been spent there. [-]"""
+CLEAR = 1.0
+"""Deviation from which it is asked whether two sensors were exchanged. [K]"""
+
+
+def not_covered(seen: Sequence[Overlay], begin: float, end: float, windows: Sequence[Window] = ()) -> Iterator[str]:
+    """Yield which part of a test, or of a settled stretch of it, no valid reading covers; sensors with the same lack together.
+
+    Parameters
+    ----------
+    seen : sequence of Overlay  Readings that count.
+    begin, end : float          Of the test as it is simulated. [s]
+    windows : sequence          Settled stretches. [s]
+    """
+    lacks: dict[str, list[str]] = {}
+    for o in seen:
+        missing, longest, at = _missing(o.times, begin, end)
+        if missing > MISSING * (end - begin):
+            text = f"for {duration_text(missing)} of {duration_text(end - begin)}; the longest gap, {duration_text(longest)}, is at "
+            lacks.setdefault(f"{text}{at / 3600.0:.2f} h", []).append(o.sensor)
+        for a, b in windows:
+            lost, _, _ = _missing(o.times, a, b)
+            if lost > (1.0 - THERE) * (b - a):
+                text = f"for {duration_text(lost)} of the settled stretch {a / 3600.0:.4g} .. {b / 3600.0:.4g} h"
+                lacks.setdefault(text, []).append(o.sensor)
+    for text, sensors in lacks.items():
+        yield f"there is no reading of {', '.join(sensors)} {text}"
+
+
+def _missing(times: Array, begin: float, end: float) -> tuple[float, float, float]:
+    """Return the time without readings between two instants, the longest gap and its begin. [s]"""
+    inside = times[(times >= begin) & (times <= end)]
+    if inside.size < 2:
+        return end - begin, end - begin, begin
+    usual = float(np.median(np.diff(inside)))
+    points = np.concatenate([[begin], inside, [end]])
+    gaps = [(b - a, a) for a, b in pairwise(points.tolist()) if b - a > GAP * usual]
+    longest, at = max(gaps, default=(0.0, begin))
+    return float(sum(g for g, _ in gaps)), float(longest), float(at)
+
+
+def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str], tolerance: float = LEVEL) -> Iterator[str]:
+    """Yield which planned level of a boundary the log does not show, on either side.
+
+    What counts is the time spent within the tolerance of the planned extreme, or beyond it.
+
+    Parameters
+    ----------
+    record : Record         The log.
+    planned : Solution      The test as it was planned.
+    boundaries : dict       Column -> boundary that it drives.
+    tolerance : float       [K]
+    """
+    for column, boundary in boundaries.items():
+        channel, trace = record[column], planned[boundary]
+        times, values = record.times[channel.valid], channel.values[channel.valid]
+        inside = times <= trace.times[-1]
+        for word, sign in (("hot", 1.0), ("cold", -1.0)):
+            level = float((sign * trace.kelvin).max())
+            wanted = _time_above(trace.times, sign * trace.kelvin, level - tolerance)
+            found = _time_above(times[inside], sign * values[inside], level - tolerance)
+            if found < THERE * wanted:
+                furthest = sign * float((sign * values).max()) - ICE_POINT
+                yield (
+                    f"the {word} level of '{boundary}', {sign * level - ICE_POINT:.1f} degC for {duration_text(wanted)}, was not applied: "
+                    f"{column} goes to {furthest:.1f} degC and is within {tolerance:g} K of it for {duration_text(found)}"
+                )
+
+
+def _time_above(times: Array, values: Array, level: float) -> float:
+    """Return how long a trace is at or above a level, by the nearer of its samples. [s]"""
+    if times.size < 2:
+        return 0.0
+    width = np.gradient(times)
+    width[[0, -1]] *= 0.5
+    return float(width[values >= level].sum())
+
+
+def exchanged(seen: Sequence[Overlay]) -> Iterator[str]:
+    """Yield pairs of sensors whose readings fit far better when they change places."""
+    for k, a in enumerate(seen):
+        for b in seen[k + 1 :]:
+            if a.times.size != b.times.size or not np.array_equal(a.times, b.times):
+                continue
+            own = float(np.sqrt(np.mean((a.measured - a.simulated) ** 2 + (b.measured - b.simulated) ** 2)))
+            other = float(np.sqrt(np.mean((a.measured - b.simulated) ** 2 + (b.measured - a.simulated) ** 2)))
+            if own > CLEAR and other < own / 3.0:
+                yield (
+                    f"{a.sensor} and {b.sensor} look exchanged: their readings lie {own:.1f} K from the model, and {other:.1f} K with the "
+                    "columns changed over. Check the wiring and the header of the log"
+                )

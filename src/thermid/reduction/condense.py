@@ -18,7 +18,7 @@ from thermid.network.network import Network
 from thermid.network.rows import ConductorRow, conductance
 from thermid.simulation.solution import Solution
 
-__all__ = ["Choice", "Condensed", "Drive", "Part", "chain", "condensed", "part_of"]
+__all__ = ["Condensed", "Drive", "Partition", "Subnetwork", "chain", "condensed", "part_of"]
 
 Array = NDArray[np.float64]
 SAMPLES = 201
@@ -30,7 +30,7 @@ KEPT_FORMS = ("linear", "radiation", "power", "flow")
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Subnetwork:
     """A part of a network, on its own: its nodes, and the nodes around it that it touches.
 
     Parameters
@@ -90,7 +90,7 @@ class Condensed:
     inside: Mapping[str, str]
 
 
-def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str], points: Sequence[str]) -> Part:
+def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str], points: Sequence[str]) -> Subnetwork:
     """Return the part of a network whose paths begin with a prefix, linearised at the mean temperatures of a run.
 
     Raises
@@ -112,7 +112,7 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
     fixed = frozenset(e for r in rows if r.form == "flow" for e in r.ends if e in nodes)
     secants = np.array([_secant(r, means, run) for r in rows])
     judged = tuple(nodes.index(p) for p in points)
-    return Part(nodes, outside, capacitances, rows, secants, fixed, shown | fixed, judged, shares)
+    return Subnetwork(nodes, outside, capacitances, rows, secants, fixed, shown | fixed, judged, shares)
 
 
 def _share(network: Network, run: Solution, node: str) -> tuple[float, float, float]:
@@ -152,7 +152,7 @@ def _secant(row: ConductorRow, means: Mapping[str, float], run: Solution) -> flo
 
 
 @dataclass(frozen=True)
-class Choice:
+class Partition:
     """Which nodes are one, and which have a mass.
 
     Parameters
@@ -164,15 +164,15 @@ class Choice:
     clusters: tuple[tuple[int, ...], ...]
     states: frozenset[int]
 
-    def dropped(self, k: int) -> Choice:
+    def dropped(self, k: int) -> Partition:
         """Return it with one mass less."""
-        return Choice(self.clusters, self.states - {k})
+        return Partition(self.clusters, self.states - {k})
 
-    def merged(self, a: int, b: int) -> Choice:
+    def merged(self, a: int, b: int) -> Partition:
         """Return it with two clusters, a before b, made one."""
         clusters = [c for k, c in enumerate(self.clusters) if k != b]
         clusters[a] = (*self.clusters[a], *self.clusters[b])
-        return Choice(tuple(clusters), frozenset(k - (k > b) for k in self.states if k != b))
+        return Partition(tuple(clusters), frozenset(k - (k > b) for k in self.states if k != b))
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,7 @@ class Drive:
     start: Array | None
 
     @classmethod
-    def of(cls, part: Part, network: Network, run: Solution, settled: bool) -> Drive:
+    def of(cls, part: Subnetwork, network: Network, run: Solution, settled: bool) -> Drive:
         """Return that of a run."""
         times = np.linspace(run.times[0], run.times[-1], SAMPLES)
         powers = np.zeros((SAMPLES, len(part.nodes)))
@@ -205,16 +205,16 @@ class Drive:
         return cls(float(times[1] - times[0]), powers, around, start)
 
 
-def chain(part: Part, keep: frozenset[str], drives: Sequence[Drive]) -> dict[int, Choice]:
+def chain(part: Subnetwork, keep: frozenset[str], drives: Sequence[Drive]) -> dict[int, Partition]:
     """Return masses left -> how: from all of them downward, each time the step that moves the points least.
 
     A step makes two masses one or takes the mass of one away. Steps are compared on the linear part alone, driven as in the runs.
     """
     held = {k for k, n in enumerate(part.nodes) if n in keep | part.fixed}
-    choice = Choice(tuple((k,) for k in range(len(part.nodes))), frozenset(np.flatnonzero(part.capacitances > 0.0).tolist()))
+    choice = Partition(tuple((k,) for k in range(len(part.nodes))), frozenset(np.flatnonzero(part.capacitances > 0.0).tolist()))
     exact = [_response(part, choice, d) for d in drives]
 
-    def off(way: Choice) -> float:
+    def off(way: Partition) -> float:
         return max(float(np.abs(_response(part, way, d) - e).max()) for d, e in zip(drives, exact, strict=True))
 
     out = {len(choice.states): choice}
@@ -229,7 +229,7 @@ def chain(part: Part, keep: frozenset[str], drives: Sequence[Drive]) -> dict[int
     return out
 
 
-def _reduced(part: Part, choice: Choice) -> tuple[Array, Array, Array, list[int], list[int]]:
+def _reduced(part: Subnetwork, choice: Partition) -> tuple[Array, Array, Array, list[int], list[int]]:
     """Return contraction (nodes, clusters), conductances of clusters and outside, capacitances, positions with and without a mass."""
     nodes, clusters = len(part.nodes), len(choice.clusters)
     contraction = np.zeros((nodes, clusters))
@@ -242,7 +242,7 @@ def _reduced(part: Part, choice: Choice) -> tuple[Array, Array, Array, list[int]
     return contraction, whole, contraction.T @ part.capacitances, states, [k for k in range(clusters) if k not in choice.states]
 
 
-def _response(part: Part, choice: Choice, drive: Drive) -> Array:
+def _response(part: Subnetwork, choice: Partition, drive: Drive) -> Array:
     """Return what the points do (times, points) in the linear part; inputs are straight between samples. [K]"""
     contraction, whole, capacity, s, m = _reduced(part, choice)
     o = list(range(len(choice.clusters), whole.shape[0]))
@@ -280,7 +280,7 @@ def _straight(z: Array, force: Array, begun: Array) -> Array:
     return out
 
 
-def condensed(part: Part, choice: Choice) -> Condensed:
+def condensed(part: Subnetwork, choice: Partition) -> Condensed:
     """Return a part reduced as chosen."""
     first = {m: c[0] for c in choice.clusters for m in c}
     spoken = {k: part.nodes[c[0]] for k, c in enumerate(choice.clusters)}

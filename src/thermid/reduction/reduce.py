@@ -21,13 +21,13 @@ from thermid.model.tree.written import made_to
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.reduction.condense import Choice, Condensed, Drive, Part, chain, condensed, part_of
+from thermid.reduction.condense import Condensed, Drive, Partition, Subnetwork, chain, condensed, part_of
 from thermid.simulation.scenarios.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
 
-__all__ = ["Deviation", "Reduction", "reduce"]
+__all__ = ["NodeDeviation", "Reduction", "reduce"]
 
 SLOTS = KINDS["flow"].slots
 FLOW_HEAT = 1000.0
@@ -35,7 +35,7 @@ FLOW_HEAT = 1000.0
 
 
 @dataclass(frozen=True)
-class Deviation:
+class NodeDeviation:
     """How far a reduced model is from the full one at one node in one scenario.
 
     Parameters
@@ -69,17 +69,17 @@ class Reduction:
     inside: Model
     masses: tuple[int, int]
     nodes: tuple[int, int]
-    deviations: tuple[Deviation, ...]
+    deviations: tuple[NodeDeviation, ...]
     remarks: tuple[str, ...] = ()
 
     @property
-    def worst(self) -> Deviation:
+    def worst(self) -> NodeDeviation:
         """The largest deviation of all."""
         return max(self.deviations, key=lambda d: abs(d.largest))
 
-    def by_node(self) -> dict[str, Deviation]:
+    def by_node(self) -> dict[str, NodeDeviation]:
         """Return node -> its largest deviation over all scenarios."""
-        out: dict[str, Deviation] = {}
+        out: dict[str, NodeDeviation] = {}
         for d in self.deviations:
             if d.node not in out or abs(d.largest) > abs(out[d.node].largest):
                 out[d.node] = d
@@ -160,8 +160,8 @@ def _tried(
     scenarios: Sequence[Scenario],
     runs: Sequence[Solution],
     network: Network,
-    part: Part,
-    choice: Choice,
+    part: Subnetwork,
+    choice: Partition,
     at: str,
     points: Sequence[str],
 ) -> Reduction:
@@ -187,10 +187,10 @@ def _tried(
     return Reduction(reduced, inside, masses, (len(part.nodes), len(small.masses) + len(small.massless)), deviations, tuple(remarks))
 
 
-def _deviation(scenario: Scenario, full: Solution, small: Solution, node: str) -> Deviation:
+def _deviation(scenario: Scenario, full: Solution, small: Solution, node: str) -> NodeDeviation:
     off = small[node].kelvin - full[node].kelvin
     k = int(np.abs(off).argmax())
-    return Deviation(scenario.title, node, float(off[k]), float(full.times[k]), float(off[-1]))
+    return NodeDeviation(scenario.title, node, float(off[k]), float(full.times[k]), float(off[-1]))
 
 
 def _deck(own: Model, ahead: str, network: Network, small: Condensed) -> Model:

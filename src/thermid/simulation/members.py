@@ -173,12 +173,12 @@ def _turnings(
     """Return node or boundary -> turning points of the members that reached the end; eliminated nodes are left out."""
     if not options.extremes:
         return {}
-    member, column, times, kelvin = kernel.turnings
-    lost = np.isin(member, np.array(list(failed), dtype=np.int64))
-    order = np.lexsort((times, member, column))
-    order = order[~lost[order]]
-    ends = np.searchsorted(column[order], np.arange(len(kept) + 1))
-    member, times, kelvin = member[order].astype(np.int64), times[order], kelvin[order]
+    member, column, times, kelvin = kernel.turnings  # in order of columns, members and times
+    if failed:
+        there = ~np.isin(member, np.array(list(failed), dtype=np.int64))
+        member, column, times, kelvin = member[there], column[there], times[there], kelvin[there]
+    ends = np.searchsorted(column, np.arange(len(kept) + 1))
+    member = member.astype(np.int64)
     out = {n: MemberTurnings(member[i:j], times[i:j], kelvin[i:j]) for n, i, j in zip(kept, ends[:-1], ends[1:], strict=True)}
     wiring = engine.wiring
     for name in wanted:

@@ -14,8 +14,9 @@ from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.prepare import stretch, within_log
 from thermid.measure.stability import StabilityRule, resolution_of, rule_of
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation.transient import simulate
 from thermid.steadiness.approach import Approach, approach
-from thermid.steadiness.foretold import REACH, Estimate, Forecast, estimate, with_step
+from thermid.steadiness.foretold import REACH, Forecast, IntervalEstimate, estimate, with_step
 
 if TYPE_CHECKING:
     from thermid.measure.channel import Channel
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from thermid.model.tree.model import Model
     from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["Estimate", "Forecast", "forecast"]
+__all__ = ["Forecast", "IntervalEstimate", "forecast"]
 
 Array = NDArray[np.float64]
 FEWEST: Final = 40
@@ -155,13 +156,11 @@ def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]
         raise ScenarioError(
             "a model's time constants belong to conditions: give the scenario of the stretch beside the model.", model.title
         )
-    from thermid.simulation.transient import simulate
-
     found = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=3600.0)).time_constants
     return tuple(float(t) for t in found if np.isfinite(t))
 
 
-def _reason(final: Estimate, within: float, slow: float, span: float, by_model: bool, known: bool, level: float) -> str:
+def _reason(final: IntervalEstimate, within: float, slow: float, span: float, by_model: bool, known: bool, level: float) -> str:
     """Return why a final temperature is declined."""
     text = (
         f"It could end anywhere from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC ({100 * level:g} %), wider than the "

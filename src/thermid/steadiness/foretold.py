@@ -14,14 +14,14 @@ from thermid.physics.constants import ICE_POINT
 from thermid.steadiness.approach import Approach
 from thermid.steadiness.mixture import Mixture
 
-__all__ = ["REACH", "Estimate", "Forecast", "estimate", "with_step"]
+__all__ = ["REACH", "Forecast", "IntervalEstimate", "estimate", "with_step"]
 
 REACH: Final = 10.0
 """Without better knowledge a part may be this many times slower than the time that was watched."""
 
 
 @dataclass(frozen=True)
-class Estimate:
+class IntervalEstimate:
     """A temperature with its interval. [K]"""
 
     value: float
@@ -47,7 +47,7 @@ class Forecast:
     record, channel : str       Where the readings came from.
     start, now : float          Begin and end of the readings that were used. [s]
     latest : float              Where it stands now. [K]
-    final : Estimate            Where it ends, with its interval, whether declined or not.
+    final : IntervalEstimate            Where it ends, with its interval, whether declined or not.
     declined : str              Why the final temperature is not forecast; empty where it is.
     within : float              Half of the interval that was asked for, at most. [K]
     level : float               Probability of the interval.
@@ -64,7 +64,7 @@ class Forecast:
     start: float
     now: float
     latest: float
-    final: Estimate
+    final: IntervalEstimate
     declined: str
     within: float
     level: float
@@ -77,7 +77,7 @@ class Forecast:
     _approach: Approach = field(repr=False)
     _step: float = field(repr=False)
 
-    def reading(self, time: str | float, level: float | None = None) -> Estimate:
+    def reading(self, time: str | float, level: float | None = None) -> IntervalEstimate:
         """Return what one reading at a later time will say, with the same probability or another.
 
         Raises
@@ -162,6 +162,6 @@ def with_step(mixture: Mixture, step: float) -> Mixture:
     return Mixture(mixture.weights, mixture.means, np.sqrt(mixture.spreads**2 + step**2 / 12.0))
 
 
-def estimate(mixture: Mixture, level: float) -> Estimate:
+def estimate(mixture: Mixture, level: float) -> IntervalEstimate:
     """Return the median of a mixture with its interval."""
-    return Estimate(mixture.quantile(0.5), mixture.quantile(0.5 - level / 2.0), mixture.quantile(0.5 + level / 2.0))
+    return IntervalEstimate(mixture.quantile(0.5), mixture.quantile(0.5 - level / 2.0), mixture.quantile(0.5 + level / 2.0))

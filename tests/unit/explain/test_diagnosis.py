@@ -9,8 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError
-from thermid.explain.diagnosis import diagnose
-from thermid.explain.suspects import suspects
+from thermid.explain.diagnosis import diagnose, suspects
 from unit.explain.plants import GROUPS, left_open, plant
 from unit.qualify.things import soak, unit
 

@@ -13,7 +13,7 @@ from thermid.knowledge.sources import Cut, Shifted, Uniform, uniforms
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.monte_carlo import chunks as campaign_runs
 from thermid.monte_carlo.drivers import drivers_of
-from thermid.monte_carlo.starts import begun_at
+from thermid.monte_carlo.uncertain import begun_at
 from thermid.prediction.budget import Target
 from thermid.prediction.known import normal_sources
 

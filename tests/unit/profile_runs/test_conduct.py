@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import ScenarioError, SolverError
-from thermid.profile_runs.remarks import in_short
+from thermid.profile_runs.profile_run import in_short
 
 PREDICTED = ("-5 [degC]", "45 [degC]")
 

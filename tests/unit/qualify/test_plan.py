@@ -277,7 +277,7 @@ def test_a_stage_that_a_campaign_does_not_have_is_named_with_the_plan(tmp_path: 
     plan = td.load_plan(project(tmp_path))
     source = plan.content.model.model_copy(update={"deck": "", "campaign": "unit.toml", "stage": "unti"})
     other = replace(plan, content=plan.content.model_copy(update={"model": source}))
-    monkeypatch.setattr(stages, "run_stages", lambda *a, **k: stages.Campaign("c", {"unit": None}, (), {}))  # type: ignore[dict-item]
+    monkeypatch.setattr("thermid.qualify.plan.run_stages", lambda *a, **k: stages.Campaign("c", {"unit": None}, (), {}))  # type: ignore[dict-item]
     with pytest.raises(td.ThermidError, match=r"^plan.toml, model.stage: the campaign has no stage 'unti'. Did you mean 'unit'\?"):
         assert other.known
 

@@ -13,7 +13,7 @@ import pytest
 import thermid as td
 from thermid.errors import RecordError, ScenarioError
 from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, Sine, Table, added, common_cycle, joined, multiplied, signal
-from thermid.monte_carlo.starts import begun_at
+from thermid.monte_carlo.uncertain import begun_at
 from thermid.simulation.sites.ascent import Trajectory
 
 HOUR = 3600.0

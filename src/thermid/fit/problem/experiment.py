@@ -21,7 +21,7 @@ from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["SCALE", "Experiment", "Observation", "meet"]
+__all__ = ["SCALE", "Experiment", "Observation", "meet", "role_and_target"]
 
 Array = NDArray[np.float64]
 SCALE = "scale."
@@ -116,7 +116,7 @@ class Experiment:
         return replace(self.scenario, initial={n: t for n, t in self.scenario.initial.items() if n not in self.tips})
 
 
-def _bound(record: Record, channel: Channel, network: Network) -> tuple[str, str]:
+def role_and_target(record: Record, channel: Channel, network: Network) -> tuple[str, str]:
     """Return role and canonical target of a channel."""
     target = channel.target or channel.name
     where = f"{record.name}, {channel.name}"
@@ -183,7 +183,7 @@ def meet(
     driven: dict[str, str] = {}
     noisy: dict[str, float] = {}
     for channel in record.channels.values():
-        role, path = _bound(record, channel, network)
+        role, path = role_and_target(record, channel, network)
         if role == "node":
             _timed(channel, record)
             observed.append((channel, path))

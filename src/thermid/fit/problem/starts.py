@@ -120,9 +120,7 @@ def hidden_starts(
     whole = [*first.values(), *around.values()]
     if network.stores:  # their levels are no temperatures: the readings alone say where they may begin
         return {n: HiddenStart(float(np.mean(list(first.values()))), 0.5 * float(np.ptp(whole)), tuple(first)) for n in hidden}
-    # any number does as the start of what is looked for
-    known = replace(scenario, start=float(np.mean(list(first.values()))))
-    engine = _unpowered(network, known)
+    engine = _unpowered(network, replace(scenario, start=float(np.mean(list(first.values())))))
     assembled = engine.wiring.assemble(gradients=False)
     nodes = list(assembled.reduced.nodes)
     loose = [k for k, n in enumerate(nodes) if n not in first and n not in scenario.initial]
@@ -152,7 +150,8 @@ def _at_rest(temperatures: Mapping[str, float], channels: Mapping[str, Channel])
 
 
 def _unpowered(network: Network, scenario: Scenario) -> Engine:
-    """Return the run of a scenario with every power off; as it is where a load takes no power in place of its own."""
+    """Return the run of a scenario with inputs as they begin and every power off; as they are where a load takes no power but its own."""
+    scenario = scenario.mapped(lambda s: Constant(float(np.ravel(s.at(np.zeros(1)))[0])))
     off = {load.path: Constant(0.0) for load in network.flat.loads}
     try:
         return Engine(Wiring(network, replace(scenario, loads=off, commands={}, gains={})))

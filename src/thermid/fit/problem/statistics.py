@@ -8,9 +8,16 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SensorStatistics", "Sums", "loss_of", "pooled"]
+__all__ = ["SensorStatistics", "Sums", "loss_of", "pooled", "wanders"]
 
 Array = NDArray[np.float64]
+WHITE = 0.9
+"""Share of the samples that residuals must be worth as independent ones to count as white."""
+
+
+def wanders(effective: float, samples: float) -> bool:
+    """Whether residuals are worth so many fewer independent samples than there are that they are not white."""
+    return effective < WHITE * samples
 
 
 @dataclass(frozen=True)
@@ -36,8 +43,13 @@ class SensorStatistics:
 
     @property
     def white(self) -> bool:
-        """Whether neighbouring residuals are uncorrelated, at the 95 % level (1.96 / sqrt n)."""
-        return bool(abs(self.lag_one) < 1.96 / np.sqrt(self.samples))
+        """Whether residuals are uncorrelated: neighbours at the 95 % level (1.96 / sqrt n), and none that wander over longer times."""
+        return bool(abs(self.lag_one) < 1.96 / np.sqrt(self.samples)) and not self.wanders
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the residuals are worth fewer independent samples than there are."""
+        return wanders(self.effective_samples, self.samples)
 
 
 @dataclass(frozen=True)

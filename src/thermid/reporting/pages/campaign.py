@@ -164,6 +164,7 @@ def _stage(key: str, c: Calibration, campaign: Campaign) -> StagePart:
         "correlations": tables.correlations(c),
         "areas": tables.areas(c.fitted_model),
         "held": origins.held(c),
+        "inputs": origins.inputs(c),
     }
     logged = {load for e in c.experiments for load in (*e.scenario.loads, *e.scenario.commands)}
     picture = _inline(diagram(c.fitted_model, logged=logged, title=f"{c.stage}: the model with its fitted values"))

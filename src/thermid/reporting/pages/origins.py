@@ -16,7 +16,7 @@ from thermid.model.tree.resolve import ParameterSet
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, duration, plain, pretty
 from thermid.units import NAMES, Dimension, unit
 
-__all__ = ["data", "held", "made_records", "models", "versions"]
+__all__ = ["data", "held", "inputs", "made_records", "models", "versions"]
 
 
 def _uses(campaign: Campaign) -> Iterator[tuple[str, str, str, bool, Record | None]]:
@@ -123,6 +123,18 @@ def held(calibration: Calibration) -> Table:
         cells = [entry.parameter.source or DASH, entry.origin, entry.parameter.basis or entry.parameter.note or DASH]
         rows.append([Cell(path, "", look), shown, pretty(text), written, *cells, Cell(hides or DASH, "", "" if hides else "soft")])
     return Table.of(columns, rows, "The value that holds for every parameter after the fit; strong where this stage fitted it.")
+
+
+def inputs(calibration: Calibration) -> Table:
+    """Return every boundary, load and start of every record with its source, what is assumed first."""
+    columns = [Column("source"), Column("input"), Column("of"), Column("record"), Column("range", True), Column("mean", True)]
+    columns += [Column("unit"), Column("what", wrapped=True)]
+    rows: list[Line] = []
+    for r in calibration.inputs.rows:
+        source = Cell(r.source, "nobody gave it", "warn") if r.source == "assumed" else Cell(r.source)
+        words = ", ".join(w for w in (r.words, "fitted" if r.fitted and "fitted" not in r.words else "") if w)
+        rows.append([source, r.kind, Cell(r.name, "", "main"), r.record, r.range, r.shown(r.mean), pretty(r.unit), words or DASH])
+    return Table.of(columns, rows, "What the fit was driven by, and where each of it comes from.")
 
 
 def _unit_text(dimension: Dimension) -> str:

@@ -183,11 +183,14 @@ def first_above(times: Array, above: Array, dense: Callable[[Array], Array] | No
 
 
 def by_column(found: tuple[Any, Array, Array], count: int) -> tuple[Turnings, ...]:
-    """Return the turning points of each of `count` columns, from those of all: columns, times [s] and temperatures (points,) [K]."""
+    """Return the turning points of each of `count` columns, from those of all, in order of columns and times.
+
+    Parameters
+    ----------
+    found : columns, times [s] and temperatures [K], each (points,)
+    """
     columns, times, kelvin = found
-    order = np.lexsort((times, columns))
-    ends = np.searchsorted(columns[order], np.arange(count + 1))
-    times, kelvin = times[order], kelvin[order]
+    ends = np.searchsorted(columns, np.arange(count + 1))
     return tuple(Turnings(times[i:j], kelvin[i:j]) for i, j in pairwise(ends))
 
 

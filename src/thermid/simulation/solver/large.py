@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.errors import SolverError
-from thermid.simulation.solver.engine import UNSOLVED, Options
+from thermid.simulation.solver.engine import MAY_HAVE_LEFT, UNSOLVED, Options
 from thermid.simulation.solver.extremes import Turnings, by_column
 from thermid.simulation.solver.kernel_form import break_times, runs_away, unsolved
 from thermid.simulation.solver.sparse import SparseNetwork
@@ -43,7 +43,7 @@ class Watched:
     Parameters
     ----------
     kind : str                  mean, highest or lowest.
-    nodes : array (nodes,)      Over which nodes; empty for all. From the number of nodes on: the level of a node that stores heat by a table.
+    nodes : array (nodes,)      Over which nodes; empty for all. Beyond their number: the level of one that stores heat by a table.
     weights : array (nodes,)    Of a mean; equal ones where empty. [-]
     """
 
@@ -98,7 +98,8 @@ def integrate(
     initial : array (nodes,)    Massless nodes are solved for; levels of nodes that store heat by a table. [K]
     where : str                 Title of the model and the scenario, for messages.
     name : callable             Place of a node -> its name, for messages.
-    left : callable             Time [s] and temperatures (nodes,) [K] -> which tables end there, empty where none does.
+    left : callable             Time [s] and temperatures (nodes,) [K] -> which tables end there, empty where none does; None where none
+                                is refused outside its points.
 
     Raises
     ------
@@ -125,10 +126,11 @@ def integrate(
         turnings=extremes,
     )
     if found.status != _kernel.OK:
-        beyond = left(found.time, found.final_temperatures) if left is not None and found.status in UNSOLVED else ""
-        if beyond:
-            raise SolverError(f"at {found.time:.6g} s of {end:.6g} s {beyond}", where)
-        raise SolverError(_message(found, options, end, name, any(not g.fixed for g in network.loads)), where)
+        message = _message(found, options, end, name, any(not g.fixed for g in network.loads))
+        if left is not None and found.status in UNSOLVED:
+            beyond = left(found.time, found.final_temperatures)
+            message = f"at {found.time:.6g} s of {end:.6g} s {beyond}" if beyond else message + MAY_HAVE_LEFT
+        raise SolverError(message, where)
     statistics = {
         "method": NAMES[found.method],
         "reason": "",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import ScenarioError, SolverError, nearest
+from thermid.errors import ScenarioError, nearest
 from thermid.network.eliminate import held_in
 from thermid.simulation.solver.large import METHODS, Watched, integrate
 from thermid.simulation.solver.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
@@ -99,11 +99,10 @@ def sparse_of(engine: Engine, a: Assembled) -> SparseNetwork:
     signals = tuple(wiring.signals[name] for name in wiring.used)
     names = tuple(r[4] for r in s["loads"])
     capacities, stores = np.zeros(len(first)), {}
-    for name, capacity in zip(engine.nodes, engine.capacities(a), strict=True):
-        capacities[place[engine.nodes.index(name)]] += capacity
-    for own, (node, store) in stored.items():
-        stores[int(place[engine.nodes.index(own)])] = store.curve
-        assert place[engine.nodes.index(own)] == place[engine.nodes.index(node)]
+    index = {n: k for k, n in enumerate(first)}
+    np.add.at(capacities, place, engine.capacities(a))  # that of a node stands with what holds its heat
+    for node, store in stored.values():
+        stores[index[node]] = store.curve
     return SparseNetwork(capacities, links, rows, loads, names, wiring.network.boundaries, gains, offsets, signals, stores)
 
 
@@ -112,6 +111,15 @@ def _places(engine: Engine, a: Assembled) -> NDArray[np.int32]:
     stored = a.reduced.stored
     known = {n: k for k, n in enumerate(n for n in engine.nodes if n not in stored)}
     return np.array([known[stored[n][0] if n in stored else n] for n in engine.nodes], dtype=np.int32)
+
+
+def _levelled(engine: Engine, a: Assembled, temperatures: Array) -> Array:
+    """Return what the small integrator solves for, levels too, from the temperatures of a large network. [K]"""
+    found = temperatures[_places(engine, a)]
+    for k, name in enumerate(engine.nodes):
+        if name in a.reduced.stored:
+            found[k] = float(a.reduced.stored[name][1].level(found[k]))
+    return found
 
 
 def _conductors(table: Sequence[Any], c: Array, follows: Sequence[int], place: NDArray[np.int32], n: int) -> tuple[Any, list[RowGroup]]:
@@ -146,7 +154,7 @@ def integrate_model(
     engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool = False
 ) -> Answer:
     """Return what `Engine.integrate` does, by the integrator of large networks."""
-    from thermid.simulation.solver.engine import MAY_HAVE_LEFT, NEAR, Answer
+    from thermid.simulation.solver.engine import NEAR, Answer
 
     network = sparse_of(engine, a)
     place, size = _places(engine, a), network.capacities.size
@@ -154,30 +162,31 @@ def integrate_model(
     index = {name: int(place[k]) + (size if held[k] else 0) for k, name in enumerate(engine.nodes)}
     watched = [Watched("mean", np.array([index[n]], dtype=np.int32), np.ones(1)) for n in nodes]
     names = [n for n in engine.nodes if n not in a.reduced.stored]
-    initial = np.empty(size)
-    initial[place[~held]] = a.initial[~held]
+    initial = a.initial[~held]
     initial[place[held]] = a.initial[held]
 
-    def whole(temperatures: Array, levels: Array) -> Array:
-        return np.where(held, levels[place], temperatures[place])
-
     def left(time: float, temperatures: Array) -> str:
-        shape = {int(place[k]): a.reduced.stored[n][1] for k, n in enumerate(engine.nodes) if n in a.reduced.stored}
-        levels = temperatures.copy()
-        for k, store in shape.items():
-            levels[k] = store.level(temperatures[k])
-        return engine.left(a, time, whole(temperatures, levels), NEAR)
+        return engine.left(a, time, _levelled(engine, a, temperatures), NEAR)
 
     where = f"{engine.wiring.network.title}, {engine.wiring.scenario.title}"
-    try:
-        found = integrate(network, initial, end, times, watched, np.zeros(0), options, where, names.__getitem__, extremes, left)
-    except SolverError as error:
-        raise SolverError(f"{error}{MAY_HAVE_LEFT}") if engine.refuses and "leaves the range" not in str(error) else error from None
+    beyond = left if engine.refuses else None
+    found = integrate(network, initial, end, times, watched, np.zeros(0), options, where, names.__getitem__, extremes, beyond)
     slopes = np.zeros((times.size, len(nodes), 0))
     energies = (found.load_energy, found.boundary_energy, np.zeros(0))
     on = np.zeros(len(engine.control_names), dtype=np.int32)
     turnings = dict(zip(nodes, found.turnings, strict=True)) if found.turnings is not None else None
-    return Answer(found.watched, slopes, a.initial, whole(found.final, found.levels), *energies, end, found.statistics, on, (), turnings)
+    return Answer(
+        found.watched,
+        slopes,
+        a.initial,
+        np.where(held, found.levels[place], found.final[place]),
+        *energies,
+        end,
+        found.statistics,
+        on,
+        (),
+        turnings,
+    )
 
 
 def settle_model(engine: Engine, a: Assembled, time: float) -> Array | None:
@@ -188,8 +197,4 @@ def settle_model(engine: Engine, a: Assembled, time: float) -> Array | None:
     from thermid.simulation.solver.large_steady import settle_large
 
     rest = settle_large(sparse_of(engine, a), time, f"{engine.wiring.network.title}, {engine.wiring.scenario.title}")[0]
-    found = rest[_places(engine, a)]
-    for k, name in enumerate(engine.nodes):
-        if name in a.reduced.stored:
-            found[k] = a.reduced.stored[name][1].level(found[k])
-    return found
+    return _levelled(engine, a, rest)

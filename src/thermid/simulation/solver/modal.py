@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.errors import ScenarioError
 from thermid.model.laws.signal import Constant, Sine, Table
+from thermid.network.eliminate import held_in
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
 __all__ = ["METHODS", "Exact", "Modal", "Work"]
@@ -194,6 +195,8 @@ def _obstacle(wiring: Wiring) -> str:
     for form, _, _, places, _, name in s["conductors"]:
         if form == "flow":
             return f"'{name}' carries heat one way, so the network is not symmetric"
+        if (node := name.removesuffix(held_in(""))) in wiring.network.stores and name == held_in(node):
+            return f"'{node}' stores heat by a table"
         if form != "linear":
             return f"the law of '{name}' is not linear"
         if moves(places[0]):

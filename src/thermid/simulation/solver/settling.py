@@ -20,6 +20,10 @@ __all__ = ["beginning", "settle", "unsettled"]
 
 Array = NDArray[np.float64]
 MOST_ITERATIONS = 200
+DIRECT = 40
+"""Steps of Newton's method before its search is taken for stuck at the knee of a table."""
+DRIFT = 1.12
+"""By how much each step of the search in time is longer than the one before."""
 CLOSE = 1e-10
 LARGEST_MOVE = 100.0
 MOST_PERIODS = 40
@@ -47,9 +51,10 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
     given = [float(engine.wiring.boundary(b, np.array([time]), a.offsets)[0]) for b in network.boundaries]
     base = float(np.mean(given)) if given else ICE_POINT + 20.0
     # a small offset keeps the conductance of natural convection above zero at the start
-    temperatures = np.full(len(engine.nodes), base + 1.0)
-    for _ in range(MOST_ITERATIONS):
-        heat, jacobian, slopes = engine.rhs(a, temperatures, time, gradients)
+    balance = _Balance(engine, a, time)
+    temperatures = np.full(balance.size, base + 1.0)
+    for k in range(MOST_ITERATIONS):
+        heat, jacobian, slopes = balance(temperatures, gradients)
         try:
             step = np.asarray(np.linalg.solve(jacobian, -heat), dtype=np.float64)
         except np.linalg.LinAlgError:
@@ -57,16 +62,19 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
         if not np.isfinite(step).all() or np.linalg.cond(jacobian) > 1e15:
             raise SolverError(_no_steady(engine, a), where)
         close = float(np.abs(step).max()) < CLOSE * max(1.0, float(np.abs(temperatures).max()))
-        temperatures = _moved(engine, a, time, temperatures, step, float(np.linalg.norm(heat)))
+        if k < DIRECT or close:
+            temperatures = _moved(balance, temperatures, step, float(np.linalg.norm(heat)))
+        else:
+            temperatures = _drifted(temperatures, heat, jacobian, k - DIRECT)
         if close:
             unstable = np.linalg.eigvals(jacobian).real.max() > 0
             if unstable:
                 raise SolverError("the balance found is not stable: a power grows faster with temperature than the heat can leave.", where)
-            _, jacobian, slopes = engine.rhs(a, temperatures, time, gradients)
-            if left := engine.left(a, time, temperatures):
+            _, jacobian, slopes = balance(temperatures, gradients)
+            if left := engine.left(a, time, balance.states(temperatures)):
                 raise SolverError(f"in the steady state {left}", where)
             moves: Array = -np.linalg.solve(jacobian, slopes).astype(float) if slopes is not None else np.zeros((temperatures.size, 0))
-            return temperatures, moves
+            return balance.states(temperatures), balance.moves(temperatures, moves)
     if any(row.control == "thermostat" for row in a.numbers.loads):
         raise SolverError("no steady state was found: a thermostat keeps switching. Simulate, and take the mean of a late period.", where)
     raise SolverError(unsettled(any(load.follows_temperature for load in engine.wiring.network.flat.loads)), where)
@@ -82,14 +90,69 @@ def unsettled(follows: bool) -> str:
     )
 
 
-def _moved(engine: Engine, a: Assembled, time: float, temperatures: Array, step: Array, imbalance: float) -> Array:
+class _Balance:
+    """Heat of every node at its temperature, inputs held.
+
+    What stores heat by a table is one with its node: at rest it holds what belongs to that temperature, and a melting point, where
+    temperature does not move with heat, is no obstacle.
+    """
+
+    def __init__(self, engine: Engine, a: Assembled, time: float) -> None:
+        self.engine, self.a, self.time = engine, a, time
+        place = {n: k for k, n in enumerate(n for n in engine.nodes if n not in a.reduced.stored)}
+        self.size = len(place)
+        self.place = np.array([place[a.reduced.stored[n][0] if n in a.reduced.stored else n] for n in engine.nodes], dtype=np.intp)
+        self.own = np.array([n not in a.reduced.stored for n in engine.nodes], dtype=bool)
+        self.held = [(k, a.reduced.stored[n][1]) for k, n in enumerate(engine.nodes) if n in a.reduced.stored]
+
+    def __call__(self, temperatures: Array, gradients: bool = False) -> tuple[Array, Array, Array | None]:
+        """Return net heat (nodes,) [W], its Jacobian [W/K] and its derivatives (nodes, free) at temperatures (nodes,) [K]."""
+        heat, jacobian, slopes = self.engine.rhs(self.a, self.states(temperatures), self.time, gradients)
+        if not self.held:
+            return heat, jacobian, slopes
+        return self._sum(heat), self._sum(jacobian)[:, self.own], None if slopes is None else self._sum(slopes)
+
+    def _sum(self, rows: Array) -> Array:
+        """Return rows of all states summed over each node and what it holds."""
+        out = rows[self.own].copy()
+        for k, _ in self.held:
+            out[self.place[k]] += rows[k]
+        return out
+
+    def states(self, temperatures: Array) -> Array:
+        """Return what the kernel solves for at rest, from temperatures (nodes,). [K]"""
+        found = temperatures[self.place]
+        for k, store in self.held:
+            found[k] = float(store.level(found[k]))
+        return found
+
+    def moves(self, temperatures: Array, moves: Array) -> Array:
+        """Return the derivatives of those (states, free) from the derivatives of the temperatures (nodes, free)."""
+        found = moves[self.place]
+        for k, store in self.held:
+            found[k] *= float(store.share(temperatures[self.place[k]]))
+        return found
+
+
+def _moved(balance: _Balance, temperatures: Array, step: Array, imbalance: float) -> Array:
     """Return the temperatures after a step, shortened until less heat is left over: heaters with a knee would make whole steps cycle."""
     whole = step * min(1.0, LARGEST_MOVE / max(float(np.abs(step).max()), 1e-300))
     for halving in range(20):
         moved: Array = np.maximum(temperatures + 0.5**halving * whole, 0.1)
-        if np.linalg.norm(engine.rhs(a, moved, time)[0]) < imbalance:
+        if np.linalg.norm(balance(moved)[0]) < imbalance:
             return moved
     return np.maximum(temperatures + whole, 0.1)
+
+
+def _drifted(temperatures: Array, heat: Array, jacobian: Array, k: int) -> Array:
+    """Return the temperatures after step k in time of a network whose nodes all have a time constant of one, steps getting longer.
+
+    Each step is one of Newton's method for the implicit Euler method, which passes knees where the way of less heat left over ends before
+    any balance.
+    """
+    pace = np.abs(np.diag(jacobian)) / (0.5 * DRIFT**k)
+    step = np.asarray(np.linalg.solve(jacobian - np.diag(np.maximum(pace, 1e-300)), -heat), dtype=np.float64)
+    return np.maximum(temperatures + step * min(1.0, LARGEST_MOVE / max(float(np.abs(step).max()), 1e-300)), 0.1)
 
 
 def _no_steady(engine: Engine, a: Assembled) -> str:
@@ -135,7 +198,7 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
 
     wiring, period = engine.wiring, engine.wiring.cycle or 0.0
     where = f"{wiring.network.title}, {wiring.scenario.title}"
-    if any(row.form == "thermostat" for row in a.numbers.loads):
+    if any(row.control == "thermostat" for row in a.numbers.loads):
         raise SolverError(
             "a thermostat has a rhythm of its own, so no state comes back with the inputs. Simulate, and take a late stretch.", where
         )
