@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from thermid.model.schema import json_schema
+from thermid.model.deck.schema import json_schema
 
 TARGET = Path(__file__).parent.parent / "docs/schema/deck.schema.json"
 

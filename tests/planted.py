@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import thermid as td
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 
 PART = """
 title  = "part"

@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 from work import BENCH, HERE, Vacuum, Work
 
 import thermid as td
-from thermid.reporting.curves import Band, Curve, curves
-from thermid.reporting.figures import Drawn
-from thermid.reporting.sections import Figures, Plot
+from thermid.reporting.blocks.sections import Drawn, Figures, Plot
+from thermid.reporting.pictures.curves import Band, Curve, curves
 
 SYNTHETIC = "synthetic: virtual laboratory"
 SMALL = (360, 225)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 from thermid.physics.radiation import radiation_coefficient, radiation_conductance
 
 Array = NDArray[np.float64]

@@ -10,11 +10,11 @@ import findings
 from work import BENCH, HERE, Work
 
 import thermid as td
-from thermid.reporting import tables
-from thermid.reporting.cells import Cell, Column, Line, Table
-from thermid.reporting.diagram import diagram
-from thermid.reporting.sections import Block, Code, Facts, Formulas, Heading, Notes, Picture, Section, Words, folded
-from thermid.reporting.study_page import study_report
+from thermid.reporting.blocks.cells import Cell, Column, Line, Table
+from thermid.reporting.blocks.sections import Block, Code, Facts, Formulas, Heading, Notes, Picture, Section, Words, folded
+from thermid.reporting.diagrams.diagram import diagram
+from thermid.reporting.pages import tables
+from thermid.reporting.pages.study import study_report
 
 WATERMARK = "Demonstration: 22 assumed parameters, synthetic data"
 PICTURES = {

@@ -21,10 +21,10 @@ import warm_up
 import work
 
 import thermid as td
-from thermid.reporting.cells import Table
-from thermid.reporting.diagram import diagram
-from thermid.reporting.figures import Drawn
-from thermid.reporting.study_page import parts
+from thermid.reporting.blocks.cells import Table
+from thermid.reporting.blocks.sections import Drawn
+from thermid.reporting.diagrams.diagram import diagram
+from thermid.reporting.pages.study import parts
 
 TARGET = work.HERE.parents[1] / "docs" / "studies"
 FOLDER = "figures"

@@ -78,16 +78,16 @@ if TYPE_CHECKING:
     from thermid.measure import Weather as Weather
     from thermid.measure import read_record as read_record
     from thermid.measure import read_weather as read_weather
-    from thermid.model.areas import ledger as ledger
-    from thermid.model.block import Block as Block
-    from thermid.model.identity import Identity as Identity
-    from thermid.model.identity import identities as identities
-    from thermid.model.law import law as law
-    from thermid.model.model import Model as Model
-    from thermid.model.modelfile import load_model as load_model
-    from thermid.model.modelfile import model_from_dict as model_from_dict
-    from thermid.model.modelfile import save_model as save_model
-    from thermid.model.replacement import Replacement as Replacement
+    from thermid.model.blocks.block import Block as Block
+    from thermid.model.deck.modelfile import load_model as load_model
+    from thermid.model.deck.modelfile import model_from_dict as model_from_dict
+    from thermid.model.deck.modelfile import save_model as save_model
+    from thermid.model.laws.law import law as law
+    from thermid.model.tree.areas import ledger as ledger
+    from thermid.model.tree.identity import Identity as Identity
+    from thermid.model.tree.identity import identities as identities
+    from thermid.model.tree.model import Model as Model
+    from thermid.model.tree.replacement import Replacement as Replacement
     from thermid.monte_carlo.drivers import sobol_of as sobol_of
     from thermid.monte_carlo.hold import Hold as Hold
     from thermid.monte_carlo.hold import hold as hold
@@ -134,41 +134,41 @@ if TYPE_CHECKING:
     from thermid.reduction.macro import macro_model as macro_model
     from thermid.reduction.reduce import Reduction as Reduction
     from thermid.reduction.reduce import reduce as reduce
-    from thermid.reporting.look import Look as Look
-    from thermid.reporting.look import look as look
-    from thermid.reporting.page import report as report
-    from thermid.reporting.pdf import page_to_pdf as page_to_pdf
-    from thermid.reporting.qualification_page import correlation_report as correlation_report
-    from thermid.reporting.qualification_page import qualification_report as qualification_report
-    from thermid.reporting.structures_page import Structure as Structure
-    from thermid.reporting.structures_page import structures_report as structures_report
-    from thermid.reporting.study_page import study_report as study_report
-    from thermid.reporting.trust import picture as picture
-    from thermid.simulation.ascent import Trajectory as Trajectory
-    from thermid.simulation.ascent import ascent_scenario as ascent_scenario
-    from thermid.simulation.ascent import read_trajectory as read_trajectory
+    from thermid.reporting.blocks.pdf import page_to_pdf as page_to_pdf
+    from thermid.reporting.pages.campaign import report as report
+    from thermid.reporting.pages.structures import Structure as Structure
+    from thermid.reporting.pages.structures import structures_report as structures_report
+    from thermid.reporting.pages.study import study_report as study_report
+    from thermid.reporting.pictures.look import Look as Look
+    from thermid.reporting.pictures.look import look as look
+    from thermid.reporting.pictures.trust import picture as picture
+    from thermid.reporting.qualification.page import correlation_report as correlation_report
+    from thermid.reporting.qualification.page import qualification_report as qualification_report
     from thermid.simulation.block_solution import BlockSolution as BlockSolution
     from thermid.simulation.draws import draw as draw
-    from thermid.simulation.engine import Options as Options
     from thermid.simulation.ensemble import Ensemble as Ensemble
     from thermid.simulation.ensemble import ensemble as ensemble
-    from thermid.simulation.moisture import Moisture as Moisture
-    from thermid.simulation.moisture import moisture as moisture
-    from thermid.simulation.orbit import eclipse_signal as eclipse_signal
-    from thermid.simulation.orbit import orbit_irradiation as orbit_irradiation
-    from thermid.simulation.pad import pad_scenario as pad_scenario
-    from thermid.simulation.scenario import Scenario as Scenario
-    from thermid.simulation.scenario import load_scenario as load_scenario
+    from thermid.simulation.scenario_file import load_scenario as load_scenario
+    from thermid.simulation.scenarios.scenario import Scenario as Scenario
     from thermid.simulation.simulator import Simulator as Simulator
     from thermid.simulation.simulator import prepare as prepare
-    from thermid.simulation.site import Site as Site
+    from thermid.simulation.sites.ascent import Trajectory as Trajectory
+    from thermid.simulation.sites.ascent import ascent_scenario as ascent_scenario
+    from thermid.simulation.sites.ascent import read_trajectory as read_trajectory
+    from thermid.simulation.sites.orbit import eclipse_signal as eclipse_signal
+    from thermid.simulation.sites.orbit import orbit_irradiation as orbit_irradiation
+    from thermid.simulation.sites.pad import pad_scenario as pad_scenario
+    from thermid.simulation.sites.site import Site as Site
     from thermid.simulation.solution import Solution as Solution
+    from thermid.simulation.solver.engine import Options as Options
     from thermid.simulation.steady import Steady as Steady
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.steady import steady_levels as steady_levels
     from thermid.simulation.transient import simulate as simulate
-    from thermid.simulation.vapour import Volume as Volume
-    from thermid.simulation.vapour import WaterBalance as WaterBalance
+    from thermid.simulation.water.moisture import Moisture as Moisture
+    from thermid.simulation.water.moisture import moisture as moisture
+    from thermid.simulation.water.vapour import Volume as Volume
+    from thermid.simulation.water.vapour import WaterBalance as WaterBalance
     from thermid.steadiness.forecast import Forecast as Forecast
     from thermid.steadiness.forecast import forecast as forecast
     from thermid.steadiness.stabilisation import Stability as Stability
@@ -176,36 +176,36 @@ if TYPE_CHECKING:
 
 # in reading order: what the hardware is, what is done to it, what was measured, what a fit says, what is shown
 _PUBLIC = {
-    "Model": "model.model",
-    "Identity": "model.identity",
-    "Replacement": "model.replacement",
-    "identities": "model.identity",
-    "load_model": "model.modelfile",
-    "model_from_dict": "model.modelfile",
-    "save_model": "model.modelfile",
-    "law": "model.law",
-    "ledger": "model.areas",
-    "Block": "model.block",
+    "Model": "model.tree.model",
+    "Identity": "model.tree.identity",
+    "Replacement": "model.tree.replacement",
+    "identities": "model.tree.identity",
+    "load_model": "model.deck.modelfile",
+    "model_from_dict": "model.deck.modelfile",
+    "save_model": "model.deck.modelfile",
+    "law": "model.laws.law",
+    "ledger": "model.tree.areas",
+    "Block": "model.blocks.block",
     "compile_network": "network.network",
     "state_space": "network.linear",
     "modes": "network.linear",
     "Environment": "network.environment",
     "Irradiation": "network.irradiation",
     "OpenSky": "network.irradiation",
-    "Scenario": "simulation.scenario",
-    "load_scenario": "simulation.scenario",
-    "Site": "simulation.site",
+    "Scenario": "simulation.scenarios.scenario",
+    "load_scenario": "simulation.scenario_file",
+    "Site": "simulation.sites.site",
     "Weather": "measure",
     "read_weather": "measure",
-    "pad_scenario": "simulation.pad",
-    "Trajectory": "simulation.ascent",
-    "read_trajectory": "simulation.ascent",
-    "ascent_scenario": "simulation.ascent",
-    "orbit_irradiation": "simulation.orbit",
-    "eclipse_signal": "simulation.orbit",
+    "pad_scenario": "simulation.sites.pad",
+    "Trajectory": "simulation.sites.ascent",
+    "read_trajectory": "simulation.sites.ascent",
+    "ascent_scenario": "simulation.sites.ascent",
+    "orbit_irradiation": "simulation.sites.orbit",
+    "eclipse_signal": "simulation.sites.orbit",
     "AscentCheck": "profile_runs.ascent",
     "ascent_checks": "profile_runs.ascent",
-    "Options": "simulation.engine",
+    "Options": "simulation.solver.engine",
     "simulate": "simulation.transient",
     "prepare": "simulation.simulator",
     "Simulator": "simulation.simulator",
@@ -217,16 +217,16 @@ _PUBLIC = {
     "Ensemble": "simulation.ensemble",
     "Solution": "simulation.solution",
     "BlockSolution": "simulation.block_solution",
-    "moisture": "simulation.moisture",
-    "Volume": "simulation.vapour",
-    "WaterBalance": "simulation.vapour",
-    "Moisture": "simulation.moisture",
+    "moisture": "simulation.water.moisture",
+    "Volume": "simulation.water.vapour",
+    "WaterBalance": "simulation.water.vapour",
+    "Moisture": "simulation.water.moisture",
     "Channel": "measure",
     "SensorPart": "measure",
     "SensorCertificate": "measure",
     "Record": "measure",
-    "look": "reporting.look",
-    "Look": "reporting.look",
+    "look": "reporting.pictures.look",
+    "Look": "reporting.pictures.look",
     "read_record": "measure",
     "compare": "judge.compare",
     "align": "fit.clocks.alignment",
@@ -322,14 +322,14 @@ _PUBLIC = {
     "lock_plan": "qualify.lock",
     "run_plan": "qualify.programme",
     "Qualification": "qualify.programme",
-    "report": "reporting.page",
-    "page_to_pdf": "reporting.pdf",
-    "study_report": "reporting.study_page",
-    "structures_report": "reporting.structures_page",
-    "Structure": "reporting.structures_page",
-    "qualification_report": "reporting.qualification_page",
-    "correlation_report": "reporting.qualification_page",
-    "picture": "reporting.trust",
+    "report": "reporting.pages.campaign",
+    "page_to_pdf": "reporting.blocks.pdf",
+    "study_report": "reporting.pages.study",
+    "structures_report": "reporting.pages.structures",
+    "Structure": "reporting.pages.structures",
+    "qualification_report": "reporting.qualification.page",
+    "correlation_report": "reporting.qualification.page",
+    "picture": "reporting.pictures.trust",
     "compare_htc": "physics.htc",
     "HtcComparison": "physics.htc",
     "read_initfcn": "interop.initfcn",

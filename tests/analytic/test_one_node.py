@@ -9,8 +9,8 @@ import pytest
 
 import thermid as td
 from strategies import TIGHT
-from thermid.simulation.engine import Engine, Options
-from thermid.simulation.wiring import Wiring
+from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.wiring import Wiring
 
 pytestmark = pytest.mark.analytic
 SIGMA = 5.670374419e-8

@@ -41,12 +41,12 @@ NO_INPUT = {
     "thermid.acquire.store": "the log is continued",
     "thermid.campaign.cache": "results of its own, and the code",
     "thermid.judge.looks": "verdicts of its own",
-    "thermid.model.save": "a deck may be changed in its place",
+    "thermid.model.deck.save": "a deck may be changed in its place",
     "thermid.cli.deliver": "the delivery of this command",
     "thermid.qualify.deliver": "the delivery of this command, or one that is checked",
     "thermid.qualify.lock": "the lock is carried on",
-    "thermid.reporting.extras": "templates of the package",
-    "thermid.reporting.pdf": "what the browser printed",
+    "thermid.reporting.blocks.extras": "templates of the package",
+    "thermid.reporting.blocks.pdf": "what the browser printed",
     "thermid.studio.server": "scripts of the package",
 }
 

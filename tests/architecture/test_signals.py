@@ -1,4 +1,4 @@
-"""No signal is taken apart outside its home: who needs another one asks the algebra of `thermid.model.signal`, which loses no property."""
+"""No signal is taken apart outside its home: who needs another one asks the algebra of `laws.signal`, which loses no property."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import pytest
 
 from .source import Module
 
-HOME = "thermid.model.signal"
+HOME = "thermid.model.laws.signal"
 WRITERS = {
-    "thermid.simulation.kernel_form": "writes signals as the kernel's arrays",
-    "thermid.simulation.modal": "counts the samples that the kernel will meet, to choose a method",
+    "thermid.simulation.solver.kernel_form": "writes signals as the kernel's arrays",
+    "thermid.simulation.solver.modal": "counts the samples that the kernel will meet, to choose a method",
     "thermid.interop.octave": "writes signals as Octave",
     "thermid.interop.spice": "writes signals as SPICE",
     "thermid.interop.wired": "lists the corners of signals for both",
@@ -88,7 +88,7 @@ def taken_apart(module: Module) -> list[str]:
 
 def test_no_signal_is_taken_apart_outside_its_home(modules: dict[str, Module]) -> None:
     wrong = [line for m in modules.values() if m.name != HOME and m.name not in WRITERS for line in taken_apart(m)]
-    assert not wrong, "ask the algebra of thermid.model.signal:\n" + "\n".join(wrong)
+    assert not wrong, "ask the algebra of thermid.model.laws.signal:\n" + "\n".join(wrong)
 
 
 def test_who_may_take_signals_apart_does_so(modules: dict[str, Module]) -> None:

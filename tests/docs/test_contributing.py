@@ -37,7 +37,7 @@ sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in f"{t
 sys.path.insert(0, sys.argv[1])
 import numpy as np
 import thermid as td
-from thermid.model.schema import json_schema
+from thermid.model.deck.schema import json_schema
 
 model = td.load_model("plate.toml")
 bench = td.Scenario("bench", boundaries={"base": "20 [degC]"}, start="20 [degC]", duration="10 [min]")
@@ -78,7 +78,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bolts")
     shutil.copytree(PACKAGE, folder / "src" / "thermid", ignore=shutil.ignore_patterns("__pycache__", "*.so"))
     shutil.copy(str(thermid._kernel.__file__), folder / "src" / "thermid")
-    kinds = folder / "src" / "thermid" / "model" / "kinds.py"
+    kinds = folder / "src" / "thermid" / "model" / "parts" / "kinds.py"
     kinds.write_text(with_bolts(kinds.read_text(encoding="utf-8")), encoding="utf-8")
     (folder / "plate.toml").write_text(DECK, encoding="utf-8")
     (folder / "empty.ini").write_text("[pytest]\nfilterwarnings = error\n", encoding="utf-8")
@@ -144,7 +144,8 @@ def test_the_reading_path_is_as_long_as_it_says(capsys: pytest.CaptureFixture[st
     counts = {module: lines(module) for module in path}
     total = sum(counts.values())
     below = ["errors", "units", "expression", "dual"]
-    below += [f"{room}/{p.stem}" for room in ("model", "network", "simulation") for p in sorted((PACKAGE / room).glob("*.py"))]
+    inside = [p for room in ("model", "network", "simulation") for p in sorted((PACKAGE / room).rglob("*.py"))]
+    below += [p.relative_to(PACKAGE).with_suffix("").as_posix() for p in inside]
     whole = sum(map(lines, dict.fromkeys([*path, *below])))
     with capsys.disabled():
         print(f"\nreading path: {total} lines in {len(path)} modules ({counts}); with all that these rooms hold: {whole}")

@@ -24,14 +24,14 @@ from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure.bindings import _KEYS as CHANNEL_KEYS
 from thermid.measure.part import _NUMBERS as PART_NUMBERS
 from thermid.measure.steps import STEPS
-from thermid.model import schema
-from thermid.model.elements import LOAD_SLOTS, NODE_SLOTS
-from thermid.model.kinds import KINDS
-from thermid.model.signal import Sine, Table
+from thermid.model.deck import schema
+from thermid.model.laws.signal import Sine, Table
+from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS
+from thermid.model.parts.kinds import KINDS
 from thermid.profiles.profile import STEP_KEYS
 from thermid.profiles.standards import KEYS
 from thermid.qualify import plan_schema
-from thermid.simulation import pad, surroundings
+from thermid.simulation.sites import pad, surroundings
 from thermid.sourced.number import SLOTS, WORDS
 from thermid.units import TEMPERATURE
 

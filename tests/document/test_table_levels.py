@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.model.areas import ledger
-from thermid.model.flat import flatten
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, model_from_dict, save_model
+from thermid.model.deck.modelfile import load_model, model_from_dict, save_model
+from thermid.model.tree.areas import ledger
+from thermid.model.tree.flat import flatten
+from thermid.model.tree.model import Model
 from thermid.network.linear import modes, state_space
 from thermid.network.network import compile_network
 

@@ -153,7 +153,7 @@ def test_demo(copy: Path, tmp_path: Path) -> None:
 
 
 def test_the_decks_of_all_lessons_are_without_errors(copy: Path) -> None:
-    from thermid.model.modelfile import load_model
+    from thermid.model.deck.modelfile import load_model
 
     decks = [p for p in copy.glob("0*/*.toml") if p.name not in ("campaign.toml", "pad.toml")]
     assert len(decks) >= 6

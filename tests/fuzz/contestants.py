@@ -11,8 +11,8 @@ import numpy as np
 import thermid as td
 from fuzz.networks import SIGMA, Case
 from thermid import _kernel as k
-from thermid.model.curves import Curve
-from thermid.model.signal import Constant, Sine, Table
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Constant, Sine, Table
 from unit.kernel.reference import PROPORTIONAL, THERMOSTAT, Net
 
 STATUS = ("OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER")

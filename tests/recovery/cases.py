@@ -12,10 +12,10 @@ import numpy as np
 from thermid.errors import ThermidError
 from thermid.fit.calibrate import calibrate
 from thermid.measure import Channel, Record
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, model_from_dict
-from thermid.simulation import simulate
-from thermid.simulation.scenario import Scenario
+from thermid.model.deck.modelfile import load_model, model_from_dict
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.transient import simulate
 
 STACK = Path(__file__).parents[2] / "examples" / "02_stack" / "m_PrE.toml"
 ICE = 273.15

@@ -11,11 +11,11 @@ import numpy as np
 from recovery.cases import STACK, Z95, Bench, draw
 from thermid.fit.calibrate import calibrate
 from thermid.measure import Record
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, model_from_dict
+from thermid.model.deck.modelfile import load_model, model_from_dict
+from thermid.model.tree.model import Model
 from thermid.prediction.predict import predict
-from thermid.simulation import simulate
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.transient import simulate
 
 STEP = 0.0625
 """Of a DS18B20. [K]"""

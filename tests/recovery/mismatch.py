@@ -13,11 +13,11 @@ from recovery.cases import ICE, STACK
 from thermid.errors import IdentificationError
 from thermid.fit.calibrate import calibrate
 from thermid.measure import Channel, Record
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, model_from_dict
+from thermid.model.deck.modelfile import load_model, model_from_dict
+from thermid.model.tree.model import Model
 from thermid.prediction.predict import predict
-from thermid.simulation import simulate
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.transient import simulate
 
 STEP = 0.0625
 SCENARIOS = ("as fitted", "room at +61 C", "room at -34 C", "double power")

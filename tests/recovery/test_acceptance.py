@@ -13,12 +13,12 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
 from thermid.knowledge.values import FittedValues
 from thermid.measure import Channel, Record
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, model_from_dict
-from thermid.model.resolve import ParameterSet
-from thermid.simulation import simulate
-from thermid.simulation.scenario import Scenario
+from thermid.model.deck.modelfile import load_model, model_from_dict
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import ParameterSet
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
+from thermid.simulation.transient import simulate
 
 pytestmark = pytest.mark.recovery
 ACC = Path(__file__).parents[2] / "examples" / "01_accelerometer" / "accelerometer.toml"
@@ -110,7 +110,7 @@ class TestA4:
             assert joint.fitted_model.submodel(part).identity() == model.submodel(part).identity()
 
     def test_total_areas_stay(self, joint: Calibration) -> None:
-        from thermid.model.areas import ledger
+        from thermid.model.tree.areas import ledger
 
         assert [line.total for line in ledger(joint.fitted_model)] == [line.total for line in ledger(load_model(STACK))]
 

@@ -15,10 +15,10 @@ from thermid.fit.problem.sensor_parts import attached
 from thermid.judge.validate import Criteria, validate
 from thermid.measure import Channel, Record
 from thermid.measure.part import SensorCertificate, SensorPart, worn
-from thermid.model.model import Model
-from thermid.model.modelfile import model_from_dict
-from thermid.simulation import simulate
-from thermid.simulation.scenario import Scenario
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.transient import simulate
 
 pytestmark = pytest.mark.recovery
 

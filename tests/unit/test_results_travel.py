@@ -22,7 +22,7 @@ import thermid as td
 from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.residuals import Problem
 from thermid.memo import Memo
-from thermid.model.signal import Constant
+from thermid.model.laws.signal import Constant
 from thermid.network.medium import Media
 from thermid.network.network import Network
 from unit.results import numbers, of_a_fit, of_a_run, that_take_longer

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import thermid as td
 from thermid.campaign.survey import check_campaign
 from thermid.measure import Channel
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 
 ZERO = 273.15
 NOISE = 0.05

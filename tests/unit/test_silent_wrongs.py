@@ -14,14 +14,15 @@ from thermid.judge.correlation import correlate
 from thermid.judge.criteria import CriteriaSet
 from thermid.judge.limit_checks import check_limits
 from thermid.judge.limits import Limits
-from thermid.model.kinds import KINDS
-from thermid.model.modelfile import save_model, to_dict
+from thermid.model.deck.modelfile import save_model
+from thermid.model.parts.kinds import KINDS
+from thermid.model.tree.written import to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import correlation
 from thermid.physics.decay import radiative_decay
 from thermid.qualify.deliver import deliver
 from thermid.reduction.macro import assumed, host_values
-from thermid.reporting.diagram import STYLES, diagram
+from thermid.reporting.diagrams.diagram import STYLES, diagram
 from thermid.studio.project import Project
 from thermid.units import unit
 

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 
 import thermid as td
 from thermid.errors import DeckError, SolverError
-from thermid.model.curves import curve, evaluate, slopes
-from thermid.model.modelfile import to_dict
-from thermid.model.stores import store
+from thermid.model.laws.curves import curve, evaluate, slopes
+from thermid.model.laws.stores import store
+from thermid.model.tree.written import to_dict
 
 CONDUCTANCE = [(0.0, 0.1), (10.0, 0.1), (20.0, 0.5), (40.0, 0.3)]
 LARGE = ["RKC2", "TR-BDF2"]

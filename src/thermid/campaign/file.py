@@ -15,10 +15,10 @@ from thermid.errors import DeckError, MissingDataError, RecordError, ThermidErro
 from thermid.fit.problem.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.memo import Memo
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, read_toml, resolve_inside
-from thermid.model.signal import literal
-from thermid.simulation.scenario import Scenario
+from thermid.model.deck.modelfile import load_model, read_toml, resolve_inside
+from thermid.model.laws.signal import literal
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
@@ -247,7 +247,7 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     from pydantic import ValidationError
 
     from thermid.campaign.schema import CampaignFile
-    from thermid.model.faults import deck_error
+    from thermid.model.deck.faults import deck_error
 
     target = Path(path)
     content, lines = read_toml(target)

@@ -10,7 +10,7 @@ from thermid.knowledge.graft import graft
 from thermid.knowledge.store import Store
 from thermid.knowledge.values import FittedValues, values_of
 from thermid.knowledge.values_file import load_store, read_values
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 
 __all__ = ["Filed", "filed"]
 

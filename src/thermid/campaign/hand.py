@@ -17,9 +17,9 @@ from thermid.fit.problem.unknowns import Unknown, parameter_unknown
 from thermid.knowledge.sources import LeftOut, LogNormal, Normal, Source, Uniform, read_spread
 from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values_file import load_store, read_values
-from thermid.model.model import Model
-from thermid.model.resolve import ParameterSet, deck_text
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import ParameterSet, deck_text
 from thermid.units import TEMPERATURE
 
 __all__ = ["hand_values"]

@@ -28,7 +28,7 @@ from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import Store
 from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 
 if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource

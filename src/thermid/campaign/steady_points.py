@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from thermid.errors import RecordError
 from thermid.measure import Record
-from thermid.simulation.scenario import STEADY, Scenario
+from thermid.simulation.scenarios.scenario import STEADY, Scenario
 
 if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource

@@ -18,7 +18,7 @@ from thermid.fit.inputs import Input, InputTable, inputs_of
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.inference.identifiability import Identifiability, identifiability, identifiability_of
-from thermid.model.rules import Finding
+from thermid.model.tree.rules import Finding
 
 __all__ = ["check_campaign", "survey"]
 

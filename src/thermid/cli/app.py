@@ -13,15 +13,15 @@ import typer
 from thermid.cli.commands import MODULES
 from thermid.cli.pages import Force, Page, Pdf, ready, written
 from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
+from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from thermid.campaign.stages import Campaign
-    from thermid.errors import ThermidError
     from thermid.fit.inputs import InputTable
-    from thermid.model.model import Model
-    from thermid.simulation.scenario import Scenario
+    from thermid.model.tree.model import Model
+    from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["main"]
 
@@ -82,8 +82,6 @@ def main() -> None:
 
 def _run() -> None:
     """Run a command; every error is one line, or one object."""
-    from thermid.errors import ThermidError
-
     as_json = "--json" in sys.argv[1:]
     try:
         # with --json a wrong option is an object too, so typer must not print its own words
@@ -127,8 +125,6 @@ def _fail(error: ThermidError, as_json: bool) -> NoReturn:
 
 def _pairs(given: Pairs, option: str) -> dict[str, str]:
     """Return ``PATH=VALUE`` options as a dictionary."""
-    from thermid.errors import ScenarioError
-
     out = {}
     for text in given:
         path, equals, value = text.partition("=")
@@ -146,7 +142,7 @@ def _with_unit(value: str, unit: str) -> str:
 @app.command()
 def check(deck: Deck, data: Data = None, as_json: Json = False) -> None:
     """Check a deck or campaign, with its logs, for errors and questionable values. Exit code 2 if it cannot be used."""
-    from thermid.model.modelfile import load_model, read_toml
+    from thermid.model.deck.modelfile import load_model, read_toml
 
     content, _ = read_toml(deck)
     inputs: dict[str, InputTable] = {}
@@ -203,14 +199,13 @@ def simulate(
     import numpy as np
 
     from thermid.cli.output import solution_object
-    from thermid.errors import ScenarioError, SolverError
     from thermid.files import NETCDF, TABLE, may_write
     from thermid.knowledge.standing import of_model
-    from thermid.model.modelfile import load_model
-    from thermid.model.signal import literal
-    from thermid.simulation import simulate as run
-    from thermid.simulation import steady as settle
+    from thermid.model.deck.modelfile import load_model
+    from thermid.model.laws.signal import literal
     from thermid.simulation.simulator import output_times
+    from thermid.simulation.steady import steady as settle
+    from thermid.simulation.transient import simulate as run
 
     model = with_fitted(load_model(deck), values, keep_values)
     if param:
@@ -254,7 +249,8 @@ def simulate(
 
 def _scenario(model: Model, file: Path | None, boundary: Pairs, load: Pairs, start: str | None, duration: str | None) -> Scenario:
     """Return the scenario of the options, laid over the one of a file."""
-    from thermid.simulation.scenario import Scenario, load_scenario
+    from thermid.simulation.scenario_file import load_scenario
+    from thermid.simulation.scenarios.scenario import Scenario
 
     base = load_scenario(file) if file is not None else Scenario("command line")
     for name, text in _pairs(boundary, "--boundary").items():
@@ -361,8 +357,7 @@ def report(
 ) -> None:
     """Run a campaign and write its report page, its PDF, or both."""
     from thermid.cli.output import campaign_standing
-    from thermid.errors import ScenarioError
-    from thermid.reporting.page import report as write
+    from thermid.reporting.pages.campaign import report as write
 
     if to is None and pdf is None:
         raise ScenarioError("say where the report goes: --to page.html, --pdf page.pdf, or both.", "command line")
@@ -379,11 +374,9 @@ def report(
 @app.command()
 def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck") -> None:
     """Print the JSON Schema of a file, for editors."""
-    from thermid.errors import DeckError, nearest
-
     makers: dict[str, Callable[[], dict[str, Any]]] = {}
     from thermid.campaign.schema import json_schema as campaign_schema
-    from thermid.model.schema import json_schema as deck_schema
+    from thermid.model.deck.schema import json_schema as deck_schema
 
     makers |= {"deck": deck_schema, "campaign": campaign_schema}
     if kind not in makers:

@@ -36,7 +36,7 @@ def deliver(
     from thermid.campaign.filed import filed
     from thermid.errors import DeckError
     from thermid.knowledge.standing import of_model
-    from thermid.model.modelfile import load_model
+    from thermid.model.deck.modelfile import load_model
     from thermid.qualify.deliver import check_delivery
     from thermid.qualify.deliver import deliver as write
 

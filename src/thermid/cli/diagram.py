@@ -26,8 +26,8 @@ def diagram(
     """Draw a model as SVG: masses, conductors by kind, loads, boundaries, submodels as boxes."""
     from thermid.errors import ScenarioError
     from thermid.files import PICTURE, write_text
-    from thermid.model.modelfile import load_model
-    from thermid.reporting.diagram import diagram as draw
+    from thermid.model.deck.modelfile import load_model
+    from thermid.reporting.diagrams.diagram import diagram as draw
 
     if to.suffix.lower() != ".svg":
         raise ScenarioError(f"a diagram is written as SVG; '{to.name}' does not end in .svg.", "--to")

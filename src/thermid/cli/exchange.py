@@ -54,7 +54,7 @@ def import_script(
     from thermid.cli.output import clean
     from thermid.errors import OutputError
     from thermid.interop.initfcn import read_initfcn
-    from thermid.model.modelfile import load_model, model_from_dict, save_model
+    from thermid.model.deck.modelfile import load_model, model_from_dict, save_model
 
     found = read_initfcn(script)
     title = (to or script).stem
@@ -103,7 +103,7 @@ def export(
     from thermid.interop.octave import to_octave
     from thermid.interop.spice import to_spice
     from thermid.knowledge.standing import of_model
-    from thermid.model.modelfile import load_model
+    from thermid.model.deck.modelfile import load_model
 
     forms = ("octave", "spice")
     if form not in forms:
@@ -136,7 +136,7 @@ def write_equations(
     from thermid.cli.app import _pairs
     from thermid.errors import DeckError, nearest
     from thermid.interop.equations import equations
-    from thermid.model.modelfile import load_model
+    from thermid.model.deck.modelfile import load_model
 
     forms = ("text", "latex", "python", "octave")
     if form not in forms:

@@ -41,7 +41,7 @@ def hold(
     from thermid.errors import SolverError
     from thermid.files import PICTURE, may_write
     from thermid.monte_carlo.holdfile import load_hold
-    from thermid.reporting.trust import check_ending, picture
+    from thermid.reporting.pictures.trust import check_ending, picture
 
     if figure is not None:
         may_write(check_ending(figure), PICTURE)

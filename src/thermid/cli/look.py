@@ -35,7 +35,7 @@ def look(
     from thermid.cli.output import clean
     from thermid.errors import RecordError
     from thermid.files import PICTURE, write_text
-    from thermid.reporting.look import look as of
+    from thermid.reporting.pictures.look import look as of
 
     if to is not None and (len(logs) > 1 or to.suffix.lower() != ".svg"):
         raise RecordError("one log is drawn as one SVG. Give one log, and a name that ends in .svg.", "--svg")

@@ -43,7 +43,7 @@ def ready(to: Path | None, pdf: Path | None) -> None:
     if pdf is not None:
         if pdf.suffix.lower() != ".pdf":
             raise ScenarioError(f"'{pdf.name}' does not end in .pdf. The page itself is written by --to.", "--pdf")
-        from thermid.reporting.pdf import browser
+        from thermid.reporting.blocks.pdf import browser
 
         browser()
         if pdf.parent.is_dir():
@@ -54,7 +54,7 @@ def written(write: Callable[[Path], Path], to: Path | None, pdf: Path | None) ->
     """Write a page, its PDF, or both; return what was written by its name in the JSON object."""
     out = {"page": str(write(to))} if to is not None else {}
     if pdf is not None:
-        from thermid.reporting.pdf import page_to_pdf
+        from thermid.reporting.blocks.pdf import page_to_pdf
 
         with scratch() as folder:
             page = to if to is not None else write(folder / "page.html")

@@ -43,9 +43,9 @@ def predict(
     from thermid.cli.app import _with_unit
     from thermid.errors import ScenarioError
     from thermid.files import TABLE, may_write
-    from thermid.model.signal import literal
+    from thermid.model.laws.signal import literal
     from thermid.prediction.predict import predict as run
-    from thermid.simulation.scenario import load_scenario
+    from thermid.simulation.scenario_file import load_scenario
 
     if scenario is None:
         raise ScenarioError("a prediction needs a scenario: --scenario FILE.", "command line")

@@ -66,7 +66,7 @@ def profile(
     if csv is not None:
         run.solution.to_csv(csv)
     if picture is not None:
-        from thermid.reporting.trust import picture as draw
+        from thermid.reporting.pictures.trust import picture as draw
 
         draw(run, picture)
     typer.echo(json.dumps(clean({"schema": 1, "status": "ok", **run.as_object()})) if as_json else str(run))
@@ -142,9 +142,9 @@ def _run(
     every: str,
 ) -> ProfileRun:
     from thermid.cli.app import _pairs, _with_unit
-    from thermid.model.modelfile import load_model
+    from thermid.model.deck.modelfile import load_model
     from thermid.profile_runs.conduct import run_profile
-    from thermid.simulation.scenario import load_scenario
+    from thermid.simulation.scenario_file import load_scenario
 
     return run_profile(
         load_model(deck),

@@ -107,13 +107,13 @@ def qualify(
 
 
 def _qualification(found: Qualification, to: Path) -> Path:
-    from thermid.reporting.qualification_page import qualification_report
+    from thermid.reporting.qualification.page import qualification_report
 
     return qualification_report(found, to=to)
 
 
 def _correlation(found: Correlation, to: Path, synthetic: bool) -> Path:
-    from thermid.reporting.qualification_page import correlation_report
+    from thermid.reporting.qualification.page import correlation_report
 
     return correlation_report(found, to=to, synthetic=synthetic)
 

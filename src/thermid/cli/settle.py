@@ -92,8 +92,8 @@ def _object(stable: dict[str, Any], told: dict[str, Forecast | str], times: Text
 def _run(rule: str, model: Path | None, scenario: Path | None) -> Solution | None:
     """Return the run of a model for a rule on stored heat."""
     from thermid.measure.stability import rule_of
-    from thermid.model.modelfile import load_model
-    from thermid.simulation.scenario import load_scenario
+    from thermid.model.deck.modelfile import load_model
+    from thermid.simulation.scenario_file import load_scenario
     from thermid.simulation.transient import simulate
 
     if model is None or scenario is None or not rule_of(rule).stored:
@@ -114,8 +114,8 @@ def _forecast(
     scenario: Path | None,
 ) -> Forecast:
     from thermid.cli.app import _with_unit
-    from thermid.model.modelfile import load_model
-    from thermid.simulation.scenario import load_scenario
+    from thermid.model.deck.modelfile import load_model
+    from thermid.simulation.scenario_file import load_scenario
     from thermid.steadiness.forecast import forecast
 
     return forecast(

@@ -9,9 +9,9 @@ import numpy as np
 
 from thermid.design.planned import Sensor
 from thermid.dual import value_of
-from thermid.model.model import Model
-from thermid.model.signal import Constant, Signal, Table
-from thermid.simulation.scenario import Scenario
+from thermid.model.laws.signal import Constant, Signal, Table
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 
 __all__ = ["Action", "Aim", "usual_actions"]

@@ -18,11 +18,11 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
-from thermid.model.model import Model
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
+from thermid.model.tree.model import Model
 from thermid.prediction.before import WITHOUT_GAS, Before, before_fit, before_model, unknown_of
 from thermid.prediction.doubts import doubted, doubts_without_gas
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["next_test"]
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from thermid.errors import IdentificationError, nearest
 from thermid.measure import Channel, Record
-from thermid.model.model import Model
-from thermid.model.signal import literal
-from thermid.simulation.scenario import Scenario
+from thermid.model.laws.signal import literal
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for, output_times
 from thermid.simulation.transient import simulate
 

@@ -17,13 +17,13 @@ from thermid.fit.problem.sensor_parts import at_their_seats, attached
 from thermid.measure import Record
 from thermid.measure.amounts import short
 from thermid.measure.steady import SteadyPoint
-from thermid.model.model import Model
-from thermid.model.signal import Constant
+from thermid.model.laws.signal import Constant
+from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.engine import Engine
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.wiring import Wiring
 from thermid.simulation.steady import steady
-from thermid.simulation.wiring import Wiring
 
 __all__ = ["EnergyBalance", "energy_balance"]
 

@@ -15,9 +15,9 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, ThermidError
 from thermid.fit.calibration import Calibration
-from thermid.model.elements import Conductor
-from thermid.model.model import Model
-from thermid.model.parameter import parameter
+from thermid.model.parts.elements import Conductor
+from thermid.model.parts.parameter import parameter
+from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.simulation.simulator import Simulator, prepare
 

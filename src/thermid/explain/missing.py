@@ -11,10 +11,10 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.measure.amounts import short
-from thermid.model.elements import Conductor, HeatLoad, Node
-from thermid.model.model import Model
-from thermid.model.parameter import parameter
-from thermid.simulation.scenario import Scenario
+from thermid.model.parts.elements import Conductor, HeatLoad, Node
+from thermid.model.parts.parameter import parameter
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Missing", "missing_elements"]
 

@@ -14,8 +14,8 @@ from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.driven import power_while_on
 from thermid.knowledge.values import FittedValue
-from thermid.model.flat import FlatConductor
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
+from thermid.model.tree.flat import FlatConductor
 from thermid.network.network import Network
 from thermid.physics.air import dry_air
 from thermid.physics.bodies import body_htc, conduction_floor

@@ -30,8 +30,8 @@ from thermid.fit.summary import summarise
 from thermid.fit.uncertainty.responses import responses
 from thermid.fit.uncertainty.wander import wander
 from thermid.measure import Record
-from thermid.model.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["calibrate", "fit", "fit_problem"]
 

@@ -21,8 +21,8 @@ from thermid.knowledge.store import State, Store
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.knowledge.values_file import save_store
 from thermid.measure.amounts import digits, short
-from thermid.model.identity import cuts_of
-from thermid.model.model import Model
+from thermid.model.tree.identity import cuts_of
+from thermid.model.tree.model import Model
 from thermid.units import counted, unit
 
 if TYPE_CHECKING:

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import value_of
-from thermid.model.flat import FlatConductor, FlatLoad
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
+from thermid.model.tree.flat import FlatConductor, FlatLoad
 from thermid.network.network import Network
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.simulation.engine import Engine, Options
-from thermid.simulation.scenario import Scenario
-from thermid.simulation.traces import Traces
-from thermid.simulation.wiring import Wiring
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.traces import Traces
+from thermid.simulation.solver.wiring import Wiring
 
 __all__ = [
     "Conditions",

@@ -6,12 +6,12 @@ import math
 from typing import TYPE_CHECKING
 
 from thermid.measure.amounts import short
-from thermid.model.resolve import parameter_table
+from thermid.model.tree.resolve import parameter_table
 from thermid.units import unit
 
 if TYPE_CHECKING:
     from thermid.knowledge.values import FittedValue, FittedValues
-    from thermid.model.model import Model
+    from thermid.model.tree.model import Model
 
 __all__ = ["BLAME", "FAR", "FIRST", "LOUD", "TIMES", "contradicted", "far_from_sheet", "loudly"]
 

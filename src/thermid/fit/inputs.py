@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.fit.problem.experiment import role_and_target
 from thermid.measure.amounts import short
-from thermid.model.signal import Signal
+from thermid.model.laws.signal import Signal
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:

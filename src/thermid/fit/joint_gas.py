@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from thermid.model.flat import FlatConductor
+from thermid.model.tree.flat import FlatConductor
 from thermid.network.medium import Media
 from thermid.network.network import Network
 from thermid.physics.gas import GASES, REFERENCE

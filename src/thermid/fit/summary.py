@@ -23,7 +23,7 @@ from thermid.fit.uncertainty.responses import Responses
 from thermid.knowledge.standing import worst
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure.amounts import short
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 
 if TYPE_CHECKING:
     from thermid.fit.problem.request import Request

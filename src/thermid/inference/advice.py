@@ -13,9 +13,9 @@ from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.uncertainty.grouping import Group, listed, percent
 from thermid.fit.uncertainty.information import Information
-from thermid.model.elements import HeatLoad
-from thermid.model.parameter import parameter
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
+from thermid.model.parts.elements import HeatLoad
+from thermid.model.parts.parameter import parameter
 
 __all__ = ["Cure", "cures"]
 

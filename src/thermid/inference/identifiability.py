@@ -23,8 +23,8 @@ from thermid.fit.uncertainty.groups import practical_groups, structural_groups
 from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.inference.advice import Cure, cures
 from thermid.measure import Record
-from thermid.model.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted, unit
 
 __all__ = ["Identifiability", "Known", "cause", "identifiability", "identifiability_of"]

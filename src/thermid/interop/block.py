@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from thermid.errors import DeckError
-from thermid.model.parameter import Parameter
+from thermid.model.parts.parameter import Parameter
 from thermid.units import Dimension, unit
 
 __all__ = ["ROLES", "block"]

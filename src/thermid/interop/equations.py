@@ -16,7 +16,7 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.interop.wired import identifiers
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 
 __all__ = ["Equations", "equations"]

@@ -21,7 +21,7 @@ from thermid.expression import parse
 from thermid.files import read_text
 from thermid.interop.block import block
 from thermid.interop.mscript import Statement, statements
-from thermid.model.parameter import Parameter, parameter
+from thermid.model.parts.parameter import Parameter, parameter
 from thermid.units import DIMENSIONLESS, Dimension, describe, unit
 
 __all__ = ["InitFcn", "read_initfcn"]

@@ -13,12 +13,12 @@ from thermid.files import EXPORT, write_text
 from thermid.interop.formula import Formula, Text, number_text
 from thermid.interop.units_of import si_unit
 from thermid.interop.wired import Wired, identifiers, one_line, refuse_crooked, table_points, wired
-from thermid.model.curves import Curve
-from thermid.model.model import Model
-from thermid.model.signal import Constant, Drawn, Sine, Table
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Constant, Drawn, Sine, Table
+from thermid.model.tree.model import Model
 from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["to_octave"]
 

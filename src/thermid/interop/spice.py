@@ -12,12 +12,12 @@ from thermid.errors import DeckError
 from thermid.files import EXPORT, write_text
 from thermid.interop.formula import number_text
 from thermid.interop.wired import Source, Wired, identifiers, one_line, table_points, wired
-from thermid.model.curves import FAR, Curve
-from thermid.model.model import Model
-from thermid.model.signal import Constant, Drawn, Sine, Table
+from thermid.model.laws.curves import FAR, Curve
+from thermid.model.laws.signal import Constant, Drawn, Sine, Table
+from thermid.model.tree.model import Model
 from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["to_spice"]
 

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
 from thermid.interop.formula import Formula, with_formulas
-from thermid.model.curves import Curve, slopes, whole
-from thermid.model.kinds import HINGES
-from thermid.model.model import Model
-from thermid.model.signal import Constant, Drawn, Table
+from thermid.model.laws.curves import Curve, slopes, whole
+from thermid.model.laws.signal import Constant, Drawn, Table
+from thermid.model.parts.kinds import HINGES
+from thermid.model.tree.model import Model
 from thermid.network.network import Network
 from thermid.network.rows import ConductorRow
 from thermid.network.streams import signal_of
-from thermid.simulation.engine import Engine
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
-from thermid.simulation.wiring import Wiring
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.wiring import Wiring
 
 __all__ = ["Source", "Wired", "identifiers", "named_rows", "one_line", "refuse_crooked", "table_points", "wired"]
 

@@ -7,8 +7,8 @@ from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
 from thermid.measure import Record
-from thermid.model.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["compare"]
 

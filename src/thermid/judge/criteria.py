@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import IdentificationError, ScenarioError, nearest
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.sourced.marks import check_mark
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
-from thermid.model.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
 __all__ = ["Apart", "Difference", "difference"]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.judge.limits import STATES, Ends, Limits, text_of
-from thermid.simulation.extremes import Dense, resolved
 from thermid.simulation.solution import Solution, Trace
+from thermid.simulation.solver.extremes import Dense, resolved
 
 __all__ = ["Crossing", "LimitCheck", "Span", "check_limits", "check_readings", "spans", "times_in_state"]
 

@@ -18,8 +18,8 @@ from thermid.fit.problem.statistics import SensorStatistics
 from thermid.judge.looks import RecordedLook
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
-from thermid.model.signal import literal
-from thermid.simulation.scenario import Scenario
+from thermid.model.laws.signal import literal
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted
 
 __all__ = ["Check", "Criteria", "Verdict", "validate"]

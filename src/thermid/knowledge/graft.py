@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from thermid.errors import DeckError
 from thermid.knowledge.store import State, Store
-from thermid.model.identity import depth
-from thermid.model.model import Model
+from thermid.model.tree.identity import depth
+from thermid.model.tree.model import Model
 
 __all__ = ["graft", "structural_under"]
 

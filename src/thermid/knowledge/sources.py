@@ -11,7 +11,7 @@ import numpy as np
 from thermid.errors import ScenarioError, nearest
 from thermid.expression import parse
 from thermid.knowledge.laws import Choice, Cut, Law, LogNormal, Normal, Shifted, Uniform, uniforms
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.units import TEMPERATURE
 
 __all__ = [

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from thermid.model.model import Model
-from thermid.model.resolve import parameter_table
-from thermid.model.standing import CREDIBLE, UNJUDGED, Standing, State, worst
+from thermid.model.parts.standing import CREDIBLE, UNJUDGED, Standing, State, worst
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import parameter_table
 
 __all__ = ["CREDIBLE", "UNJUDGED", "Standing", "State", "of_model", "worst"]
 

@@ -14,11 +14,11 @@ from thermid.errors import NameNotFoundError, nearest
 from thermid.expression import parse
 from thermid.knowledge.sources import KNOWN, Kind, LeftOut, Source
 from thermid.knowledge.standing import UNJUDGED, Standing
-from thermid.model.identity import depth, inside
-from thermid.model.model import Model
-from thermid.model.parameter import Parameter, exact
-from thermid.model.replacement import Dropped
-from thermid.model.resolve import Entry, deck_text, parameter_table
+from thermid.model.parts.parameter import Parameter, exact
+from thermid.model.tree.identity import depth, inside
+from thermid.model.tree.model import Model
+from thermid.model.tree.replacement import Dropped
+from thermid.model.tree.resolve import Entry, deck_text, parameter_table
 
 __all__ = ["Dropped", "Origin", "State", "Store"]
 

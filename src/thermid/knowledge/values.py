@@ -16,7 +16,7 @@ from thermid.knowledge.sources import KNOWN
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values_file import load_store, rooted, save_store
-from thermid.model.parameter import Parameter, exact
+from thermid.model.parts.parameter import Parameter, exact
 from thermid.units import unit
 
 __all__ = ["FittedValue", "FittedValues", "as_store", "load_values", "values_of", "view"]

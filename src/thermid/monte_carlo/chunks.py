@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
 from thermid.files import OWN, replacing, sweep
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.prediction.budget import Budget
 from thermid.prediction.setting import Setting
-from thermid.simulation.engine import Options
-from thermid.simulation.extremes import MemberTurnings
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.extremes import MemberTurnings
 
 __all__ = ["Chunk", "ChunkStore", "Job", "MissingPackageError", "digest", "run_members_of", "work"]
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.simulation.extremes import MemberTurnings
+from thermid.simulation.solver.extremes import MemberTurnings
 
 __all__ = ["clock", "first_crossings", "hold_time", "proportion"]
 

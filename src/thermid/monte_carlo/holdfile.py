@@ -12,12 +12,13 @@ from thermid.arguments import takes_objects
 from thermid.campaign.filed import filed
 from thermid.errors import DeckError, nearest
 from thermid.knowledge.values import FittedValues
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
+from thermid.model.deck.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
+from thermid.model.tree.model import Model
 from thermid.monte_carlo.hold import Hold, check_members, hold, limits_of
 from thermid.monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs
 from thermid.reduction.macro import macro_model
-from thermid.simulation.scenario import Scenario, load_scenario
+from thermid.simulation.scenario_file import load_scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["HoldQuestion", "load_hold"]
 

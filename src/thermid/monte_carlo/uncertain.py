@@ -17,8 +17,8 @@ from thermid.fit.calibration import Calibration
 from thermid.knowledge.sources import Choice, LeftOut, Source
 from thermid.knowledge.standing import Standing, of_model
 from thermid.knowledge.values import FittedValues
-from thermid.model.model import Model
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
+from thermid.model.tree.model import Model
 from thermid.monte_carlo.chunks import Chunk, ChunkStore, Job, chunks
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
@@ -29,10 +29,10 @@ from thermid.prediction.setting import Setting
 from thermid.prediction.spread import Spread
 from thermid.prediction.stated import check_variants
 from thermid.reduction.macro import assumed
-from thermid.simulation.engine import Options
-from thermid.simulation.extremes import MemberTurnings
-from thermid.simulation.scenario import SLOTS, Scenario
+from thermid.simulation.scenarios.scenario import SLOTS, Scenario
 from thermid.simulation.simulator import output_times
+from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.extremes import MemberTurnings
 
 __all__ = ["UncertainRuns", "Values", "begun_at", "plan_runs", "starts", "uncertain_runs"]
 

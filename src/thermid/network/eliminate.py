@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from thermid.dual import Number, value_of
 from thermid.errors import DeckError
-from thermid.model.stores import Store
+from thermid.model.laws.stores import Store
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow
 

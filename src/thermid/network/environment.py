@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from thermid.errors import ScenarioError
-from thermid.model.signal import Constant, Signal, literal, signal
+from thermid.model.laws.signal import Constant, Signal, literal, signal
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import GASES, gas_named
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError, nearest
-from thermid.model.facing import Facing
-from thermid.model.flat import Flat, FlatLoad, FlatSurface
-from thermid.model.signal import Constant, Mixed, Signal, Table, added, signal
+from thermid.model.laws.signal import Constant, Mixed, Signal, Table, added, signal
+from thermid.model.parts.facing import Facing
+from thermid.model.tree.flat import Flat, FlatLoad, FlatSurface
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.exposure import on_plane, sky_share
 from thermid.units import TEMPERATURE

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from thermid.dual import Number
 from thermid.errors import ScenarioError
 from thermid.memo import Memo
-from thermid.model.elements import MadeIn
-from thermid.model.flat import FlatConductor
-from thermid.model.kinds import Law
-from thermid.model.signal import Constant, Signal, Table
+from thermid.model.laws.signal import Constant, Signal, Table
+from thermid.model.parts.elements import MadeIn
+from thermid.model.parts.kinds import Law
+from thermid.model.tree.flat import FlatConductor
 from thermid.network.environment import GROUND, Environment
 from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.pressure import levels_of, sampled, shares, stream, vented

@@ -12,13 +12,13 @@ from thermid.arguments import takes_objects
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ThermidError
 from thermid.memo import Memo
-from thermid.model.curves import Curve
-from thermid.model.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
-from thermid.model.model import Model
-from thermid.model.stores import Store
-from thermid.model.streams import unclosed
-from thermid.model.surroundings import into_gas, radiates_into
-from thermid.model.takes import exposed_area
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.stores import Store
+from thermid.model.parts.takes import exposed_area
+from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
+from thermid.model.tree.model import Model
+from thermid.model.tree.streams import unclosed
+from thermid.model.tree.surroundings import into_gas, radiates_into
 from thermid.network.gas_checks import TRACE, refuse_unsaid, traced
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import Media

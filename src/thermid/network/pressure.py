@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
-from thermid.model.signal import Constant, Mixed, Signal, Sine, Table
+from thermid.model.laws.signal import Constant, Mixed, Signal, Sine, Table
 from thermid.physics.constants import ATMOSPHERE
 
 __all__ = ["levels_of", "sampled", "shares", "stream", "vented"]

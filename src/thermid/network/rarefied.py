@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from thermid.dual import Number, value_of
-from thermid.model.curves import Curve
-from thermid.model.flat import FlatConductor
-from thermid.model.kinds import ACCOMMODATION, Law
+from thermid.model.laws.curves import Curve
+from thermid.model.parts.kinds import ACCOMMODATION, Law
+from thermid.model.tree.flat import FlatConductor
 from thermid.network.rows import ANCHOR, ConductorRow
 from thermid.physics.bodies import THINNEST
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY

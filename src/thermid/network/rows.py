@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.dual import Number
-from thermid.model.curves import FAR, Curve, whole
+from thermid.model.laws.curves import FAR, Curve, whole
 
 __all__ = [
     "ANCHOR",
@@ -112,7 +112,7 @@ def heat(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array
 
     Parameters
     ----------
-    form : str                  As in `thermid.model.kinds.Law`.
+    form : str                  As in `thermid.model.parts.kinds.Law`.
     coefficients : sequence     Floats or arrays (times,). [SI]
     curve : Curve or None       For tables.
     hot, cold : array (times,)  Temperatures of the first and the second end. [K]

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError
 from thermid.fit.problem.residuals import Block
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 
 if TYPE_CHECKING:
-    from thermid.model.model import Model
+    from thermid.model.tree.model import Model
     from thermid.power.laws import PowerLaw
-    from thermid.simulation.scenario import Scenario
+    from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["PowerHistory"]
 

@@ -17,14 +17,14 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.selection import priors_of
 from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.measure import Record
-from thermid.model.elements import HeatLoad
-from thermid.model.model import Model
-from thermid.model.modelfile import model_from_dict
-from thermid.model.signal import Constant, Table, literal
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.laws.signal import Constant, Table, literal
+from thermid.model.parts.elements import HeatLoad
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.power.history import PowerHistory
 from thermid.power.regularised import ROUNDS, Pins, Solved, solved
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from thermid.units import unit
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ThermidError
-from thermid.model.elements import HeatLoad
+from thermid.model.parts.elements import HeatLoad
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
-    from thermid.model.model import Model
+    from thermid.model.tree.model import Model
     from thermid.power.history import PowerHistory
 
 __all__ = ["PowerLaw", "fitted_laws"]

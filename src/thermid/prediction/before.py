@@ -15,13 +15,13 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import prior_of
 from thermid.fit.problem.unknowns import Unknown, parameter_unknown
 from thermid.knowledge.sources import Normal, Source
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import Known, Rows, instruments_of, rows_of
 from thermid.prediction.setting import Setting
 from thermid.prediction.structural import CONSTANT, MISFIT
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["WITHOUT_GAS", "Before", "before_fit", "before_model"]
 

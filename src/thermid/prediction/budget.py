@@ -17,7 +17,7 @@ from thermid.fit.discrepancy import misfit_kept
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.knowledge.values import FittedValues
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.prediction.known import Known, Rows, known_of, normal_sources, rows_of
 from thermid.prediction.omitted import left_out_of
@@ -34,7 +34,7 @@ from thermid.prediction.structural import (
     responses,
     split_rows,
 )
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 
 __all__ = ["Budget", "Stated", "Target", "budget_of", "combined"]

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Prior
-from thermid.model.model import Model
-from thermid.model.parameter import Parameter
-from thermid.model.signal import Signal
+from thermid.model.laws.signal import Signal
+from thermid.model.parts.parameter import Parameter
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.physics.finishes import finish
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["doubted", "doubts_without_gas"]
 

@@ -18,7 +18,7 @@ from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
 from thermid.knowledge.standing import Standing, of_model, worst
 from thermid.knowledge.store import Store
 from thermid.knowledge.values import FittedValue, FittedValues, as_store
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 
 __all__ = ["Known", "Rows", "instruments_of", "known_of", "rows_of"]
 

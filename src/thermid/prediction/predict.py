@@ -14,7 +14,7 @@ from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
 from thermid.fit.coefficients import Conditions, constant_coefficients
 from thermid.knowledge.sources import LeftOut
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import Known
 from thermid.prediction.omitted import assumed_left_out, in_order
@@ -22,8 +22,8 @@ from thermid.prediction.prediction import Band, Prediction
 from thermid.prediction.setting import Linear, Setting
 from thermid.prediction.spread import Spread
 from thermid.prediction.structural import CONSTANT, MISFIT
-from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Options
 
 __all__ = ["predict", "predicted"]
 

@@ -25,13 +25,13 @@ from thermid.fit.coefficients import (
     with_patterns,
 )
 from thermid.prediction.budget import Budget, Target, combined
-from thermid.simulation.engine import Engine, Options
 from thermid.simulation.ensemble import Ensemble
-from thermid.simulation.extremes import MemberTurnings
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
-from thermid.simulation.wiring import Wiring
+from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.extremes import MemberTurnings
+from thermid.simulation.solver.wiring import Wiring
 
 __all__ = ["Drawn", "Linear", "Setting"]
 

@@ -21,11 +21,11 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import discrepancy_kept
 from thermid.knowledge.standing import Standing, of_model, worst
 from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.prediction.split_priors import Part, parts_of
 from thermid.prediction.split_surface import Split, SplitSurface
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["split", "split_needed", "split_values"]
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, nearest
 from thermid.knowledge.values import FittedValues
-from thermid.model.flat import FlatConductor
-from thermid.model.model import Model
-from thermid.model.takes import exposed_area
+from thermid.model.parts.takes import exposed_area
+from thermid.model.tree.flat import FlatConductor
+from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.physics.air import dry_air
 from thermid.physics.bodies import body_htc, conduction_floor
 from thermid.physics.finishes import SPAN, finish
 from thermid.physics.radiation import linearised_htc
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.steady import steady
 
 __all__ = ["Part", "Prior", "parts_of"]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.knowledge.values import FittedValues
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 
 __all__ = ["Split", "SplitSurface"]
 

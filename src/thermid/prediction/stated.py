@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError
-from thermid.model.model import Model
-from thermid.model.resolve import parameter_table
-from thermid.simulation.scenario import Scenario
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import parameter_table
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare
 
 __all__ = ["check_moves", "check_variants", "expanded"]

@@ -13,11 +13,11 @@ from thermid.fit.discrepancy import ALIKE, Discrepancy
 from thermid.fit.joint_gas import MOST, losing_gas
 from thermid.knowledge.sources import Law, Normal, Source, Uniform
 from thermid.knowledge.values import FittedValues
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.prediction.known import Known, Rows, normal_sources
 from thermid.prediction.split import split_needed, split_values
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["CONSTANT", "GAS_IN_JOINTS", "MISFIT", "SPLIT", "Mode", "law_of_mode", "misfit_of", "modes_of", "open_contacts", "split_rows"]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
-from thermid.model.signal import Signal
-from thermid.simulation.scenario import Scenario
+from thermid.model.laws.signal import Signal
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.sourced.marks import Figure
 
 __all__ = ["ASCENT_LIMITS", "AscentCheck", "ascent_checks"]

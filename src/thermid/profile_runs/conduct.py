@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
 from thermid.measure.stability import StabilityRule, rule_of
-from thermid.model.model import Model
-from thermid.model.signal import Constant, literal
+from thermid.model.laws.signal import Constant, literal
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.profile_runs.humid import humid
 from thermid.profile_runs.legs import ChamberConditions, ChamberSetup, Leg, Timeline, memory_of
 from thermid.profile_runs.profile_run import Phase, ProfileRun
 from thermid.profile_runs.waiting import Wanted, wait
 from thermid.profiles.profile import ProfileStep, ThermalProfile, ordered
-from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
+from thermid.simulation.solver.engine import Options
 from thermid.simulation.transient import simulate
 
 if TYPE_CHECKING:
-    from thermid.simulation.moisture import Moisture
+    from thermid.simulation.water.moisture import Moisture
 
 __all__ = ["bench_of", "node_of", "run_profile", "watched"]
 

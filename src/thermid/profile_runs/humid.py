@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from thermid.errors import ScenarioError, SolverError
-from thermid.model.model import Model
-from thermid.model.signal import Signal
+from thermid.model.laws.signal import Signal
+from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
-from thermid.simulation.moisture import Moisture, moisture
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
-from thermid.simulation.vapour import follow
+from thermid.simulation.water.moisture import Moisture, moisture
+from thermid.simulation.water.vapour import follow
 
 __all__ = ["LEFT_OUT", "humid"]
 

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, SolverError
 from thermid.memo import Memo
-from thermid.model.model import Model
-from thermid.model.signal import Constant, Signal, Table, multiplied
+from thermid.model.laws.signal import Constant, Signal, Table, multiplied
+from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
-from thermid.simulation.engine import Engine, Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
-from thermid.simulation.steady import settle
-from thermid.simulation.traces import Traces
-from thermid.simulation.wiring import Assembled, Wiring
+from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.settling import settle
+from thermid.simulation.solver.traces import Traces
+from thermid.simulation.solver.wiring import Assembled, Wiring
 
 __all__ = ["ChamberConditions", "ChamberSetup", "Leg", "Timeline"]
 

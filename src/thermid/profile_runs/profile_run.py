@@ -13,9 +13,9 @@ from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
     from thermid.profiles.profile import ThermalProfile
-    from thermid.simulation.moisture import Moisture
-    from thermid.simulation.scenario import Scenario
+    from thermid.simulation.scenarios.scenario import Scenario
     from thermid.simulation.solution import Solution, Trace
+    from thermid.simulation.water.moisture import Moisture
 
 __all__ = ["Phase", "ProfileRun", "in_short", "run_remarks"]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from thermid.errors import ScenarioError, nearest
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.units import TEMPERATURE
 
 __all__ = ["EQUIVALENCE", "Equivalence", "equivalent_cycles"]

@@ -16,12 +16,13 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError
 from thermid.files import COPY, DELIVERY, folder_replacing, read_bytes, write_bytes, write_text
 from thermid.knowledge.values import FittedValues
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, save_model
+from thermid.model.deck.modelfile import load_model, save_model
+from thermid.model.tree.model import Model
 from thermid.monte_carlo.chunks import digest
 from thermid.reduction.macro import assumed
 from thermid.reduction.reduce import Reduction, reduce
-from thermid.simulation.scenario import Scenario, load_scenario
+from thermid.simulation.scenario_file import load_scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate

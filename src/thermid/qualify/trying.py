@@ -21,9 +21,9 @@ from thermid.judge.overlay import Overlay, overlays, paired
 from thermid.measure import Record, read_record
 from thermid.measure.amounts import duration_text
 from thermid.measure.stability import rule_of
-from thermid.model.flat import flatten
-from thermid.model.modelfile import resolve_inside
-from thermid.model.signal import literal
+from thermid.model.deck.modelfile import resolve_inside
+from thermid.model.laws.signal import literal
+from thermid.model.tree.flat import flatten
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
@@ -34,7 +34,8 @@ from thermid.profiles.standards import profile_from
 from thermid.qualify.assumptions import extrapolations
 from thermid.qualify.plan import Plan
 from thermid.qualify.trial import Trial
-from thermid.simulation.scenario import Scenario, load_scenario
+from thermid.simulation.scenario_file import load_scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.steadiness.stabilisation import Stability, stability
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model
-from thermid.model.resolve import Entry, own_tables, parameter_table
+from thermid.model.deck.modelfile import load_model
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import Entry, own_tables, parameter_table
 
 __all__ = ["HostValue", "assumed", "host_values", "macro_model"]
 

@@ -11,18 +11,18 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
-from thermid.model.elements import LOAD_SLOTS
-from thermid.model.flat import FlatConductor, FlatLoad
-from thermid.model.kinds import KINDS
-from thermid.model.model import Model
-from thermid.model.modelfile import model_from_dict
-from thermid.model.signal import literal
-from thermid.model.written import made_to
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.laws.signal import literal
+from thermid.model.parts.elements import LOAD_SLOTS
+from thermid.model.parts.kinds import KINDS
+from thermid.model.tree.flat import FlatConductor, FlatLoad
+from thermid.model.tree.model import Model
+from thermid.model.tree.written import made_to
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.reduction.condense import Condensed, Drive, Partition, Subnetwork, chain, condensed, part_of
-from thermid.simulation.scenario import STEADY, Scenario, Start
+from thermid.simulation.scenarios.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate

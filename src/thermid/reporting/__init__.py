@@ -1,1 +1,6 @@
-"""What a person reads: tables, figures, diagrams, one page per campaign."""
+"""What a person reads: tables, figures, diagrams, pages.
+
+In: results of any room. Out: SVG text, HTML pages, paper. Nothing stands here itself. The packages inside, each of which knows only
+those before it: `blocks`, what a page is made of; `pictures`, curves over time; `diagrams`, a model as a picture; `pages`, of a campaign,
+a study, candidate structures; `qualification`, of a plan worked through.
+"""

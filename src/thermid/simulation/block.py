@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
-from thermid.model.block import FACES, Block, Exchange
-from thermid.model.block_cells import exchange_cells, links
-from thermid.model.signal import Constant, Drawn, literal, multiplied
+from thermid.model.blocks.block import FACES, Block, Exchange
+from thermid.model.blocks.block_cells import exchange_cells, links
+from thermid.model.laws.signal import Constant, Drawn, literal, multiplied
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation.block_solution import Again, BlockSolution
-from thermid.simulation.engine import Options
-from thermid.simulation.large import METHODS, LargeAnswer, Watched, integrate
-from thermid.simulation.scenario import STEADY, Scenario, Start
+from thermid.simulation.scenarios.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import output_times
-from thermid.simulation.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
+from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.large import METHODS, LargeAnswer, Watched, integrate
+from thermid.simulation.solver.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
 from thermid.units import TEMPERATURE
 
 __all__ = ["compile_block", "simulate_block", "steady_block"]
@@ -68,7 +68,7 @@ def simulate_block(
 
 def steady_block(block: Block, scenario: Scenario, time: float = 0.0) -> BlockSolution:
     """Return the steady temperatures of a block with the inputs of one time held, as a solution of one time; see `steady`."""
-    from thermid.simulation.large_steady import settle_large
+    from thermid.simulation.solver.large_steady import settle_large
 
     network = compile_block(block, scenario)
     found, statistics = settle_large(network, time, f"{block.title}, {scenario.title}")
@@ -204,7 +204,7 @@ def _start(block: Block, scenario: Scenario, network: SparseNetwork, where: str)
     if asked is not None:
         if scenario.initial:
             raise ScenarioError("a steady start holds for all cells; leave 'initial' out.", where)
-        from thermid.simulation.large_steady import settle_large
+        from thermid.simulation.solver.large_steady import settle_large
 
         return settle_large(network, asked.time, where)[0]
     if start == "" and len(network.boundaries) != 1:

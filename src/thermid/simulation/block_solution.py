@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, SolverError, nearest
 from thermid.memo import Memo
-from thermid.model.block import Block
-from thermid.model.signal import Constant, multiplied
-from thermid.simulation.engine import Options
-from thermid.simulation.extremes import Turnings
-from thermid.simulation.kernel_form import break_times
-from thermid.simulation.large import LargeAnswer, Watched, integrate
-from thermid.simulation.scenario import Scenario
+from thermid.model.blocks.block import Block
+from thermid.model.laws.signal import Constant, multiplied
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import HeatBalance, Solution, Trace
-from thermid.simulation.sparse import SparseNetwork
+from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.extremes import Turnings
+from thermid.simulation.solver.kernel_form import break_times
+from thermid.simulation.solver.large import LargeAnswer, Watched, integrate
+from thermid.simulation.solver.sparse import SparseNetwork
 
 __all__ = ["BlockSolution"]
 

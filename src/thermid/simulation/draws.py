@@ -13,8 +13,8 @@ from thermid.errors import ScenarioError
 from thermid.knowledge.sources import uniforms
 
 if TYPE_CHECKING:
-    from thermid.model.model import Model
-    from thermid.simulation.scenario import Scenario
+    from thermid.model.tree.model import Model
+    from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["draw"]
 

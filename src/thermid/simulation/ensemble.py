@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.extremes import MemberTurnings
 from thermid.simulation.solution import Trace
+from thermid.simulation.solver.extremes import MemberTurnings
 
 if TYPE_CHECKING:
-    from thermid.model.model import Model
-    from thermid.simulation.engine import Options
-    from thermid.simulation.scenario import Scenario
+    from thermid.model.tree.model import Model
+    from thermid.simulation.scenarios.scenario import Scenario
+    from thermid.simulation.solver.engine import Options
 
 __all__ = ["Ensemble", "Summary", "ensemble"]
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, real_power
 from thermid.errors import ThermidError
-from thermid.simulation.wiring import Assembled, Wiring
+from thermid.simulation.solver.wiring import Assembled, Wiring
 
 __all__ = ["Many", "MembersNumbers", "assemble_members"]
 

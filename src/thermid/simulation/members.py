@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, SolverError
-from thermid.model.signal import Constant
-from thermid.simulation.engine import Engine, Options
+from thermid.model.laws.signal import Constant
 from thermid.simulation.ensemble import Ensemble, Summary, check_shares, spread_of
-from thermid.simulation.extremes import MemberTurnings, signal_turnings
 from thermid.simulation.many import MembersNumbers, assemble_members
+from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.extremes import MemberTurnings, signal_turnings
 
 __all__ = ["run_members"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from thermid.dual import Number, value_of
-from thermid.model.curves import evaluate
+from thermid.model.laws.curves import evaluate
 from thermid.physics.correlations import correlation
 
 if TYPE_CHECKING:

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from thermid.dual import value_of
 from thermid.memo import Memo
 from thermid.network.network import Network
-from thermid.simulation.beyond import left_tables, read_nodes
-from thermid.simulation.engine import Answer, Engine, Options
-from thermid.simulation.extremes import Turnings, signal_turnings
-from thermid.simulation.kernel_form import break_times
 from thermid.simulation.ranges import outside
 from thermid.simulation.solution import HeatBalance
-from thermid.simulation.traces import Traces
-from thermid.simulation.wiring import Assembled, Wiring
+from thermid.simulation.solver.beyond import left_tables, read_nodes
+from thermid.simulation.solver.engine import Answer, Engine, Options
+from thermid.simulation.solver.extremes import Turnings, signal_turnings
+from thermid.simulation.solver.kernel_form import break_times
+from thermid.simulation.solver.traces import Traces
+from thermid.simulation.solver.wiring import Assembled, Wiring
 
 __all__ = ["Run", "RunDense"]
 

@@ -15,19 +15,19 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.knowledge.sources import Law, read_spread
-from thermid.model.model import Model
-from thermid.model.signal import Constant, literal
+from thermid.model.laws.signal import Constant, literal
+from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.network.gas_checks import gas_remarks
 from thermid.network.network import Network, compile_network
 from thermid.network.reach import unreached
-from thermid.simulation.engine import Engine, Options
 from thermid.simulation.ensemble import Ensemble
 from thermid.simulation.run import Run
-from thermid.simulation.scenario import STEADY, Scenario, sampled_logs
+from thermid.simulation.scenarios.scenario import STEADY, Scenario, sampled_logs
 from thermid.simulation.solution import Solution
+from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.wiring import Wiring
 from thermid.simulation.steady import held_inputs
-from thermid.simulation.wiring import Wiring
 from thermid.units import TEMPERATURE
 
 __all__ = ["Simulator", "network_for", "output_times", "prepare"]
@@ -237,8 +237,8 @@ class Simulator:
         ------
         SolverError   When nothing settles.
         """
-        from thermid.simulation.steady import settle
-        from thermid.simulation.traces import Traces
+        from thermid.simulation.solver.settling import settle
+        from thermid.simulation.solver.traces import Traces
 
         wiring, end = self._wiring, self._wiring.scenario.seconds
         a = self._engine.started(wiring.assemble(self.vector(values or {}), True), True) if self.free else wiring.assemble()

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.extremes import Dense, Extreme, Turnings, first_above
+from thermid.simulation.solver.extremes import Dense, Extreme, Turnings, first_above
 
 if TYPE_CHECKING:
     import xarray

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, overload
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
-from thermid.model.block import Block
-from thermid.model.model import Model
-from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.model.blocks.block import Block
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare
 from thermid.simulation.solution import Solution
+from thermid.simulation.solver.engine import Options
 
 if TYPE_CHECKING:
     from thermid.simulation.block_solution import BlockSolution

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from thermid.errors import ScenarioError, nearest
-from thermid.model.signal import literal
+from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.sourced.marks import MARKS as KNOWN
 from thermid.units import TEMPERATURE

@@ -21,8 +21,8 @@ from thermid.steadiness.foretold import REACH, Forecast, IntervalEstimate, estim
 if TYPE_CHECKING:
     from thermid.measure.channel import Channel
     from thermid.measure.record import Record
-    from thermid.model.model import Model
-    from thermid.simulation.scenario import Scenario
+    from thermid.model.tree.model import Model
+    from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Forecast", "IntervalEstimate", "forecast"]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from thermid.errors import NameNotFoundError, ScenarioError, ThermidError, nearest
 from thermid.judge.limits import Limits, read_limits
-from thermid.model.modelfile import project_root, read_toml
+from thermid.model.deck.modelfile import project_root, read_toml
 from thermid.network.network import compile_network
 from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.standards import load_profile, profile_names, profile_of

@@ -17,12 +17,12 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.sensor_parts import attached
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.problem.wired import Bench
-from thermid.model.model import Model
-from thermid.model.resolve import parameter_table
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import parameter_table
 from thermid.network.network import compile_network
-from thermid.reporting.diagram import diagram
-from thermid.reporting.folding import parts_of
-from thermid.simulation.scenario import Scenario
+from thermid.reporting.diagrams.diagram import diagram
+from thermid.reporting.diagrams.folding import parts_of
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
 from thermid.studio.curves import POINTS, Curve, RunCurves, Window, thinned

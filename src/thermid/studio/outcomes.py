@@ -21,7 +21,7 @@ from thermid.profile_runs.conduct import run_profile
 from thermid.profile_runs.profile_run import ProfileRun
 from thermid.qualify.plan import load_plan
 from thermid.qualify.trying import tried
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
 from thermid.studio.courses import Course, Shelf, profile_for

@@ -23,13 +23,14 @@ from thermid.fit.problem.request import Request
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values_file import save_store
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, read_toml, resolve_inside
-from thermid.model.resolve import ParameterSet, deck_text, parameter_table
+from thermid.model.deck.modelfile import load_model, read_toml, resolve_inside
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import ParameterSet, deck_text, parameter_table
 from thermid.network.network import compile_network
-from thermid.reporting.cells import Table
-from thermid.reporting.tables import levels
-from thermid.simulation.scenario import Scenario, load_scenario
+from thermid.reporting.blocks.cells import Table
+from thermid.reporting.pages.tables import levels
+from thermid.simulation.scenario_file import load_scenario
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.studio.desk import Desk
 from thermid.studio.stage_state import StageState
 from thermid.studio.watch import Watch

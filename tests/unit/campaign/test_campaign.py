@@ -18,7 +18,7 @@ from thermid.campaign.staging import request_of
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
 from thermid.fit.problem.keys import in_full, key_of
 from thermid.knowledge.values import load_values
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 from unit.fit.bench import HTC, MASS
 from unit.fit.project import CAMPAIGN, make_project
 

@@ -14,7 +14,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.known_before import known_before
 from thermid.fit.problem.request import Request
 from thermid.measure import Record
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from unit.fit.bench import box, log, pair
 
 LINEAR = {"parameters/power/min": 0}

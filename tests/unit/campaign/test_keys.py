@@ -17,8 +17,8 @@ from thermid.fit.problem import keys as room
 from thermid.fit.problem.keys import ingredients_of, key_for
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.knowledge.store import Origin, State, Store
-from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Options
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 

@@ -10,9 +10,9 @@ import pytest
 
 import thermid as td
 from thermid.campaign.stages import Campaign
-from thermid.model.identity import identities
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model
+from thermid.model.deck.modelfile import load_model
+from thermid.model.tree.identity import identities
+from thermid.model.tree.model import Model
 from unit.fit.bench import log
 from unit.fit.project import write_log
 

@@ -21,7 +21,7 @@ from thermid.errors import DeckError
 from thermid.fit.standings import rests_on
 from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing, State, of_model, worst
 from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.model.modelfile import load_model
+from thermid.model.deck.modelfile import load_model
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
 WHY = "T_BOX would have to be wrong by +0."

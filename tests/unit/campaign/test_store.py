@@ -17,7 +17,7 @@ from thermid.knowledge.sources import Cut, Normal, Source, Uniform
 from thermid.knowledge.store import Dropped, Origin, State, Store
 from thermid.knowledge.values import load_values
 from thermid.knowledge.values_file import load_store, save_store
-from thermid.model.modelfile import load_model
+from thermid.model.deck.modelfile import load_model
 from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 
 COMPONENT = leaf("component", 0.20)

@@ -198,7 +198,7 @@ class TestCalibrate:
 
 class TestReport:
     def test_it_writes_a_page(self, call: Call, campaign: Path, tmp_path: Path) -> None:
-        pytest.importorskip("thermid.reporting.page", reason="the reporting room is not there")
+        pytest.importorskip("thermid.reporting.pages.campaign", reason="the reporting room is not there")
         pytest.importorskip("jinja2")
         page = tmp_path / "page.html"
         said = call("report", campaign, "--to", page, "--json")
@@ -210,7 +210,7 @@ class TestReport:
         assert "<html" in text
 
     def test_it_says_that_a_verdict_failed(self, call: Call, campaign: Path, tmp_path: Path) -> None:
-        pytest.importorskip("thermid.reporting.page", reason="the reporting room is not there")
+        pytest.importorskip("thermid.reporting.pages.campaign", reason="the reporting room is not there")
         pytest.importorskip("jinja2")
         said = call("report", changed(campaign, 'rmse = "0.5 [K]"', 'rmse = "0.001 [K]"'), "--to", tmp_path / "page.html")
         assert said.code == 1
@@ -224,7 +224,7 @@ class TestReport:
     def test_a_missing_browser_is_told_before_anything_runs(
         self, call: Call, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from thermid.reporting import pdf
+        from thermid.reporting.blocks import pdf
 
         monkeypatch.setenv("PATH", str(tmp_path))
         monkeypatch.setattr(pdf, "PLACES", ())
@@ -235,7 +235,7 @@ class TestReport:
         assert list(tmp_path.glob("page*")) == []
 
     def test_a_pdf_alone_leaves_no_page_behind(self, call: Call, campaign: Path, tmp_path: Path) -> None:
-        from thermid.reporting import pdf
+        from thermid.reporting.blocks import pdf
 
         try:
             pdf.browser()

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermid.model.modelfile import load_model
-from thermid.simulation import simulate
-from thermid.simulation.scenario import Scenario
+from thermid.model.deck.modelfile import load_model
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.transient import simulate
 from unit.cli.conftest import Call
 
 RISE, TAU = 0.225 / (6 * 0.00420536), 25.92 / (6 * 0.00420536)

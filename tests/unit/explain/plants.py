@@ -9,8 +9,8 @@ import numpy as np
 
 import thermid as td
 from thermid.explain.diagnosis import laid_open
-from thermid.model.elements import Conductor
-from thermid.model.parameter import parameter
+from thermid.model.parts.elements import Conductor
+from thermid.model.parts.parameter import parameter
 
 GROUPS = ("boundary or reference", "power", "link", "sensor", "capacitance")
 NOISE, ACCURACY, VISIBLE = 0.05, 0.2, 0.8

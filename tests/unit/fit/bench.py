@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from thermid.measure import Channel, Record
-from thermid.model.model import Model
-from thermid.model.modelfile import model_from_dict
-from thermid.model.signal import Signal
-from thermid.simulation import simulate
-from thermid.simulation.scenario import Scenario
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.laws.signal import Signal
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.transient import simulate
 
 ICE = 273.15
 HTC, MASS, AREA = "skin.effective_htc", "case.mass", "skin.area"

@@ -12,7 +12,7 @@ import thermid as td
 from thermid.errors import DeckError, IdentificationError, RecordError
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 
 BOX = td.model_from_dict(
     {

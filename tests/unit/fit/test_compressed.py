@@ -14,8 +14,8 @@ from thermid.fit.problem.residuals import Predictions, Problem
 from thermid.fit.problem.statistics import Sums, pooled
 from thermid.fit.uncertainty.information import EXACT
 from thermid.measure import Record
-from thermid.model.modelfile import model_from_dict
-from thermid.simulation.scenario import Scenario
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.simulation.scenarios.scenario import Scenario
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 

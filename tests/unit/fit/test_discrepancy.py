@@ -14,11 +14,11 @@ from thermid.fit.coefficients import EXPONENT
 from thermid.fit.discrepancy import Discrepancy, discrepancy, found_at
 from thermid.knowledge.values import load_values
 from thermid.measure import Channel, Record
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.prediction.known import values_at
 from thermid.prediction.predict import predict
-from thermid.simulation import simulate
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.transient import simulate
 from unit.fit.bench import HTC, MASS, box, log, room
 
 TIMES = np.linspace(0.0, 18000.0, 301)

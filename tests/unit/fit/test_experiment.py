@@ -13,9 +13,9 @@ from thermid.fit.calibrate import calibrate
 from thermid.fit.problem.experiment import meet
 from thermid.fit.problem.starts import first_reading
 from thermid.measure import Channel, Record, read_record
-from thermid.model.model import Model
-from thermid.model.signal import Constant, Table
-from thermid.simulation.scenario import Scenario
+from thermid.model.laws.signal import Constant, Table
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 from unit.fit.bench import HTC, ICE, MASS, box, log, metered, pair, room
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, SolverError
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 
 PAIR = td.model_from_dict(
     {

@@ -18,7 +18,7 @@ from thermid.fit.uncertainty.moves import UNDECIDED, Move, Moves
 from thermid.knowledge.store import Store
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure import Record
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.project import make_project, write_log
 

@@ -14,9 +14,9 @@ from thermid.fit.problem.statistics import loss_of
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.information import Information
 from thermid.measure import Channel
-from thermid.model.modelfile import model_from_dict
-from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Options
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 STEP = 3e-5

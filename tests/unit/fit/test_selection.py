@@ -13,7 +13,7 @@ from thermid.errors import IdentificationError, NameNotFoundError, RecordError
 from thermid.fit.calibrate import fit
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.selection import freed, priors_of
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from unit.fit.bench import HTC, MASS, box, log, pair
 
 SHEET = {"nodes/case/mass": {"value": "1.5 [kg]", "min": 1.2, "max": 2.0, "source": "datasheet"}}

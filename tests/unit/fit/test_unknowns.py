@@ -17,8 +17,8 @@ from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import Origin, State, Store
 from thermid.measure import Record
-from thermid.model.modelfile import model_from_dict
-from thermid.model.parameter import parameter
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.parts.parameter import parameter
 from thermid.units import unit
 from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
 

@@ -15,9 +15,9 @@ from thermid.fit.problem.request import Request
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.wander import _beside, _leaning, binned, correlation
 from thermid.measure import Channel, Record
-from thermid.model.modelfile import load_model
-from thermid.simulation import simulate
-from thermid.simulation.scenario import Scenario
+from thermid.model.deck.modelfile import load_model
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.transient import simulate
 from unit.fit.bench import HTC, MASS, box, log, room
 
 NOISE, SLOW, TIME = 0.05, 0.15, 900.0

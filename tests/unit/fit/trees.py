@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from thermid.measure import Channel, Record
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model
-from thermid.simulation import simulate
-from thermid.simulation.scenario import Scenario
+from thermid.model.deck.modelfile import load_model
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.transient import simulate
 from unit.fit.project import write_log
 
 DECK = "0.30 [W/K]"

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from thermid.errors import DeckError
-from thermid.model.areas import ledger
-from thermid.model.curves import curve, evaluate, slopes
-from thermid.model.kinds import KINDS
-from thermid.model.model import Model
-from thermid.model.modelfile import model_from_dict
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.laws.curves import curve, evaluate, slopes
+from thermid.model.parts.kinds import KINDS
+from thermid.model.tree.areas import ledger
+from thermid.model.tree.model import Model
 from thermid.network import rows
 from thermid.network.network import compile_network
 

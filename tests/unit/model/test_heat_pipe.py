@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermid as td
-from thermid.model.kinds import HINGES, Law
+from thermid.model.parts.kinds import HINGES, Law
 from thermid.network.rows import conductance
 
 FREE = ("pipe.start_temperature", "pipe.on_conductance", "pipe.off_conductance", "pipe.transition")

@@ -11,10 +11,10 @@ import pytest
 
 from thermid.errors import NameNotFoundError
 from thermid.knowledge.values import FittedValue
-from thermid.model.identity import definition_of, identities
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, model_from_dict, save_model
-from thermid.model.resolve import ParameterSet
+from thermid.model.deck.modelfile import load_model, model_from_dict, save_model
+from thermid.model.tree.identity import definition_of, identities
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import ParameterSet
 
 Build = Callable[..., Model]
 MASS, HTC = "case.mass", "skin.htc"

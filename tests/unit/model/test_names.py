@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.model.flat import flatten
-from thermid.model.model import Model
+from thermid.model.tree.flat import flatten
+from thermid.model.tree.model import Model
 
 Build = Callable[..., Model]
 

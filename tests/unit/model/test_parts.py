@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.model.flat import flatten
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, model_from_dict
-from thermid.model.names import used_offers
-from thermid.model.rules import RULES, findings
+from thermid.model.deck.modelfile import load_model, model_from_dict
+from thermid.model.tree.flat import flatten
+from thermid.model.tree.model import Model
+from thermid.model.tree.names import used_offers
+from thermid.model.tree.rules import RULES, findings
 
 Build = Callable[..., Model]
 ROOT = Path(__file__).parents[3]

@@ -9,10 +9,10 @@ import pytest
 
 from thermid.errors import DeckError, NameNotFoundError
 from thermid.knowledge.values import FittedValue
-from thermid.model.identity import identities
-from thermid.model.model import Model
-from thermid.model.modelfile import model_from_dict
-from thermid.model.resolve import parameter_table
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.tree.identity import identities
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import parameter_table
 
 Build = Callable[..., Model]
 HTC = "skin.htc"

@@ -10,10 +10,10 @@ import pytest
 
 from thermid.dual import Dual
 from thermid.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, UnitError
-from thermid.model.flat import flatten
-from thermid.model.model import Model
-from thermid.model.parameter import parameter
-from thermid.model.resolve import ParameterSet
+from thermid.model.parts.parameter import parameter
+from thermid.model.tree.flat import flatten
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import ParameterSet
 
 Build = Callable[..., Model]
 
@@ -71,7 +71,7 @@ def test_wrong_dimension_laid_over_is_shown_with_its_origin(part: Build) -> None
 
 def test_temperature_in_a_slot_of_differences(part: Build) -> None:
     """No field of a deck is a difference; a sine of a signal is."""
-    from thermid.model.signal import signal
+    from thermid.model.laws.signal import signal
 
     with pytest.raises(UnitError, match=r"'\[degC\]' is a temperature on the scale; a difference is needed here\. Write it in \[K\]\."):
         signal({"mean": "24 [degC]", "amplitude": "3 [degC]", "period": "24 [h]"}, "temperature")
@@ -212,7 +212,7 @@ def test_precedence_step_by_step(part: Build, pair: Build) -> None:
 
 
 def test_outermost_deck_wins(pair: Build) -> None:
-    from thermid.model.modelfile import model_from_dict
+    from thermid.model.deck.modelfile import model_from_dict
 
     inner = pair({"set": {"a.power": "6 [W]"}})
     outer = model_from_dict(

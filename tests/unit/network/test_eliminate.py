@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from thermid.dual import gradient_of, value_of
 from thermid.errors import DeckError
-from thermid.model.model import Model
-from thermid.model.modelfile import model_from_dict
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.tree.model import Model
 from thermid.network.eliminate import Reduced, eliminable, reduce_network
 from thermid.network.network import Network, Numbers, compile_network, free_numbers
 
@@ -157,7 +157,7 @@ def test_what_is_left_to_the_kernel() -> None:
 
 
 def _with(model: Model, conductor: dict[str, Any]) -> dict[str, Any]:
-    from thermid.model.modelfile import to_dict
+    from thermid.model.tree.written import to_dict
 
     data = to_dict(model)
     data["conductors"]["curved"] = conductor

@@ -9,15 +9,15 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, ScenarioError
-from thermid.model.modelfile import to_dict
-from thermid.model.signal import Constant, Table
+from thermid.model.laws.signal import Constant, Table
+from thermid.model.tree.written import to_dict
 from thermid.network.pressure import sampled, vented
 from thermid.physics.bodies import body_htc
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import GASES, free_molecular_htc, gap_htc, half_pressure, knudsen_number
 from thermid.physics.plates import horizontal_plate_down_htc, horizontal_plate_up_htc, vertical_plate_htc_all
-from thermid.simulation.engine import Engine
-from thermid.simulation.wiring import Wiring
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.wiring import Wiring
 
 AIR = GASES["air"]
 BENCH = td.Scenario("bench", boundaries={"air": "300 [K]"}, start="air", duration="2 [h]")

@@ -10,8 +10,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, ScenarioError
-from thermid.model.modelfile import to_dict
-from thermid.model.signal import Constant, Table
+from thermid.model.laws.signal import Constant, Table
+from thermid.model.tree.written import to_dict
 from thermid.physics.conduction import fin_conductances, fin_parameter
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 

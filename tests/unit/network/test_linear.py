@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from thermid.errors import SolverError
-from thermid.model.modelfile import load_model, model_from_dict
-from thermid.model.signal import Constant
+from thermid.model.deck.modelfile import load_model, model_from_dict
+from thermid.model.laws.signal import Constant
 from thermid.network.environment import Environment
 from thermid.network.linear import modes, state_space
 from thermid.network.medium import Media

@@ -9,9 +9,9 @@ import pytest
 
 from thermid.dual import gradient_of, value_of
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError
-from thermid.model.model import Model
-from thermid.model.modelfile import model_from_dict
-from thermid.model.signal import Constant, Sine, Table
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.laws.signal import Constant, Sine, Table
+from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.network.medium import Media
 from thermid.network.network import compile_network, free_numbers

@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.interop.wired import wired as wire
-from thermid.model.rules import findings
+from thermid.model.tree.rules import findings
 from thermid.physics.gas import GASES
 
 R_AIR = GASES["air"].constant

@@ -17,8 +17,8 @@ from thermid.fit.problem.request import Request
 from thermid.prediction.predict import predict
 from thermid.prediction.prediction import Prediction
 from thermid.prediction.spread import Spread
-from thermid.simulation import simulate
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.transient import simulate
 from unit.fit.bench import HTC, MASS, box, log, pair
 
 HOT = Scenario("hot", boundaries={"air": "40 [degC]"}, start="24 [degC]", duration="3 [h]")

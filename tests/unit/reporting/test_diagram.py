@@ -11,11 +11,11 @@ import pytest
 
 import thermid as td
 from thermid.errors import NameNotFoundError
-from thermid.model.flat import flatten
-from thermid.model.kinds import KINDS
-from thermid.reporting.diagram import STYLES, diagram
-from thermid.reporting.diagram_values import quantity
-from thermid.reporting.layout import arrange, clipped, width_of
+from thermid.model.parts.kinds import KINDS
+from thermid.model.tree.flat import flatten
+from thermid.reporting.diagrams.diagram import STYLES, diagram
+from thermid.reporting.diagrams.layout import arrange, clipped, width_of
+from thermid.reporting.diagrams.values import quantity
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -14,7 +14,7 @@ import pytest
 import thermid as td
 from studio.browser import CHROMIUM, DRIVER, Page
 from thermid.campaign.stages import Campaign
-from thermid.reporting.page import report
+from thermid.reporting.pages.campaign import report
 
 EVIL = "\"><script>window.caught=1</script><img src=x onerror='window.caught=2'> ' & </style></svg> {{ 7*7 }} "
 NAMES = (EVIL, "W" * 180, "مستشعر درجة الحرارة", "\u202egnp.exe", "温度センサー", "a.very.long.path" * 9)
@@ -231,7 +231,7 @@ def test_without_script_the_page_stands_as_it_is(browser: Page, address: str) ->
 
 
 def test_a_page_becomes_a_pdf(address: str, tmp_path: Path) -> None:
-    from thermid.reporting.pdf import page_to_pdf
+    from thermid.reporting.blocks.pdf import page_to_pdf
 
     if CHROMIUM is None:
         pytest.skip("no Chromium to print with")
@@ -242,7 +242,7 @@ def test_a_page_becomes_a_pdf(address: str, tmp_path: Path) -> None:
 
 
 def test_without_a_browser_the_print_says_what_to_do(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thermid.reporting import pdf
+    from thermid.reporting.blocks import pdf
 
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(pdf, "PLACES", ())
@@ -251,7 +251,7 @@ def test_without_a_browser_the_print_says_what_to_do(address: str, tmp_path: Pat
 
 
 def test_a_browser_that_prints_nothing_is_told(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thermid.reporting import pdf
+    from thermid.reporting.blocks import pdf
 
     broken = tmp_path / "chromium"
     broken.write_text("#!/bin/sh\necho out of order >&2\n", encoding="utf-8")

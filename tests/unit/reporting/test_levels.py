@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from thermid.fit.uncertainty.moves import Group, Move, Moves
-from thermid.reporting.cells import DASH
-from thermid.reporting.levels import moved
+from thermid.reporting.blocks.cells import DASH
+from thermid.reporting.pages.levels import moved
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ import pytest
 import thermid as td
 from thermid.campaign.stages import Campaign
 from thermid.errors import ThermidError
-from thermid.reporting.page import report
+from thermid.reporting.pages.campaign import report
 from webpage import without_script
 
 VOID = {"meta", "br", "img", "hr", "input", "link"}
@@ -246,7 +246,7 @@ def test_report_is_public() -> None:
     ],
 )
 def test_words_of_terminals_are_printed_as_a_page_does(written: str, printed: str) -> None:
-    from thermid.reporting.cells import typeset
+    from thermid.reporting.blocks.cells import typeset
 
     assert typeset(written) == printed
     assert typeset(printed) == printed

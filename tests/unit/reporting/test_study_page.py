@@ -10,9 +10,9 @@ import pytest
 
 import thermid as td
 from thermid.campaign.stages import Campaign
-from thermid.reporting.cells import Column, Table
-from thermid.reporting.curves import Band, Curve, curves
-from thermid.reporting.sections import Code, Facts, Figures, Formulas, Heading, Notes, Picture, Plot, Section, Words, folded
+from thermid.reporting.blocks.cells import Column, Table
+from thermid.reporting.blocks.sections import Code, Facts, Figures, Formulas, Heading, Notes, Picture, Plot, Section, Words, folded
+from thermid.reporting.pictures.curves import Band, Curve, curves
 from webpage import without_script
 
 STUDY = Path(__file__).parents[3] / "examples" / "sisnav" / "study.toml"

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from thermid.campaign.stages import Campaign
-from thermid.reporting import origins, tables
-from thermid.reporting.cells import DASH, Cell, Column, Table, number, pretty, signed, significant
+from thermid.reporting.blocks.cells import DASH, Cell, Column, Table, number, pretty, signed, significant
+from thermid.reporting.pages import origins, tables
 
 
 def column(table: Table, title: str) -> list[str]:

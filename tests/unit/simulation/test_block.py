@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 
 from .large_cases import NODES, warm_block, warming_room
 

@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.errors import ThermidError
 from thermid.fit.problem.experiment import meet
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 
 LOG = """time_s,room,wall [degC],h,k [W/(m^2 K)],heat,drive,p,w,sun
 1000,20,21,5,3,4,50,101325,0,0

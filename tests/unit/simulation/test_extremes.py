@@ -20,8 +20,8 @@ from thermid.judge.margins import margins
 from thermid.model.signal import Table
 from thermid.monte_carlo.hold import hold
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.extremes import first_above, resolved, signal_turnings
 from thermid.simulation.solution import Trace
+from thermid.simulation.solver.extremes import first_above, resolved, signal_turnings
 
 PEAK = 20.0 + 50.0 * (1.0 - np.exp(-1.2))
 """End of a pulse: 50 W for 12 s into 10 J/K with 1 W/K to 20 degC. [degC]"""

@@ -10,9 +10,9 @@ import pytest
 
 import thermid as td
 from thermid.errors import SolverError
-from thermid.model.signal import Table
-from thermid.simulation import large_model, large_steady
+from thermid.model.laws.signal import Table
 from thermid.simulation.simulator import prepare
+from thermid.simulation.solver import large_model, large_steady
 
 from .large_cases import CELLS, NODES, warm_block, warming_room
 

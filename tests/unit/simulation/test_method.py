@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import ScenarioError, SolverError
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 
 
 def _model(**law: Any) -> td.Model:

@@ -10,10 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermid as td
-from thermid.model.signal import Constant
+from thermid.model.laws.signal import Constant
 from thermid.physics.moist import mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
-from thermid.simulation.moisture import Moisture
-from thermid.simulation.vapour import follow
+from thermid.simulation.water.moisture import Moisture
+from thermid.simulation.water.vapour import follow
 
 PAIR = td.model_from_dict(
     {

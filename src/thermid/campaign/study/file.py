@@ -12,12 +12,12 @@ from thermid.arguments import takes_objects
 from thermid.campaign.file import read_campaign
 from thermid.campaign.study.study import Action, Component, SensorSpec, Study
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.boxes import part_boxes
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model, read_toml, resolve_inside
-from thermid.model.names import Names
-from thermid.model.signal import literal
-from thermid.simulation.engine import Options
+from thermid.model.deck.modelfile import load_model, read_toml, resolve_inside
+from thermid.model.laws.signal import literal
+from thermid.model.tree.boxes import part_boxes
+from thermid.model.tree.model import Model
+from thermid.model.tree.names import Names
+from thermid.simulation.solver.engine import Options
 from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     from pydantic import ValidationError
 
     from thermid.campaign.study.schema import StudyFile
-    from thermid.model.faults import deck_error
+    from thermid.model.deck.faults import deck_error
 
     target = Path(path)
     data, lines = read_toml(target)

@@ -15,11 +15,11 @@ from thermid.campaign.stages import Campaign
 from thermid.errors import NameNotFoundError, nearest
 from thermid.files import STUDY, write_text
 from thermid.fit.problem.residuals import Block
-from thermid.model.boxes import node_boxes, part_boxes
-from thermid.model.model import Model
+from thermid.model.tree.boxes import node_boxes, part_boxes
+from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.engine import Options
 from thermid.simulation.solution import Solution
+from thermid.simulation.solver.engine import Options
 
 __all__ = ["Action", "Component", "Exceeded", "SensorSpec", "Step", "Study"]
 

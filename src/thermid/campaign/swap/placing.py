@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import Origin, State, Store
-from thermid.model.identity import inside
-from thermid.model.model import Model
-from thermid.model.replacement import Replacement, Start
-from thermid.model.resolve import ParameterSet
+from thermid.model.tree.identity import inside
+from thermid.model.tree.model import Model
+from thermid.model.tree.replacement import Replacement, Start
+from thermid.model.tree.resolve import ParameterSet
 
 __all__ = ["known_below", "placed", "starts_of"]
 

@@ -19,8 +19,8 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.keys import key_of
 from thermid.fit.problem.request import Request
 from thermid.knowledge.values import view
-from thermid.model.identity import definition_of, inside, instances
-from thermid.model.model import Model
+from thermid.model.tree.identity import definition_of, inside, instances
+from thermid.model.tree.model import Model
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import InheritTable, StageTable

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
 from thermid.knowledge.standing import Standing
-from thermid.model.model import Model
-from thermid.model.replacement import Replacement, Start, short_text
+from thermid.model.tree.model import Model
+from thermid.model.tree.replacement import Replacement, Start, short_text
 
 if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource

@@ -14,15 +14,15 @@ from thermid.campaign.sharing import Level, places_of
 from thermid.campaign.swap.retune_plan import RetunePlan, StagePlan, Touch
 from thermid.errors import DeckError, IdentificationError, SolverError
 from thermid.fit.calibration import Calibration
-from thermid.model.areas import ledger
-from thermid.model.model import Model
-from thermid.model.modelfile import load_model
-from thermid.model.parameter import exact
-from thermid.model.replacement import Start
-from thermid.model.resolve import ParameterSet
-from thermid.model.signal import Constant
-from thermid.model.touching import touching
-from thermid.simulation.scenario import Scenario
+from thermid.model.deck.modelfile import load_model
+from thermid.model.laws.signal import Constant
+from thermid.model.parts.parameter import exact
+from thermid.model.tree.areas import ledger
+from thermid.model.tree.model import Model
+from thermid.model.tree.replacement import Start
+from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.touching import touching
+from thermid.simulation.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
     from thermid.campaign.stages import Campaign

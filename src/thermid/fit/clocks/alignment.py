@@ -17,8 +17,8 @@ from thermid.fit.least_squares.solve import Fit, covariances, minimise
 from thermid.fit.problem.blocks import Block
 from thermid.fit.uncertainty.wander import wandering
 from thermid.measure import Record
-from thermid.model.model import Model
-from thermid.simulation.scenario import Scenario
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Alignment", "align"]
 

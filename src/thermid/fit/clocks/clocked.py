@@ -19,9 +19,9 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.wander import BINS, Binned
 from thermid.measure import Record
 from thermid.memo import Memo
-from thermid.model.model import Model
-from thermid.model.signal import Table
-from thermid.simulation.scenario import Scenario
+from thermid.model.laws.signal import Table
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Clocked"]
 

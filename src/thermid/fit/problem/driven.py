@@ -10,8 +10,8 @@ import numpy as np
 
 from thermid.errors import RecordError
 from thermid.measure import Channel, Record
-from thermid.model.signal import Constant, Signal, Table, conducted
-from thermid.simulation.scenario import Scenario
+from thermid.model.laws.signal import Constant, Signal, Table, conducted
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["Inputs", "corrected", "on_the_clock_of", "power_while_on", "signal_of"]
 

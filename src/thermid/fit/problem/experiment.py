@@ -17,9 +17,9 @@ from thermid.measure import Channel, Record
 from thermid.measure.join import SecondClock
 from thermid.measure.part import SensorPart
 from thermid.memo import Memo
-from thermid.model.model import Model
+from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
-from thermid.simulation.scenario import Scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["SCALE", "Experiment", "Observation", "meet", "role_and_target"]
 

@@ -16,7 +16,7 @@ from thermid.fit.problem.starts import first_reading
 from thermid.fit.problem.ticks import clock_unknowns
 from thermid.fit.problem.unknowns import Prior, Target, Unknown, parameter_unknown
 from thermid.knowledge.sources import read_spread
-from thermid.model.signal import Constant, Table
+from thermid.model.laws.signal import Constant, Table
 from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from thermid.fit.problem.request import Request
 from thermid.measure import Channel, Record
-from thermid.model.identity import definition_of
+from thermid.model.tree.identity import definition_of
 
 __all__ = ["digest", "in_full", "ingredients_of", "key_for", "key_of"]
 

@@ -11,11 +11,11 @@ from thermid.errors import IdentificationError, ThermidError, nearest
 from thermid.fit.problem.starts import first_reading
 from thermid.knowledge.store import Store
 from thermid.measure import Record
-from thermid.model.identity import local_identities
-from thermid.model.model import Model
-from thermid.model.signal import Constant, literal
-from thermid.simulation.engine import Options
-from thermid.simulation.scenario import Scenario
+from thermid.model.laws.signal import Constant, literal
+from thermid.model.tree.identity import local_identities
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Options
 from thermid.units import TEMPERATURE
 
 __all__ = ["FITTING", "LocalSpec", "Reading", "Request"]

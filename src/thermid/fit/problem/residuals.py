@@ -17,8 +17,8 @@ from thermid.fit.problem.ticks import OFFSET, RATE, clock_at, compressed_in_full
 from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.fit.problem.wired import Bench
 from thermid.memo import Memo
-from thermid.simulation.engine import Options
-from thermid.simulation.squares import Weighing
+from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.squares import Weighing
 
 __all__ = ["Block", "Compressed", "Predictions", "Problem"]
 

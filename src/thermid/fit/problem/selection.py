@@ -10,8 +10,8 @@ import numpy as np
 
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.knowledge.sources import read_spread
-from thermid.model.model import Model
-from thermid.model.resolve import ParameterSet
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import ParameterSet
 from thermid.units import unit
 
 __all__ = ["RANGE", "freed", "matching", "priors_of"]

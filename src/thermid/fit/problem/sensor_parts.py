@@ -12,9 +12,9 @@ from thermid.errors import NameNotFoundError, RecordError
 from thermid.fit.problem.unknowns import Prior, Target, Unknown
 from thermid.measure import Channel, Record
 from thermid.measure.part import SensorPart
-from thermid.model.model import Model, Submodel
-from thermid.model.modelfile import model_from_dict
-from thermid.model.names import Names
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.tree.model import Model, Submodel
+from thermid.model.tree.names import Names
 
 if TYPE_CHECKING:
     from thermid.fit.problem.experiment import Experiment

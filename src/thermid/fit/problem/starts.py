@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from thermid.errors import RecordError, ThermidError
 from thermid.measure import Channel, Record
-from thermid.model.signal import Constant
+from thermid.model.laws.signal import Constant
 from thermid.network.network import Network
-from thermid.simulation.engine import Engine
-from thermid.simulation.scenario import Scenario
-from thermid.simulation.wiring import Wiring
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.wiring import Wiring
 
 __all__ = ["UNSAID_NOISE", "HiddenStart", "first_reading", "hidden_starts", "starts_of"]
 

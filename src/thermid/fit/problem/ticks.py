@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.fit.problem.statistics import Sums, loss_of
 from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.measure.join import SecondClock
-from thermid.model.signal import Signal, Table
+from thermid.model.laws.signal import Signal, Table
 
 if TYPE_CHECKING:
     from thermid.fit.problem.blocks import Block

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError
-from thermid.model.parameter import Parameter
+from thermid.model.parts.parameter import Parameter
 from thermid.units import Dimension, unit
 
 __all__ = ["Prior", "Target", "Unknown", "parameter_unknown"]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from thermid.fit.problem.request import Request
     from thermid.fit.problem.residuals import Problem
     from thermid.knowledge.values import FittedValues
-    from thermid.model.model import Model
+    from thermid.model.tree.model import Model
 
 __all__ = ["moves_above", "moves_from"]
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from thermid.fit.problem.experiment import SCALE, Experiment
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.wired import Bench
-from thermid.model.flat import FlatLoad
-from thermid.model.signal import Constant, Signal, Table
+from thermid.model.laws.signal import Constant, Signal, Table
+from thermid.model.tree.flat import FlatLoad
 
 if TYPE_CHECKING:
     from thermid.fit.uncertainty.wander import Binned

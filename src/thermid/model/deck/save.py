@@ -1,0 +1,161 @@
+"""Writing decks, with the comments of an existing one kept where it serves as a pattern."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from tomlkit.container import Container
+from tomlkit.items import InlineTable, Item, Table
+
+from thermid.errors import DeckError, ThermidError
+from thermid.expression import parse
+from thermid.files import DECK, OWN, may_write, write_text
+from thermid.model.deck.modelfile import load_model
+from thermid.model.tree.model import Model
+from thermid.model.tree.written import to_dict, written
+from thermid.seals import unsealed
+
+__all__ = ["write"]
+
+
+def _file_name(title: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", title).strip("_") + ".toml"
+
+
+def write(model: Model, path: Path, like: Path | None) -> None:
+    """Write a deck and the decks of its submodels."""
+    files: dict[Path, Model] = {}
+    _collect(model, path, files)
+    files = {target: part for target, part in files.items() if target == path or not _says(target, part)}
+    texts = {target: _text(part, like if target == path else None) for target, part in files.items()}
+    # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
+    changed = path if like is not None and _one_file(like, path) else None
+    kinds = {target: OWN if target == changed else DECK.of(part.title) for target, part in files.items()}
+    for target, kind in kinds.items():
+        may_write(target, kind)
+    for target, text in texts.items():
+        write_text(target, text, kinds[target])
+
+
+def _says(path: Path, model: Model) -> bool:
+    """Whether a deck that thermid did not write says the same already: it stays as its author wrote it."""
+    if not path.is_file() or DECK.of(model.title).wrote(path):
+        return False
+    try:
+        return load_model(path) == model
+    except ThermidError:
+        return False
+
+
+def _one_file(one: Path, other: Path) -> bool:
+    return other.exists() and one.samefile(other)
+
+
+def _collect(model: Model, path: Path, files: dict[Path, Model]) -> None:
+    if path in files and files[path].identity() != model.identity():
+        raise DeckError(f"two different submodels would be written to '{path.name}'. Give them different titles.")
+    files[path] = model
+    for part in model.submodels.values():
+        _collect(part.model, path.parent / _file_name(part.model.title), files)
+
+
+def _text(model: Model, like: Path | None) -> str:
+    """Return the TOML of one deck; layers laid over it become its [set] or its values."""
+    data = to_dict(model)
+    data["submodels"] = {n: {"use": _file_name(s.model.title), "bind": s.bound()} for n, s in model.submodels.items()}
+    data.pop("layers", None)
+    for layer in model.layers:
+        for name, given in layer.values.items():
+            _lay(data, name, written(given))
+    data = {k: v for k, v in data.items() if v != {}}
+    if like is None:
+        return tomlkit.dumps(_pretty(data))
+    document = tomlkit.parse(unsealed(like.read_text(encoding="utf-8")))
+    if "box" not in document and model.box == Model(title="").box:
+        del data["box"]
+    _update(document, data)
+    return tomlkit.dumps(document)
+
+
+def _lay(data: dict[str, Any], path: str, value: Any) -> None:
+    """Put a value that was laid over a model into its deck: at its own place, or in [set] for a submodel's."""
+    head, _, rest = path.partition(".")
+    tables = ("nodes", "surfaces", "conductors", "joints", "loads")
+    home: Any = next((data[t][head] for t in tables if head in data.get(t, {})), None)
+    key = rest
+    if path in data.get("set", {}):
+        home, key = data["set"], path
+    elif home is None:
+        home, key = (data["parameters"], path) if path in data.get("parameters", {}) else (data.setdefault("set", {}), path)
+    elif "." in rest:
+        group, _, key = rest.partition(".")
+        home = home[group]
+    home[key] = value
+
+
+def _pretty(data: dict[str, Any]) -> tomlkit.TOMLDocument:
+    """Return a document: plain keys first, a table for each group, an inline table for each element."""
+    document = tomlkit.document()
+    for key, value in data.items():
+        if not isinstance(value, dict):
+            document.add(key, value)
+    for key, value in data.items():
+        if isinstance(value, dict):
+            table = tomlkit.table()
+            for name, entry in value.items():
+                table.add(name, _inline(entry))
+            document.add(key, table)
+    return document
+
+
+def _inline(value: Any) -> Item | Any:
+    if not isinstance(value, dict):
+        return value
+    out = tomlkit.inline_table()
+    for key, inner in value.items():
+        out.append(key, _inline(inner))
+    return out
+
+
+def _update(target: Container | Table | InlineTable | tomlkit.TOMLDocument, data: dict[str, Any]) -> None:
+    """Change what differs, add what is new, drop what is gone; comments stay."""
+    if "points" in target and "over" not in target:
+        data = {k: v for k, v in data.items() if (k, v) != ("over", "temperature")}
+    if "radiates_to" in target:  # the older name of `sees` stays where a deck has it
+        data = {"radiates_to" if k == "sees" else k: v for k, v in data.items()}
+    for key in [k for k in target if k not in data]:
+        target.remove(key)
+    for key, value in data.items():
+        old = target.get(key)
+        if isinstance(value, dict) and isinstance(old, Container | Table | InlineTable):
+            _update(old, value)
+        elif isinstance(value, dict) and isinstance(target, tomlkit.TOMLDocument):
+            table = tomlkit.table()
+            for name, entry in value.items():
+                table.add(name, _inline(entry))
+            target.add(key, table)
+        elif old is None or not _same(_plain(old), value):
+            target[key] = _inline(value)
+
+
+def _plain(value: Any) -> Any:
+    return value.unwrap() if isinstance(value, Item | Container) else value
+
+
+def _same(old: Any, new: Any) -> bool:
+    """Whether two entries say the same: 0.25 and "0.25"; points in degC and the same in K."""
+    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        return all(_same(a, b) or _same_value(a, b) for a, b in zip(old, new, strict=True))
+    return bool(old == new) or str(new) == old
+
+
+def _same_value(a: Any, b: Any) -> bool:
+    """Whether two texts of a point are one SI value of one dimension."""
+    try:
+        one, other = parse(a).literal, parse(b).literal
+    except (ThermidError, TypeError):
+        return False
+    return one is not None and other is not None and (one.value, one.unit.dimension) == (other.value, other.unit.dimension)

@@ -1,0 +1,210 @@
+"""Enclosures: from the tables of a deck to one radiating pair for every two faces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.dual import Number, gradient_of, value_of
+from thermid.errors import DeckError, nearest
+from thermid.memo import Memo
+from thermid.model.laws.signal import literal
+from thermid.model.parts.elements import Enclosure, Surface
+from thermid.model.parts.kinds import Law
+from thermid.model.parts.takes import Take, exposed_area
+from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.physics.enclosure import exchange_areas_of, factor_faults
+from thermid.physics.view_factors import SHAPES
+
+__all__ = ["Face", "Pair", "enclosure_from", "enclosure_to", "pairs"]
+
+Array = NDArray[np.float64]
+
+SAME_AREA: Final = 0.01
+"""Largest relative difference of a surface's area and that of the face of a shape which it fills. [-]"""
+
+
+@dataclass(frozen=True)
+class Face:
+    """A surface as the face of an enclosure: its name there, its path, what it is, its node and what joints take from it."""
+
+    name: str
+    path: str
+    surface: Surface
+    node: str
+    takes: tuple[Take, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two faces that exchange heat: path, the two nodes, the parameters of all faces (path -> path), and the law that follows."""
+
+    path: str
+    ends: tuple[str, str]
+    fields: Mapping[str, str]
+    recipe: Callable[[Mapping[str, Any]], Law]
+
+
+def enclosure_from(table: Mapping[str, Any], where: str) -> Enclosure:
+    """Return an enclosure from its table in a deck.
+
+    Raises
+    ------
+    DeckError   When it has no factors, or two sorts of them, or lengths and faces that its shape does not have.
+    """
+    ways = [w for w in ("shape", "view_factors", "exchange_factors") if table.get(w)]
+    if len(ways) != 1:
+        given = " and ".join(ways) or "none of them"
+        raise DeckError(f"an enclosure has shape, view_factors or exchange_factors, one of them; given: {given}.", where)
+    faces, rest = table["faces"], table["rest"]
+    rows = {w: tuple(tuple(map(float, r)) for r in table.get(w) or ()) for w in ("view_factors", "exchange_factors")}
+    for name, matrix in rows.items():
+        if matrix and {len(matrix), *map(len, matrix)} != {len(faces)}:
+            raise DeckError(f"{len(faces)} faces need {len(faces)} rows of {len(faces)} {name.replace('_', ' ')}.", where)
+    if rest and table.get("exchange_factors"):
+        raise DeckError("exchange factors hold all that a face sees; give the rest a face of its own, or leave it out.", where)
+    dimensions = {n: literal(v, "m", f"{where}.dimensions.{n}") for n, v in table["dimensions"].items()}
+    if table.get("shape"):
+        _check_shape(table["shape"], faces, dimensions, bool(rest), where)
+    elif dimensions:
+        raise DeckError("dimensions belong to a shape.", where)
+    return Enclosure(
+        dict(faces), table.get("shape") or "", dimensions, rows["view_factors"], rows["exchange_factors"], rest, table["test_only"]
+    )
+
+
+def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, float], rest: bool, where: str) -> None:
+    shape = SHAPES[name]
+    for what, given, known in (("faces", faces, shape.faces), ("dimensions", dimensions, shape.dimensions)):
+        strange = [g for g in given if g not in known]
+        if strange:
+            raise DeckError(f"'{name}' has no '{strange[0]}' among its {what}: {', '.join(known)}.{nearest(strange[0], known)}", where)
+    missing = [d for d in shape.dimensions if d not in dimensions]
+    if missing:
+        raise DeckError(f"'{name}' needs {', '.join(missing)}.", where)
+    if not all(0.0 < d < float("inf") for d in dimensions.values()):
+        raise DeckError("every dimension of a shape is above zero and finite.", where)
+    if name == "cylinder in cylinder" and dimensions["inner_radius"] >= dimensions["outer_radius"]:
+        raise DeckError("the inner radius must be smaller than the outer one.", where)
+    left = [f for f in shape.faces if f not in faces]
+    if (left or len(shape.faces) == 2) and not rest:
+        also = f" ({', '.join(left)} left out)" if left else ""
+        raise DeckError(f"the faces of '{name}'{also} do not close it. Name what the rest sees: rest = a node.", where)
+
+
+def enclosure_to(enclosure: Enclosure) -> dict[str, Any]:
+    """Return the table of a deck."""
+    out: dict[str, Any] = {"faces": dict(enclosure.faces)}
+    if enclosure.shape:
+        out |= {"shape": enclosure.shape, "dimensions": {n: f"{d!r} [m]" for n, d in enclosure.dimensions.items()}}
+    for name in ("view_factors", "exchange_factors"):
+        if getattr(enclosure, name):
+            out[name] = [list(row) for row in getattr(enclosure, name)]
+    return out | ({"rest": enclosure.rest} if enclosure.rest else {})
+
+
+@dataclass(frozen=True, eq=False)
+class _Exchange:
+    """The exchange areas of an enclosure at the values of its faces; the latest are kept, since every pair asks for them."""
+
+    path: str
+    enclosure: Enclosure
+    faces: Sequence[Face]
+    rest: bool
+    where: str
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    def at(self, values: Mapping[str, Number]) -> list[list[Number]]:
+        """Return the exchange areas (faces, faces), the rest as a last face. [m^2]"""
+        areas = [exposed_area(f.path, values[f"{f.path}.area"], f.takes, values, self.where) for f in self.faces]
+        grey = [values[f"{f.path}.emissivity"] for f in self.faces]
+        free = max((gradient_of(x, 0).size for x in (*areas, *grey)), default=0)
+        key = np.concatenate([[value_of(x), *gradient_of(x, free)] for x in (*areas, *grey)]).tobytes()
+        return self.memo.made(key, lambda: self._found(areas, grey), 1)
+
+    def _found(self, areas: list[Number], grey: list[Number]) -> list[list[Number]]:
+        for face, number in zip(self.faces, grey, strict=True):
+            if not 0.0 < value_of(number) <= 1.0:
+                raise DeckError(
+                    f"an emissivity of {value_of(number):g} does not exist in an enclosure; give '{face.path}' one above 0, up to 1.",
+                    self.where,
+                )
+        size = np.array([value_of(a) for a in areas])
+        names = [f.name for f in self.faces]
+        if self.enclosure.exchange_factors:
+            return self._imported(areas, size, names)
+        if self.enclosure.shape:
+            factors, size = self._of_shape(size, names)
+            areas = size.tolist()
+        else:
+            factors = np.array(self.enclosure.view_factors)
+        factor_faults(factors, size, names, self.where, closed=not self.rest)
+        if self.rest:
+            lost = np.maximum(1.0 - factors.sum(axis=1), 0.0)
+            opening = float(lost @ size)
+            back = lost * size / opening if opening > 0.0 else 0.0 * lost
+            factors = np.block([[factors, lost[:, None]], [back[None, :], np.zeros((1, 1))]])
+            areas, grey = [*areas, opening or 1.0], [*grey, 1.0]  # a black face sends only what it emits
+        return exchange_areas_of(factors, areas, grey)
+
+    def _of_shape(self, size: Array, names: list[str]) -> tuple[Array, Array]:
+        """Return the view factors of the faces that are there, and their areas, checked against those of the surfaces. [-], [m^2]"""
+        shape = SHAPES[self.enclosure.shape]
+        geometric, factors = shape.factors(self.enclosure.dimensions)
+        at = [shape.faces.index(n) for n in names]
+        for face, own, wanted in zip(self.faces, size, geometric[at], strict=True):
+            if abs(own - wanted) > SAME_AREA * wanted:
+                raise DeckError(
+                    f"the surface '{face.path}' has {own * 1e4:.6g} cm^2 free, but the face '{face.name}' has {wanted * 1e4:.6g} cm^2. "
+                    "Correct the area or a dimension, or give view factors.",
+                    self.where,
+                )
+        return factors[np.ix_(at, at)], geometric[at]
+
+    def _imported(self, areas: list[Number], size: Array, names: list[str]) -> list[list[Number]]:
+        """Return exchange areas from given exchange factors: the mean of both directions, which must agree. [m^2]"""
+        factors = np.array(self.enclosure.exchange_factors)
+        factor_faults(factors - np.diag(np.diag(factors)), size, names, self.where, closed=False)
+        each = range(len(names))
+        return [[0.5 * (areas[i] * factors[i, j] + areas[j] * factors[j, i]) for j in each] for i in each]
+
+
+@dataclass(frozen=True, eq=False)
+class _Recipe:
+    """The law of one pair of faces at some values."""
+
+    exchange: _Exchange
+    first: int
+    second: int
+
+    def __call__(self, values: Mapping[str, Any]) -> Law:
+        """Return it."""
+        return Law("radiation", (STEFAN_BOLTZMANN * self.exchange.at(values)[self.first][self.second],), "radiation")
+
+
+def pairs(path: str, enclosure: Enclosure, faces: Sequence[Face], rest: str, where: str) -> list[Pair]:
+    """Return the radiating pairs of an enclosure.
+
+    Raises
+    ------
+    DeckError   When a face is no surface with an emissivity of its own.
+    """
+    for face in faces:
+        if face.surface.is_effective or "emissivity" not in face.surface.fields:
+            why = "its effective_htc holds radiation already" if face.surface.is_effective else "it has no emissivity"
+            raise DeckError(f"'{face.path}' cannot be a face of '{path}': {why}. Give it htc and emissivity.", where)
+        if face.surface.sees:
+            raise DeckError(f"'{face.path}' radiates to '{face.surface.sees}' and in '{path}'. Leave sees out.", where)
+    fields = {p: p for f in faces for p in (f"{f.path}.area", f"{f.path}.emissivity", *(t.path for t in f.takes))}
+    exchange = _Exchange(path, enclosure, faces, bool(rest), where)
+    nodes = [(f.name, f.node) for f in faces] + ([("rest", rest)] if rest else [])
+    out = []
+    for i, (first, a) in enumerate(nodes):
+        for j, (second, b) in enumerate(nodes[:i]):
+            if a != b:
+                out.append(Pair(f"{path}.{second}.{first}", (b, a), fields, _Recipe(exchange, j, i)))
+    return out

@@ -1,0 +1,53 @@
+"""Box colours: how much of each part is physics and how much is data, kept when parts become a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from thermid.model.tree.model import Model
+
+__all__ = ["COLOURS", "mixed", "node_boxes", "part_boxes"]
+
+COLOURS = ("white", "light grey", "dark grey", "black")
+"""From pure theory to pure experiment (Isermann and Münchhof, Identification of Dynamic Systems, 2011, DOI 10.1007/978-3-540-78879-9)."""
+
+
+def node_boxes(model: Model, prefix: str = "") -> dict[str, str]:
+    """Return node -> the colour of the part that it belongs to; the node of a joint belongs to whoever joins.
+
+    Parameters
+    ----------
+    model : Model   The tree.
+    prefix : str    What stands before the names of its nodes.
+    """
+    own = (*model.nodes, *(joint.mid or f"{name}.mid" for name, joint in model.joints.items()))
+    out = {prefix + name: model.box for name in own}
+    for name, part in model.submodels.items():
+        out |= node_boxes(part.model, f"{prefix}{name}.")
+    return out
+
+
+def mixed(colours: set[str]) -> str:
+    """Return one tag for several colours: the colour they share, or all of them from light to dark.
+
+    >>> mixed({"light grey"}), mixed({"black", "light grey"})
+    ('light grey', 'light grey + black')
+    """
+    return " + ".join(sorted(colours, key=COLOURS.index))
+
+
+def part_boxes(model: Model) -> dict[str, str]:
+    """Return submodel -> its tag with that of everything in it; the empty path is the whole."""
+    nodes = node_boxes(model)
+    parts = {"": model, **dict(_parts(model))}
+    return {
+        path: mixed({part.box, *(colour for node, colour in nodes.items() if not path or node.startswith(f"{path}."))})
+        for path, part in parts.items()
+    }
+
+
+def _parts(model: Model, prefix: str = "") -> Iterator[tuple[str, Model]]:
+    """Yield path and model of every submodel at any depth."""
+    for name, part in model.submodels.items():
+        yield prefix + name, part.model
+        yield from _parts(part.model, f"{prefix}{name}.")

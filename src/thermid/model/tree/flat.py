@@ -1,0 +1,358 @@
+"""The tree laid flat: every node, conductor and load with canonical names, still in terms of parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from thermid.errors import DeckError, ThermidError
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Signal
+from thermid.model.laws.stores import Store, potential, store
+from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
+from thermid.model.parts.enclosures import Face, pairs
+from thermid.model.parts.facing import Facing
+from thermid.model.parts.kinds import KINDS, Law
+from thermid.model.parts.takes import Take
+from thermid.model.tree.model import Model
+from thermid.model.tree.names import Names
+from thermid.model.tree.resolve import ParameterSet
+from thermid.units import require
+
+__all__ = ["Flat", "FlatConductor", "FlatLoad", "FlatNode", "FlatSurface", "flatten"]
+
+
+@dataclass(frozen=True)
+class FlatNode:
+    """A node: field -> parameter path; empty fields for an arithmetic node; how it stores heat where that changes with temperature."""
+
+    path: str
+    fields: Mapping[str, str]
+    reference_point: bool = False
+    where: str = ""
+    store: Store | None = None
+    stands_for: str = ""
+
+    def capacitance(self, values: Mapping[str, Any]) -> Any:
+        """Return m c or C at values of parameters, or None for a massless node. [J/K]"""
+        if not self.fields:
+            return None
+        if "capacitance" in self.fields:
+            return values[self.fields["capacitance"]]
+        mass = values[self.fields["mass"]]
+        return mass * (self.store.reference if self.store is not None else values[self.fields["specific_heat"]])
+
+
+@dataclass(frozen=True)
+class FlatConductor:
+    """A conductor: field -> parameter path, the area that joints take from it, and a factor on its conductance.
+
+    `recipe` stands in for that of its kind where a pair's law needs more than its own fields. `sees` is what an effective coefficient
+    leaves its radiation to without gas, by a conductor of its own, where that is not the gas node.
+    """
+
+    path: str
+    kind: str
+    ends: tuple[str, str]
+    fields: Mapping[str, str]
+    curve: Curve | None = None
+    takes: tuple[Take, ...] = ()
+    factor: float = 1.0
+    gas: str = ""
+    emissivity: str = ""
+    sees: str = ""
+    where: str = ""
+    recipe: Callable[[Mapping[str, Any]], Law] | None = None
+    words: Mapping[str, str] = field(default_factory=dict)
+
+    def laws(self, fields: Mapping[str, Any]) -> tuple[Law, ...]:
+        """Return the rows that it is at the values of its fields (float or Dual, SI)."""
+        found = (self.recipe or KINDS[self.kind].recipe)(fields)
+        return found if isinstance(found, tuple) else (found,)
+
+
+@dataclass(frozen=True)
+class FlatLoad:
+    """A heat load: field -> parameter path; one that a surface absorbs has the area that joints take, and its flux by the boundaries."""
+
+    path: str
+    node: str
+    sensor: str
+    fields: Mapping[str, str]
+    curve: Curve | None = None
+    where: str = ""
+    takes: tuple[Take, ...] = ()
+    flux: Callable[[Mapping[str, Signal]], Signal] | None = None
+
+    @property
+    def follows_temperature(self) -> bool:
+        """Whether its power changes with a temperature other than by being switched."""
+        laws = ("proportional.setpoint", "command_curve")
+        return self.curve is not None or any(f in laws or f.endswith("_coefficient") for f in self.fields)
+
+
+@dataclass(frozen=True)
+class FlatSurface:
+    """A surface as radiation from outside meets it: field -> parameter path; what it sees, nothing where that is an enclosure's faces.
+
+    `exchange` is htc or effective_htc, whichever it has, or empty.
+    """
+
+    node: str
+    to: str
+    fields: Mapping[str, str]
+    takes: tuple[Take, ...] = ()
+    facing: Facing | None = None
+    sees: str = ""
+    where: str = ""
+    exchange: str = ""
+
+
+@dataclass(frozen=True)
+class Flat:
+    """A tree laid flat.
+
+    Parameters
+    ----------
+    names : Names                       Canonical nodes and boundaries.
+    parameters : ParameterSet           Every value by path.
+    nodes, conductors, loads : tuple    The elements.
+    surfaces : dict                     Surface path -> its area's parameter path and what joints take from it.
+    finishes : dict                     Parameter path of an emissivity -> the finish that it comes from.
+    faces : dict                        Surface path -> the surface as radiation from outside meets it.
+    made_in : tuple                     Title of a reduced part, gas node or ``*``, the state that it was made in, and where it says so.
+    """
+
+    names: Names
+    parameters: ParameterSet
+    nodes: tuple[FlatNode, ...]
+    conductors: tuple[FlatConductor, ...]
+    loads: tuple[FlatLoad, ...]
+    surfaces: Mapping[str, tuple[str, tuple[Take, ...]]] = field(default_factory=dict)
+    finishes: Mapping[str, str] = field(default_factory=dict)
+    faces: Mapping[str, FlatSurface] = field(default_factory=dict)
+    made_in: tuple[tuple[str, str, MadeIn, str], ...] = ()
+
+
+def _walk(model: Model, prefix: str = "") -> Iterator[tuple[Model, str]]:
+    yield model, prefix
+    for name, part in model.submodels.items():
+        yield from _walk(part.model, f"{prefix}{name}.")
+
+
+def flatten(model: Model) -> Flat:
+    """Return the tree laid flat, with every name resolved and every unit checked.
+
+    Raises
+    ------
+    ThermidError   With file and key path of the first thing that does not fit.
+    """
+    names, parameters = Names(model), ParameterSet(model)
+    takes = _takes(model, names)
+    enclosed, inside = _enclosures(model, names, takes)
+    nodes: list[FlatNode] = []
+    conductors: list[FlatConductor] = []
+    loads: list[FlatLoad] = []
+    surfaces: dict[str, tuple[str, tuple[Take, ...]]] = {}
+    finishes: dict[str, str] = {}
+    faces: dict[str, FlatSurface] = {}
+    for owner, prefix in _walk(model):
+        for name, node in owner.nodes.items():
+            fields = {f: f"{prefix}{name}.{f}" for f in node.fields}
+            heat = store(*node.table) if node.table else None
+            nodes.append(FlatNode(prefix + name, fields, node.reference_point, owner.where(f"nodes.{name}"), heat, node.stands_for))
+        for name, joint in owner.joints.items():
+            mid = prefix + (joint.mid or f"{name}.mid")
+            nodes.append(FlatNode(mid, {}, False, owner.where(f"joints.{name}")))
+            conductors += _joint(owner, prefix, name, joint, mid, names)
+        for name, surface in owner.surfaces.items():
+            taken = tuple(takes.get(prefix + name, ()))
+            surfaces[prefix + name] = (f"{prefix}{name}.area", taken)
+            finishes |= {f"{prefix}{name}.emissivity": surface.finish} if surface.finish else {}
+            conductors += _surface(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
+            faces[prefix + name] = _face(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
+        for name, c in owner.conductors.items():
+            key = f"conductors.{name}"
+            at = names.seen if c.kind == "radiation" else names.end
+            ends = (at(owner, prefix, c.between[0], key), at(owner, prefix, c.between[1], key))
+            fields = {f: f"{prefix}{name}.{f}" for f in c.fields}
+            gas = names.end(owner, prefix, c.words["to"], f"{key}.to") if "to" in c.words else ""
+            gas = gas or next((e for e in reversed(ends) if e in names.boundaries), ends[1])
+            law = potential(c.curve) if c.curve is not None and KINDS[c.kind].tabulated else c.curve
+            made = FlatConductor(prefix + name, c.kind, ends, fields, law, gas=gas, where=owner.where(key), words=c.words)
+            conductors += [made, *_losses(made)]
+        for name, load in owner.loads.items():
+            loads.append(_load(owner, prefix, name, load, names))
+    made_in = tuple(
+        (owner.title, gas if gas == "*" else names.end(owner, prefix, gas, f"made_in.{gas}"), state, owner.where(f"made_in.{gas}"))
+        for owner, prefix in _walk(model)
+        for gas, state in owner.made_in.items()
+    )
+    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces, made_in)
+    _check_slots(flat)
+    return flat
+
+
+def _takes(model: Model, names: Names) -> dict[str, list[Take]]:
+    """Return surface path -> what each joint or conductor takes from it."""
+    out: dict[str, list[Take]] = {}
+    for owner, prefix in _walk(model):
+        for name, joint in owner.joints.items():
+            for end in joint.between:
+                path, _, _ = names.surface(owner, prefix, end, f"joints.{name}")
+                out.setdefault(path, []).append(Take(prefix + name, f"{prefix}{name}.area", "contact"))
+                if joint.gap_to:
+                    out[path].append(Take(prefix + name, f"{prefix}{name}.gap.area", "gap"))
+        for name, conductor in owner.conductors.items():
+            for end in conductor.takes:
+                path, _, _ = names.surface(owner, prefix, end, f"conductors.{name}.takes")
+                out.setdefault(path, []).append(Take(prefix + name, f"{prefix}{name}.area", "contact"))
+    return out
+
+
+def _enclosures(model: Model, names: Names, takes: Mapping[str, list[Take]]) -> tuple[dict[str, str], list[FlatConductor]]:
+    """Return surface -> the enclosure that it is a face of, and the radiation between the faces of every enclosure."""
+    enclosed: dict[str, str] = {}
+    out = []
+    for owner, prefix in _walk(model):
+        for name, enclosure in owner.enclosures.items():
+            key = f"enclosures.{name}"
+            faces = []
+            for face, raw in enclosure.faces.items():
+                path, part, part_prefix = names.surface(owner, prefix, raw, f"{key}.faces.{face}")
+                surface = part.surfaces[path.rpartition(".")[2]]
+                if path in enclosed:
+                    raise DeckError(f"'{raw}' is a face of '{enclosed[path]}' already; a surface radiates once.", owner.where(key))
+                enclosed[path] = prefix + name
+                node = names.end(part, part_prefix, surface.of, key)
+                faces.append(Face(face, path, surface, node, tuple(takes.get(path, ()))))
+            rest = names.seen(owner, prefix, enclosure.rest, f"{key}.rest") if enclosure.rest else ""
+            for pair in pairs(prefix + name, enclosure, faces, rest, owner.where(key)):
+                out.append(FlatConductor(pair.path, "radiation", pair.ends, pair.fields, where=owner.where(key), recipe=pair.recipe))
+    return enclosed, out
+
+
+def _surface(
+    owner: Model, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names, enclosed: bool
+) -> list[FlatConductor]:
+    """Return the conductors that a surface stands for: what convects, and what radiates when that is apart and no enclosure has it."""
+    key = f"surfaces.{name}"
+    path = prefix + name
+    a, b = names.end(owner, prefix, surface.of, key), names.end(owner, prefix, surface.to, key)
+    fields = {f: f"{path}.{f}" for f in surface.fields}
+    out = []
+    emissivity = fields.pop("emissivity", "")
+    fields.pop("absorptance", "")
+    if surface.is_effective:
+        sees = names.seen(owner, prefix, surface.sees or surface.to, key)
+        held = FlatConductor(path, "effective", (a, b), fields, None, takes, gas=b, emissivity=emissivity, where=owner.where(key))
+        if not emissivity or sees == b:
+            return [held]
+        left = {"emissivity": emissivity, "area": fields["area"]}
+        return [
+            replace(held, sees=sees),
+            FlatConductor(f"{path}.radiation", "radiation", (a, sees), left, None, takes, gas=b, where=owner.where(key), recipe=_left),
+        ]
+    if len(fields) > 1:
+        out.append(FlatConductor(path, "convection", (a, b), fields, None, takes, gas=b, where=owner.where(key), words=surface.words))
+    if emissivity and not enclosed:
+        to = names.seen(owner, prefix, surface.sees or surface.to, key)
+        radiating = {"emissivity": emissivity, "area": fields["area"]}
+        out.append(FlatConductor(f"{path}.radiation", "radiation", (a, to), radiating, None, takes, where=owner.where(key)))
+    return out
+
+
+def _face(owner: Model, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names, enclosed: bool) -> FlatSurface:
+    """Return a surface as radiation from outside meets it."""
+    key = f"surfaces.{name}"
+    fields = {f: f"{prefix}{name}.{f}" for f in ("area", "emissivity", "absorptance") if f in surface.fields}
+    to = names.end(owner, prefix, surface.to, key)
+    sees = "" if enclosed else names.seen(owner, prefix, surface.sees or surface.to, key)
+    exchange = next((f.partition(".")[0] for f in surface.fields if f.partition(".")[0] in ("htc", "effective_htc")), "")
+    return FlatSurface(names.end(owner, prefix, surface.of, key), to, fields, takes, surface.facing, sees, owner.where(key), exchange)
+
+
+def _left(fields: Mapping[str, Any]) -> Law:
+    """Return the radiation that an effective coefficient holds, which shows without gas."""
+    law = KINDS["radiation"].recipe(fields)
+    assert isinstance(law, Law)
+    return replace(law, medium="left")
+
+
+def _joint(owner: Model, prefix: str, name: str, joint: Joint, mid: str, names: Names) -> list[FlatConductor]:
+    """Return the conductors that a joint stands for: two half-contacts and, with a gap, its loss to the air."""
+    key, path = f"joints.{name}", prefix + name
+    out = []
+    kind = "contact" if "contact_conductance" in joint.fields else "conduction"
+    wanted = {f: f"{path}.{f}" for f in joint.fields if not f.startswith("gap.")}
+    for which, raw in zip(("first", "second"), joint.between, strict=True):
+        _, part, part_prefix = names.surface(owner, prefix, raw, key)
+        surface_name = owner.canonical(raw).rpartition(".")[2]
+        node = names.end(part, part_prefix, part.surfaces[surface_name].of, key)
+        out.append(FlatConductor(f"{path}.{which}", kind, (node, mid), wanted, where=owner.where(key)))
+    if joint.gap_to:
+        to = names.end(owner, prefix, joint.gap_to, key)
+        fields = {"htc": f"{path}.gap.htc", "area": f"{path}.gap.area"}
+        out.append(FlatConductor(f"{path}.gap", "convection", (mid, to), fields, factor=2.0, gas=to, where=owner.where(key)))
+    return out
+
+
+def _losses(made: FlatConductor) -> list[FlatConductor]:
+    """Return what both ends of a lead lose to its surroundings; an end that is these loses nothing."""
+    if KINDS[made.kind].loss is None:
+        return []
+    if "to" not in made.words:
+        if {"htc", "effective_htc", "emissivity"} & set(made.fields):
+            raise DeckError('a lead that loses heat on its way names the node that takes it: to = "air".', made.where)
+        return []
+    if {"htc", "effective_htc"} <= set(made.fields):
+        raise DeckError("a lead has htc (convection alone) or effective_htc (convection and radiation together), not both.", made.where)
+    sides = zip(("first", "second"), made.ends, strict=True)
+    return [
+        replace(made, path=f"{made.path}.{which}", ends=(end, made.gas), recipe=KINDS[made.kind].loss)
+        for which, end in sides
+        if end != made.gas
+    ]
+
+
+def _load(owner: Model, prefix: str, name: str, load: HeatLoad, names: Names) -> FlatLoad:
+    key = f"loads.{name}"
+    node = names.end(owner, prefix, load.into, key)
+    sensor = names.end(owner, prefix, load.sensor, key) if load.sensor else node
+    return FlatLoad(prefix + name, node, sensor, {f: f"{prefix}{name}.{f}" for f in load.fields}, load.curve, owner.where(key))
+
+
+def _check_slots(flat: Flat) -> None:
+    """Check the dimension of every element's value against its slot, at the place where the value was written."""
+    for node in flat.nodes:
+        for name, path in node.fields.items():
+            _require(flat.parameters, path, NODE_SLOTS[name])
+    for conductor in flat.conductors:
+        slots = KINDS[conductor.kind].slots
+        for name, path in conductor.fields.items():
+            _require(flat.parameters, path, slots.get(name, "1" if name.endswith(".emissivity") else "m^2"))
+        if conductor.emissivity:
+            _require(flat.parameters, conductor.emissivity, "1")
+    for load in flat.loads:
+        for name, path in load.fields.items():
+            _require(flat.parameters, path, LOAD_SLOTS[name])
+    for face in flat.faces.values():
+        for name in {"absorptance", "emissivity"} & set(face.fields):
+            _require(flat.parameters, face.fields[name], "1")
+    for area, takes in flat.surfaces.values():
+        _require(flat.parameters, area, "m^2")
+        for take in takes:
+            _require(flat.parameters, take.path, "m^2")
+
+
+def _require(parameters: ParameterSet, path: str, slot: str) -> None:
+    root = parameters.literal_behind(path)
+    entry = parameters.table[root]
+    literal = entry.parameter.expression.literal
+    try:
+        require(parameters.dimension(path), slot, literal.unit.text if literal else "", bool(literal and literal.unit.absolute))
+    except ThermidError as error:
+        raise error.located(entry.where) from None
+    if literal is not None and slot == "m^2" and literal.value < 0:
+        raise DeckError("an area cannot be negative.", entry.where)

@@ -1,0 +1,300 @@
+"""A part is replaced: what belonged to the old one goes, what belongs to the place starts anew, and both are listed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.model.tree.identity import definition_of, inside, local_identities
+from thermid.model.tree.names import used_offers
+from thermid.model.tree.resolve import Entry, ParameterSet, parameter_table
+from thermid.model.tree.touching import touching
+from thermid.units import unit
+
+if TYPE_CHECKING:
+    from thermid.model.parts.parameter import Parameter
+    from thermid.model.tree.model import Layer, Model
+
+__all__ = ["PLACE", "SCATTER", "Dropped", "Replacement", "Start", "coefficients", "replaced", "short_text"]
+
+PLACE, SCATTER = 0.30, 0.25
+"""Standard deviation of the logarithm: of a coefficient that the old part had at its place, and between joints of parts of one kind."""
+INTERFACE = {"contact_conductance": "W/(m^2 K)", "conductance": "W/K", "conductivity": "W/(m K)", "gap.htc": "W/(m^2 K)"}
+"""Fields by which joints and conductors differ from one another; areas and thicknesses are as drawn."""
+COEFFICIENTS = ("effective_htc", "htc", "htc.coefficient")
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """A value of the old part that went with it.
+
+    Parameters
+    ----------
+    path, text : str    Where it stood, and what it was.
+    origin : str        Who set it: a stage, a [set], a caller.
+    why : str           'of the old part', or 'of its place' for one from which the new part starts.
+    """
+
+    path: str
+    text: str
+    origin: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Start:
+    """A value of the place: where it starts with the new part, and how far it may be from there.
+
+    Parameters
+    ----------
+    path : str          A coefficient of the new part, or a field of a joint that gets a number of its own.
+    text : str          Where it starts.
+    log_sd : float      Standard deviation of its logarithm about the start. [-]
+    origin : str        'twin': from joints of the same kind; 'place': what it was with the old part.
+    twins : tuple       What shared it before.
+    of_part : bool      Whether it is a coefficient of the part's surfaces, and not of a joint.
+    """
+
+    path: str
+    text: str
+    log_sd: float
+    origin: str
+    twins: tuple[str, ...] = ()
+    of_part: bool = False
+
+    def __str__(self) -> str:
+        """As an assumption."""
+        whose = f"that of {', '.join(self.twins)}" if self.twins else "what it was with the old part"
+        return f"{self.path} is {whose}, {short_text(self.text)} within {100 * self.log_sd:.0f} %"
+
+
+@dataclass(frozen=True)
+class Replacement:
+    """What became of the values of a place when its part was replaced.
+
+    Parameters
+    ----------
+    path : str          The place.
+    old, new : str      Titles of the parts.
+    dropped : tuple     What belonged to the old part.
+    kept : tuple        Rows on paths of the part that stay: what the deck above derives from its own values, and what the caller kept.
+    starts : tuple      Values of the place, each with the spread that counts until it is fitted again.
+    assumes : tuple     What is taken for granted of the new part, in words.
+    untied : tuple      Paths of the part that had one value with a twin, and have their own now.
+    """
+
+    path: str
+    old: str
+    new: str
+    dropped: tuple[Dropped, ...] = ()
+    kept: tuple[str, ...] = ()
+    starts: tuple[Start, ...] = ()
+    assumes: tuple[str, ...] = ()
+    untied: tuple[str, ...] = ()
+
+    def starting(self, model: Model) -> Model:
+        """Return the model with every value of the place at its start, those of joints apart from their twins."""
+        return model.with_values({s.path: s.text for s in self.starts}, f"start after {self.new} replaced {self.old}")
+
+
+def replaced(model: Model, raw: str, new: Model, keep: Sequence[str] = ()) -> tuple[Model, Replacement]:
+    """Return a model with another part at a path, and what became of the values there; see `Model.replaced`."""
+    path = model.canonical(raw)
+    old = model.submodel(path)
+    known = parameter_table(new)
+    stays = frozenset(model.canonical(k) for k in keep)
+    before = parameter_table(model)
+    for k in (k for k in keep if model.canonical(k) not in before):
+        raise NameNotFoundError(f"'{k}' cannot be kept: there is no such value.{nearest(model.canonical(k), before)}", model.title)
+    after = _at(model, path, new, path, stays, known)
+    now = parameter_table(after)
+    lost = [k for k in keep if (p := model.canonical(k)) in now and now[p].origin != before[p].origin]  # laid over the old part itself
+    for k in lost:
+        after = after.with_values({k: before[model.canonical(k)].parameter}, before[model.canonical(k)].origin)
+    now = parameter_table(after)
+    own = {f"{path}.{p}": e for p, e in parameter_table(_bare(old)).items()}
+    laid = {p: e for p, e in before.items() if inside(p, path) and _differs(e, own.get(p))}
+    kept = tuple(p for p in laid if p in now and now[p].origin == laid[p].origin)
+    gone = {p: e for p, e in laid.items() if p not in kept}
+    values = ParameterSet(model)
+    place = {p for p in coefficients(model, values, path) if p in gone and _above(gone[p], old)}
+    dropped = tuple(
+        Dropped(p, e.parameter.text, e.origin, "of its place" if p in place and p in now else "of the old part") for p, e in gone.items()
+    )
+    of_surfaces = [Start(p, before[p].parameter.text, PLACE, "place", of_part=True) for p in sorted(place) if p in now]
+    starts = (*of_surfaces, *_joints(model, after, path, values, stays))
+    assumes = (f"{new.title} has the values of its deck", *map(str, starts), *(f"{p} stays as it was" for p in kept))
+    after = _apart(after, path, [p for p in gone if p in now])
+    untied = tuple(p for p in _with_twins(model, path) if p not in _with_twins(after, path))
+    return after, Replacement(path, old.title, new.title, dropped, kept, starts, assumes, untied)
+
+
+def short_text(text: str) -> str:
+    """Return a value as people read it: fitted numbers have all their digits in a model."""
+    number, _, rest = text.partition(" [")
+    try:
+        return f"{float(number):.4g}" + (f" [{rest}" if rest else "")
+    except ValueError:
+        return text
+
+
+def coefficients(model: Model, values: ParameterSet, part: str) -> set[str]:
+    """Return the numbers inside a part that set a coefficient of heat transfer of its surfaces."""
+    found = set()
+    for prefix, owner in _tree(model.submodel(part), f"{part}."):
+        for name in owner.surfaces:
+            for field in COEFFICIENTS:
+                if f"{prefix}{name}.{field}" in values.table:
+                    found.add(values.literal_behind(f"{prefix}{name}.{field}"))
+    return found
+
+
+def _tree(model: Model, prefix: str) -> Iterator[tuple[str, Model]]:
+    yield prefix, model
+    for name, part in model.submodels.items():
+        yield from _tree(part.model, f"{prefix}{name}.")
+
+
+def _bare(model: Model) -> Model:
+    """Return a model as its decks are, nothing laid over it."""
+    return replace(model, layers=(), submodels={n: replace(s, model=_bare(s.model)) for n, s in model.submodels.items()})
+
+
+def _differs(now: Entry, deck: Entry | None) -> bool:
+    """Return whether somebody above the part's own deck, or a stage of the part, gave a value."""
+    return deck is None or (now.parameter.text, now.origin) != (deck.parameter.text, deck.origin)
+
+
+def _above(entry: Entry, old: Model) -> bool:
+    """Return whether a value was given where the part is installed, and not by a test of the part alone."""
+    own = {layer.origin for layer in old.layers}
+    return entry.origin not in own or any(origin.startswith("[set]") for origin, _ in entry.shadowed)
+
+
+def _at(model: Model, path: str, new: Model, full: str, keep: frozenset[str], known: Mapping[str, Entry]) -> Model:
+    """Return a model with the new part, and without rows on paths of the old one, here and at every level below."""
+    head, _, rest = path.partition(".")
+    old = model.submodels[head]
+    if rest:
+        deeper = frozenset(k.partition(".")[2] for k in keep if k.partition(".")[0] == head)
+        part = replace(old, model=_at(old.model, rest, new, full, deeper, known))
+    else:
+        bind = _ports(model, head, new, full)
+        sees = {need: node for need, node in old.sees.items() if need in bind}
+        part = replace(old, model=new, bind=bind, definition=old.definition if new == old.model else definition_of(new), sees=sees)
+    _check_read(model, path, known, full)
+
+    def stays(raw: str, given: Parameter) -> bool:
+        p = model.canonical(raw)
+        return not inside(p, path) or p in keep or (not given.is_literal and p.removeprefix(f"{path}.") in known)
+
+    return replace(
+        model,
+        submodels={**model.submodels, head: part},
+        settings={p: v for p, v in model.settings.items() if stays(p, v)},
+        layers=tuple(_less(layer, stays) for layer in model.layers if any(stays(p, v) for p, v in layer.values.items())),
+        cuts=tuple(c for c in model.cuts if not inside(c, path)),
+    )
+
+
+def _less(layer: Layer, stays: Callable[[str, Parameter], bool]) -> Layer:
+    """Return the values of a layer that stay."""
+    values = {p: v for p, v in layer.values.items() if stays(p, v)}
+    ties = (tuple(p for p in group if p in values) for group in layer.ties)
+    return replace(layer, values=values, ties=tuple(t for t in ties if len(t) > 1))
+
+
+def _ports(model: Model, head: str, new: Model, path: str) -> dict[str, str]:
+    """Return what the needs of the new part are bound to.
+
+    Raises
+    ------
+    DeckError   When it needs or offers other ports than are used; the message names them.
+    """
+    old = model.submodels[head]
+    gone = sorted(used_offers(model, head) - {new.canonical(offer) for offer in new.offers})
+    unbound = sorted(set(new.needs) - set(old.bind))
+    if gone or unbound:
+        has, new_has = (", ".join(sorted({*m.needs, *m.offers})) for m in (old.model, new))
+        lack = "; ".join(
+            [f"it does not offer {g}, which is used here" for g in gone] + [f"its need {u} is bound to nothing" for u in unbound]
+        )
+        raise DeckError(f"'{path}' has ports {has}; its replacement has {new_has}: {lack}. Add the port or keep the old part.", model.title)
+    return {need: node for need, node in old.bind.items() if need in new.needs}
+
+
+def _check_read(model: Model, path: str, known: Mapping[str, Entry], full: str) -> None:
+    """Refuse a part that lacks a value which a deck above reads.
+
+    Raises
+    ------
+    DeckError   With what to do.
+    """
+    rows = [(key, given) for _, key, given in model.own_parameters()] + [(f"set.{p}", v) for p, v in model.settings.items()]
+    for key, given in rows:
+        for name in given.expression.names:
+            local = model.canonical(name)
+            if inside(local, path) and local.removeprefix(f"{path}.") not in known:
+                raise DeckError(
+                    f"'{given.text}' reads '{name}', which the replacement of '{full}' does not have. Give the new part a parameter of "
+                    "that name, or write a number here.",
+                    model.where(key),
+                )
+
+
+def _joints(model: Model, after: Model, path: str, values: ParameterSet, keep: frozenset[str]) -> Iterator[Start]:
+    """Yield what the joints at the part start from: a number of their own, where other joints shared it."""
+    beside = touching(model, path)
+    known = ParameterSet(after)
+    ties = local_identities(model)
+    numbers = values.evaluate({})
+    done = set(keep)
+    for element, fields in beside.elements.items():
+        for field in fields:
+            kind = field.removeprefix(f"{element}.")
+            if kind not in INTERFACE or field not in known.table or inside(field, path):
+                continue
+            root = _own_root(values, field, beside.shared)
+            at = root or field
+            if at in done or field in done:
+                continue
+            done.add(at)
+            also = (
+                _sharing(values, beside.shared, field, kind)
+                if not root
+                else {p.removesuffix(f".{kind}") for p in ties[at].paths if p != at}
+            )
+            literal = values.table[at].parameter.expression.literal
+            text = values.table[at].parameter.text if literal is not None else f"{float(numbers[field]):.9g} [{INTERFACE[kind]}]"
+            yield Start(at, text, SCATTER, "twin" if also else "place", tuple(sorted(also)))
+
+
+def _roots(values: ParameterSet, field: str) -> list[str]:
+    """Return the numbers behind a field that are conductances or conductivities; lengths and areas are as drawn."""
+    conducting = {unit(text).dimension for text in INTERFACE.values()}
+    literals = (p for p in values.order if values.table[p].parameter.is_literal and values.dimension(p) in conducting)
+    return [p for p in literals if field in values.downstream([p])]
+
+
+def _own_root(values: ParameterSet, field: str, shared: Mapping[str, str]) -> str:
+    """Return the number behind a field if it acts on nothing elsewhere; empty where the field needs a number of its own."""
+    own = [p for p in _roots(values, field) if not any(q in shared for q in values.downstream([p]))]
+    return own[0] if len(own) == 1 else ""
+
+
+def _sharing(values: ParameterSet, shared: Mapping[str, str], field: str, kind: str) -> set[str]:
+    """Return the elements elsewhere that a number behind a field acts on by a field of the same name."""
+    return {shared[q] for p in _roots(values, field) for q in values.downstream([p]) if q in shared and q == f"{shared[q]}.{kind}"}
+
+
+def _with_twins(model: Model, path: str) -> list[str]:
+    """Return the values inside a part that it shares with something outside."""
+    known = local_identities(model)
+    return [p for p, one in known.items() if inside(p, path) and any(not inside(q, path) for q in one.paths)]
+
+
+def _apart(model: Model, path: str, gone: Sequence[str]) -> Model:
+    """Return a model in which no twin shares what the old part had of it: the twin keeps its value, the new part has its deck's."""
+    return model.cut(*(p for p in _with_twins(model, path) if p in gone))

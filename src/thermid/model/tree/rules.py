@@ -1,0 +1,381 @@
+"""What a careful reader would remark about a model: one small function per rule.
+
+Rules see the tree laid flat. They say what to do, and change nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from thermid.dual import value_of
+from thermid.errors import ThermidError, quoted
+from thermid.model.laws.curves import evaluate
+from thermid.model.parts.takes import exposed_area
+from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
+from thermid.model.tree.identity import APART, cuts_of, local_identities
+from thermid.model.tree.model import Model
+from thermid.model.tree.streams import unclosed, unfed
+from thermid.model.tree.surroundings import bare, into_gas, radiates_into, still
+
+__all__ = ["RULES", "Finding", "findings"]
+
+Severity = Literal["error", "warning", "note"]
+SEVERITIES: Final = ("error", "warning", "note")
+ROOM: Final = 293.15
+"""Temperature at which a table of power is read for a rate. [K]"""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One remark.
+
+    Parameters
+    ----------
+    severity : str      error: the model cannot be simulated; warning: it probably is not what was meant; note: good to know.
+    where : str         File, line and key path.
+    message : str       What was found and what to do.
+    """
+
+    severity: Severity
+    where: str
+    message: str
+
+    def __str__(self) -> str:
+        """`severity: where: message`."""
+        return f"{self.severity}: {self.where}: {self.message}"
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """A model as the rules see it.
+
+    Parameters
+    ----------
+    model : Model           The tree.
+    flat : Flat             The tree laid flat.
+    values : dict           Path -> value. [SI]
+    conductances : dict     Conductor -> the leading coefficient of its law, zero for no heat; without those that have no law.
+    refused : tuple         What their laws say of the others.
+    """
+
+    model: Model
+    flat: Flat
+    values: Mapping[str, Any]
+    conductances: Mapping[str, float]
+    refused: tuple[Finding, ...]
+
+    def grounded(self) -> set[str]:
+        """Return the nodes from which heat can reach a boundary; a flow reaches only downstream."""
+        reached = set(self.flat.names.boundaries)
+        todo = list(reached)
+        while todo:
+            here = todo.pop()
+            for c in self._conducting():
+                new = [b for a, b in (c.ends, c.ends[::-1]) if a == here and b not in reached and (c.kind != "flow" or a == c.ends[0])]
+                reached.update(new)
+                todo += new
+        return reached
+
+    def islands(self) -> list[list[FlatNode]]:
+        """Return the groups of joined nodes from which heat can reach no boundary."""
+        grounded = self.grounded()
+        left = {n.path: n for n in self.flat.nodes if n.path not in grounded}
+        out = []
+        while left:
+            group = [left.pop(next(iter(left)))]
+            for node in group:
+                near = {e for c in self._conducting() if node.path in c.ends for e in c.ends}
+                group += [left.pop(path) for path in list(left) if path in near]
+            out.append(group)
+        return out
+
+    def capacitance(self, node: FlatNode) -> float:
+        """Return m c or C, zero for a massless node. [J/K]"""
+        return float(node.capacitance(self.values) or 0.0)
+
+    def power(self, load: FlatLoad) -> float:
+        """Return the heat that a load gives, averaged over its cycle; a controlled heater at full power. [W]"""
+        f = {name: self.values[path] for name, path in load.fields.items()}
+        if load.curve is not None:
+            return float(f.get("scale", 1.0) * evaluate(load.curve, np.array([ROOM]))[0])
+        return float(f["power"] * f.get("periodic.duty", 1.0))
+
+    def _conducting(self) -> list[FlatConductor]:
+        return [c for c in self.flat.conductors if self.conductances.get(c.path, 0.0) != 0.0]
+
+
+def _view(model: Model) -> _View:
+    flat = flatten(model)
+    values = flat.parameters.evaluate({})
+    conductances: dict[str, float] = {}
+    refused = []
+    for c in flat.conductors:
+        fields = {name: values[path] for name, path in c.fields.items()}
+        try:
+            fields |= {"area": exposed_area(c.path, fields["area"], c.takes, values)} if c.takes else {}
+            conductances[c.path] = min((value_of(law.coefficients[0]) for law in c.laws(fields)), key=lambda g: (g >= 0.0, -g))
+        except ThermidError as error:
+            refused.append(Finding("error", c.where, error.message))
+    return _View(model, flat, values, conductances, tuple(refused))
+
+
+def _laws(view: _View) -> Iterator[Finding]:
+    """A law that refuses its values, over-allocated areas among them, and negative conductances."""
+    yield from view.refused
+    for c in view.flat.conductors:
+        if view.conductances.get(c.path, 0.0) < 0.0:
+            yield Finding("error", c.where, f"'{c.path}' would have a negative conductance; heat would flow uphill.")
+
+
+def _capacitances(view: _View) -> Iterator[Finding]:
+    """A node that stores nothing although it is given a mass."""
+    for node in view.flat.nodes:
+        if node.fields and not 0.0 < view.capacitance(node) < float("inf"):
+            message = f"the capacitance of '{node.path}' must be above zero and finite. For a massless node leave mass and capacitance out."
+            yield Finding("error", node.where, message)
+
+
+def _attached(view: _View) -> Iterator[Finding]:
+    """A node or need that nothing is attached to."""
+    used = {end for c in view.flat.conductors for end in c.ends} | {end for x in view.flat.loads for end in (x.node, x.sensor)}
+    for node in view.flat.nodes:
+        if node.path not in used and node.fields:
+            yield Finding(
+                "warning", node.where, f"nothing is attached to '{node.path}'; its temperature never changes. Join it or leave it out."
+            )
+    for need in view.flat.names.boundaries:
+        if need not in used:
+            yield Finding("warning", view.model.where("needs"), f"nothing is attached to the need '{need}'. Join it or leave it out.")
+
+
+def _massless(view: _View) -> Iterator[Finding]:
+    """A massless node, or a group of them, whose temperature is undefined."""
+    for group in view.islands():
+        if all(not node.fields for node in group):
+            names = quoted([n.path for n in group])
+            single = "the massless node" if len(group) == 1 else "the massless nodes"
+            yield Finding(
+                "error",
+                group[0].where,
+                f"{single} {names} {_has(group)} no conductance to anything that has a temperature. Join it, or give it a mass.",
+            )
+
+
+def _paths(view: _View) -> Iterator[Finding]:
+    """A part from which no heat can leave: the rate at which it warms."""
+    used = {end for c in view.flat.conductors for end in c.ends} | {x.node for x in view.flat.loads}
+    for group in view.islands():
+        capacitance = sum(view.capacitance(n) for n in group)
+        if not capacitance > 0.0 or not any(n.path in used for n in group):
+            continue
+        paths = [n.path for n in group]
+        loads = [x for x in view.flat.loads if x.node in paths]
+        rate = 3600.0 * sum(view.power(x) for x in loads) / capacitance
+        head = f"{quoted(paths)} {_has(group)} no path to a boundary"
+        if rate == 0.0:
+            yield Finding("warning", group[0].where, f"{head}: the heat that is there stays there.")
+            continue
+        constant = all(x.curve is None and set(x.fields) == {"power"} for x in loads)
+        word, about = ("warms" if rate > 0 else "cools", "" if constant else "about ")
+        yield Finding("warning", group[0].where, f"{head}: {word} at {about}{abs(rate):.6g} K/h without limit. Join it to a boundary.")
+
+
+def _loads(view: _View) -> Iterator[Finding]:
+    """A load whose heat cannot leave, or that goes into a given temperature."""
+    outside = {n.path for group in view.islands() for n in group}
+    for load in view.flat.loads:
+        if load.node in outside:
+            yield Finding("warning", load.where, f"'{load.path}' heats '{load.node}', from which no heat can leave.")
+        if load.node in view.flat.names.boundaries:
+            yield Finding("warning", load.where, f"'{load.path}' heats '{load.node}', whose temperature is given; it changes nothing.")
+
+
+def _shadowed(view: _View) -> Iterator[Finding]:
+    """A value that another one hides."""
+    for path, entry in view.flat.parameters.table.items():
+        if entry.shadowed:
+            hidden = ", ".join(f"{text} of {origin}" for origin, text in reversed(entry.shadowed))
+            yield Finding("note", entry.where, f"'{path}' is {entry.parameter.text}, set by {entry.origin}; it hides {hidden}.")
+
+
+def _ties(view: _View) -> Iterator[Finding]:
+    """Values that several instances share, and what is cut from its twins."""
+    literals = {path for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
+    known = {one.paths: one for path, one in local_identities(view.model).items() if path in literals}
+    shared: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    where = view.model.where("")
+    for paths, one in known.items():
+        if one.why == APART:
+            yield Finding("note", where, f"{quoted(list(paths))}: set for this instance; its twins have another value.")
+        elif len(paths) > 1:
+            field = _ending(paths)
+            places = tuple(p.removesuffix(field).rstrip(".") for p in paths)
+            shared.setdefault((one.why, places), []).append(field.lstrip("."))
+    for (why, places), fields in shared.items():
+        values = "one value" if len(fields) == 1 else f"each of {len(fields)} values"
+        yield Finding(
+            "note", where, f"{quoted(list(places))} share {values}, {why}: {quoted(fields)}. A fit changes all instances together."
+        )
+    for place in cuts_of(view.model):
+        yield Finding("note", where, f"'{place}' is cut from its twins: a fit finds values of its own.")
+
+
+def _ending(paths: tuple[str, ...]) -> str:
+    """Return the steps at the end that all paths have in common."""
+    steps = [p.split(".")[::-1] for p in paths]
+    count = next((n for n, row in enumerate(zip(*steps, strict=False)) if len(set(row)) > 1), min(map(len, steps)))
+    return ".".join(steps[0][:count][::-1])
+
+
+def _unused(view: _View) -> Iterator[Finding]:
+    """A declared parameter that nothing needs, neither as written nor after values were laid over it."""
+    table = view.flat.parameters.table
+    needs = {path: {entry.scope + name for name in entry.parameter.expression.names} for path, entry in table.items()}
+    declared: dict[str, str] = {}
+    for owner, prefix in _walk(view.model):
+        for name, _, given in owner.own_parameters():
+            needs[prefix + name] |= {prefix + other for other in given.expression.names}
+        declared |= {prefix + name: owner.where(f"parameters.{name}") for name in owner.parameters}
+    used: set[str] = set()
+    todo = [path for path in table if path not in declared]
+    while todo:
+        new = needs[todo.pop()] - used
+        used |= new
+        todo += new
+    for path, where in declared.items():
+        if path not in used:
+            yield Finding("warning", where, f"the parameter '{path}' is declared but nothing uses it.")
+
+
+def _fractions(view: _View) -> Iterator[Finding]:
+    """An emissivity or an exponent of natural convection that cannot be."""
+    for c in view.flat.conductors:
+        for name, path in {**c.fields, "emissivity": c.emissivity or c.fields.get("emissivity", "")}.items():
+            if name == "emissivity" and path and not 0.0 <= view.values[path] <= 1.0:
+                yield Finding(
+                    "error", view.flat.parameters.table[path].where, f"an emissivity of {view.values[path]:g} does not exist; give 0 to 1."
+                )
+            if name == "exchange_factor" and view.values[path] > 1.0:
+                message = f"an exchange factor of {view.values[path]:g} is above 1, that of a black surface."
+                yield Finding("warning", view.flat.parameters.table[path].where, message)
+            if name == "htc.exponent" and not 0.0 <= view.values[path] <= 1.0:
+                message = f"an exponent of {view.values[path]:g} is not one of natural convection, which has 1/4 or 1/3."
+                yield Finding("warning", view.flat.parameters.table[path].where, message)
+
+
+def _absorptances(view: _View) -> Iterator[Finding]:
+    """An absorptance that cannot be."""
+    for face in view.flat.faces.values():
+        path = face.fields.get("absorptance", "")
+        if path and not 0.0 <= view.values[path] <= 1.0:
+            where = view.flat.parameters.table[path].where
+            yield Finding("error", where, f"an absorptance of {view.values[path]:g} does not exist; give 0 to 1.")
+
+
+def _test_only(view: _View) -> Iterator[Finding]:
+    """Elements of the bench, which a flight model leaves out, and what hangs on them without being marked."""
+    marked = [prefix + name for owner, prefix in _walk(view.model) for _, name, element in owner.elements() if element.test_only]
+    if marked:
+        count = "one element is" if len(marked) == 1 else f"{len(marked)} elements are"
+        yield Finding("note", view.model.where(""), f"{count} for the test only: {quoted(marked)}. Flight models leave them out.")
+        try:
+            flatten(view.model.without_test_only())
+        except ThermidError as error:
+            yield Finding(
+                "warning", error.where, f"without the elements for the test only: {error.message} Mark what hangs on them test_only too."
+            )
+
+
+def _radiating(view: _View) -> Iterator[Finding]:
+    """Radiation into a gas."""
+    for gas, radiating in into_gas(view.flat, view.values).items():
+        where = next(n.where for n in view.flat.nodes if n.path == gas)
+        yield Finding("error", where, radiates_into(gas, radiating))
+
+
+def _streams(view: _View) -> Iterator[Finding]:
+    """A node whose streams do not carry one mass, and a stream that takes no heat from the node that it leaves."""
+    for where, message in unclosed(view.flat, view.values):
+        yield Finding("error", where, message)
+    for path, message in unfed(view.flat).items():
+        yield Finding("warning", next(c.where for c in view.flat.conductors if c.path == path), message)
+
+
+def _unsaid(view: _View) -> Iterator[Finding]:
+    """What a surface says nothing of: convection in gas, radiation without; what a run with the other is refused for."""
+    place = {path: face.where for path, face in view.flat.faces.items()} | {c.path: c.where for c in view.flat.conductors}
+    quiet = list(still(view.flat))
+    if quiet:
+        yield Finding(
+            "warning",
+            place[quiet[0]],
+            f"{quoted(quiet)} {'has' if len(quiet) == 1 else 'have'} an emissivity and no htc: every run with gas will be refused. "
+            "Give htc, or htc = 0 where nothing convects on purpose.",
+        )
+    for c in view.flat.conductors:
+        if c.kind == "effective" and not c.emissivity:
+            yield Finding(
+                "note",
+                c.where,
+                f"the coefficient of '{c.path}' contains radiation, and no emissivity is given: a vacuum run will be refused.",
+            )
+    alone = list(bare(view.flat))
+    if alone:
+        yield Finding(
+            "note",
+            place.get(alone[0], place.get(f"{alone[0]}.first", view.model.title)),
+            f"{quoted(alone)} {'has' if len(alone) == 1 else 'have'} htc and no emissivity: a vacuum run will be refused.",
+        )
+
+
+def _sources(view: _View) -> Iterator[Finding]:
+    """Values without a source, where others have one."""
+    literals = {path: entry.parameter for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
+    bare = [path for path, given in literals.items() if not given.source]
+    if bare and len(bare) < len(literals):
+        yield Finding("note", view.model.where(""), f"{len(bare)} of {len(literals)} values have no source: {quoted(bare)}.")
+
+
+Rule = Callable[[_View], Iterator[Finding]]
+RULES: Final[tuple[Rule, ...]] = (
+    _laws,
+    _radiating,
+    _streams,
+    _capacitances,
+    _massless,
+    _attached,
+    _paths,
+    _loads,
+    _unused,
+    _fractions,
+    _absorptances,
+    _shadowed,
+    _ties,
+    _test_only,
+    _unsaid,
+    _sources,
+)
+
+
+def findings(model: Model) -> tuple[Finding, ...]:
+    """Return what a careful reader would remark, errors first; one error alone when the tree cannot be laid flat."""
+    try:
+        view = _view(model)
+    except ThermidError as error:
+        return (Finding("error", error.where or model.title, error.message),)
+    found = dict.fromkeys(finding for rule in RULES for finding in rule(view))
+    return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
+
+
+def _walk(model: Model, prefix: str = "") -> Iterator[tuple[Model, str]]:
+    yield model, prefix
+    for name, part in model.submodels.items():
+        yield from _walk(part.model, f"{prefix}{name}.")
+
+
+def _has(group: list[FlatNode]) -> str:
+    return "has" if len(group) == 1 else "have"

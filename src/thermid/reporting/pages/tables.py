@@ -1,0 +1,302 @@
+"""Tables of a stage and of a campaign: parameters, coefficients by level, sensors, verdicts, areas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from thermid.campaign.stages import Campaign
+from thermid.fit.calibration import Calibration
+from thermid.fit.sensors import instrument_shares, sensor_shares
+from thermid.judge.validate import Check, Verdict
+from thermid.knowledge.values import FittedValue
+from thermid.model.tree.areas import ledger
+from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import ParameterSet, parameter_table
+from thermid.physics.constants import ICE_POINT
+from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
+from thermid.units import unit
+
+__all__ = ["HTC_NAMES", "STRONG", "areas", "at_bound", "correlations", "instruments", "levels", "locals_", "parameters", "records"]
+__all__ += ["sensors", "verdicts"]
+
+Names = tuple[tuple[str, str], ...]
+HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")
+STRONG = 0.95
+"""Correlation from which two parameters are hardly told apart."""
+
+
+def parameters(calibration: Calibration) -> Table:
+    """Return what was fitted: before, after, random and total error, bounds, shift in standard errors, source and state."""
+    columns = [
+        Column("parameter"),
+        Column("before", True),
+        Column("after", True),
+        Column("± random", True, "standard error from the noise of the samples alone"),
+        Column("± total", True, "standard error with the constant errors of sensors and powers"),
+        Column("total, %", True),
+        Column("unit"),
+        Column("bounds", True),
+        Column("shift / ±", True, "after less before, over the total standard error"),
+        Column("source before"),
+        Column("state"),
+    ]
+    table = parameter_table(calibration.model)
+    rows: list[Line] = []
+    for path, v in calibration.values.parameters.items():
+        entry = table[path]
+        source = entry.origin if entry.origin.startswith("stage ") else entry.parameter.source or "not stated"
+        after, error = v.in_unit, v.shown(v.error)
+        share = 100 * v.error / abs(v.value) if v.value else math.inf
+        shift = (v.value - v.start) / v.error if v.error > 0 and math.isfinite(v.error) else math.nan
+        rows.append(
+            [
+                Cell(path, entry.parameter.note),
+                plain(absolute(v, v.start), 6),
+                Cell(significant(after, v.shown(v.error_random)), repr(after), "main"),
+                number(v.shown(v.error_random), 2),
+                number(error, 2),
+                number(share, 2),
+                pretty(v.unit),
+                _bounds(v),
+                f"{shift:+.1f}" if math.isfinite(shift) else DASH,
+                Cell(source, entry.parameter.basis),
+                _state(v),
+            ]
+        )
+    return Table.of(columns, rows)
+
+
+def _bounds(v: FittedValue) -> str:
+    low, high = (plain(absolute(v, b), 4) if math.isfinite(b) else "" for b in v.bounds)
+    return f"{low} .. {high}" if low and high else f"from {low}" if low else f"to {high}" if high else DASH
+
+
+def at_bound(v: FittedValue) -> str:
+    """Return at which bound a value ended, 'lower' or 'upper'; empty for inside."""
+    for bound, side in zip(v.bounds, ("lower", "upper"), strict=True):
+        if math.isfinite(bound) and abs(v.value - bound) <= max(1e-4 * abs(bound), 0.02 * v.error):
+            return side
+    return ""
+
+
+def _state(v: FittedValue) -> Cell:
+    """Return whether a value is free inside its bounds or ended at one."""
+    if not math.isfinite(v.error):
+        return Cell("not determined", "", "bad")
+    if at_bound(v):
+        return Cell(f"at its {at_bound(v)} bound", "its error is not meaningful", "bad")
+    shared = f", shared by {1 + len(v.also)} instances" if v.also else ""
+    return Cell(f"free, with prior{shared}" if v.prior else f"free{shared}", ", ".join(v.also))
+
+
+def levels(campaign: Campaign) -> tuple[Table, Table]:
+    """Return heat transfer coefficients by level, and all other parameters that any stage fitted: parts down, stages across.
+
+    A part keeps its line whatever it is called in a larger model: the models' titles tell which part it is.
+    """
+    lines: list[tuple[Names, dict[str, tuple[float, FittedValue | None]]]] = []
+    for stage in reversed(tuple(campaign)):
+        calibration = campaign[stage]
+        values = ParameterSet(calibration.fitted_model).evaluate({})
+        fitted = calibration.values.assignments
+        for path in values:
+            names = tuple(_names(calibration.model, path))
+            hits = [found for keys, found in lines if names[0] in keys]
+            if not hits:
+                lines.append((names, {}))
+                hits = [lines[-1][1]]
+            for found in hits:
+                found[stage] = (float(values[path]), fitted.get(path))
+    told = [(_is_coefficient(names[0][1]), names, found) for names, found in lines]
+    htc = [_level_row(names, found, campaign) for is_htc, names, found in told if is_htc]
+    rest = [_level_row(names, found, campaign) for is_htc, names, found in told if not is_htc and any(v for _, v in found.values())]
+    columns = [Column("part"), Column("parameter"), Column("unit"), *(_stage_column(campaign[stage], stage) for stage in campaign)]
+    how = "Strong: fitted at that stage, with its total standard error. Plain: held there. A dash: not in that model."
+    return Table.of(columns, htc, how), Table.of(columns, rest, how)
+
+
+def _stage_column(fit: Calibration, stage: str) -> Column:
+    """Return the column of a stage, with its standing where a reader must know it."""
+    told = fit.standing
+    return Column(stage, True) if told.fair else Column(f"{stage} ({told.state})", True, told.line(stage))
+
+
+def _is_coefficient(path: str) -> bool:
+    return any(path == name or path.endswith(f".{name}") for name in HTC_NAMES)
+
+
+def _names(model: Model, path: str) -> Iterator[tuple[str, str]]:
+    """Yield title and rest of a path, for the model itself and every part that it passes."""
+    yield model.title, path
+    head, _, rest = path.partition(".")
+    if rest and head in model.submodels:
+        yield from _names(model.submodels[head].model, rest)
+
+
+def _level_row(names: Names, found: Mapping[str, tuple[float, FittedValue | None]], campaign: Campaign) -> list[Cell]:
+    one = next((v for _, v in found.values() if v), None)
+    text = one.unit if one else "W/(m^2 K)"
+    of = unit(text)
+    row = [Cell(names[-1][0]), Cell(names[0][1]), Cell(pretty(text))]
+    for stage in campaign:
+        value, fitted = found.get(stage, (math.nan, None))
+        shown = (value - float(of.offset)) / float(of.factor)
+        if fitted is None:
+            row.append(Cell(number(shown, 4), "held" if stage in found else "", "soft"))
+        else:
+            error = fitted.error / float(of.factor)
+            row.append(Cell(f"{significant(shown, error)} ± {number(error, 2)}", "fitted", "main"))
+    return row
+
+
+def sensors(calibration: Calibration) -> Table:
+    """Return how the model meets each sensor, over all records of a stage."""
+    columns = [
+        Column("sensor"),
+        Column("node", wrapped=True),
+        Column("records", True),
+        Column("samples", True),
+        Column("RMSE, K", True),
+        Column("median RMSE, K", True, "median over the records"),
+        Column("mean, K", True, "mean of measured less simulated"),
+        Column("largest, K", True, "the largest residual by size, with its sign"),
+        Column("bias, K", True, "constant error of the sensor: reading less truth, as found or held"),
+        Column("stated ±, K", True, "standard deviation of the constant error, as stated for the sensor"),
+        Column("noise, K", True, "standard deviation of a sample, the weight of the fit"),
+        Column("white", False, "whether neighbouring residuals are uncorrelated; else their correlation"),
+    ]
+    accuracy = {o.sensor: o.accuracy for e in calibration.experiments for o in e.observations}
+    rows: list[Line] = []
+    for name, s in calibration.sensors.items():
+        blocks = [b for b in calibration.blocks if b.sensor == name]
+        bias = calibration.values.sensors.get(name)
+        found = f"{signed(bias.value, 2)} ± {number(bias.error, 2)}" if bias else f"{signed(s.bias, 2)} held" if s.bias else DASH
+        rows.append(
+            [
+                Cell(name, "", "main"),
+                ", ".join(dict.fromkeys(b.node for b in blocks)),
+                str(len(blocks)),
+                str(s.samples),
+                number(s.rmse, 3),
+                number(calibration.median_rmse(name), 3),
+                signed(s.mean, 3),
+                signed(s.largest, 3),
+                found,
+                plain(accuracy.get(name) or math.nan, 3),
+                plain(blocks[0].noise, 3),
+                Cell("yes") if s.white else Cell(f"no ({s.lag_one:+.2f})", "", "warn"),
+            ]
+        )
+    said = "".join(f" {str(share)[0].upper()}{str(share)[1:]}." for share in (*sensor_shares(calibration), *instrument_shares(calibration)))
+    return Table.of(columns, rows, f"Residuals are measured less simulated, the sensor's constant error taken off.{said}")
+
+
+def instruments(calibration: Calibration) -> Table:
+    """Return the constant errors that were found for logged boundaries and powers."""
+    rows: list[Line] = [
+        [
+            name.removesuffix(" error"),
+            significant(v.in_unit, v.shown(v.error)),
+            number(v.shown(v.error), 2),
+            "factor" if v.unit == "1" else pretty(v.unit),
+        ]
+        for name, v in calibration.values.items()
+        if v.kind == "shared"
+    ]
+    columns = [Column("logged channel"), Column("constant error", True), Column("± total", True), Column("unit")]
+    return Table.of(columns, rows, "Added to a logged temperature; a factor on a logged power.")
+
+
+def records(calibration: Calibration) -> Table:
+    """Return the statistics of every record and sensor."""
+    numeric = [Column(c, True) for c in ("samples", "RMSE, K", "mean, K", "largest, K", "lag-1")]
+    columns = [Column("record"), Column("sensor"), *numeric, Column("white")]
+    rows: list[Line] = [
+        [
+            *(record, sensor, str(s.samples), number(s.rmse, 3)),
+            *(signed(s.mean, 3), signed(s.largest, 3), signed(s.lag_one, 2), "yes" if s.white else "no"),
+        ]
+        for record, found in calibration.statistics.items()
+        for sensor, s in found.items()
+    ]
+    return Table.of(columns, rows)
+
+
+def locals_(calibration: Calibration) -> Table:
+    """Return what was fitted for one record alone."""
+    rows: list[Line] = []
+    for i in calibration.local:
+        value = i.value - ICE_POINT if i.unit == "degC" else i.value
+        rows.append([i.record, i.name, significant(value, i.error), number(i.error, 2), pretty(i.unit)])
+    return Table.of([Column("record"), Column("value"), Column("found", True), Column("± total", True), Column("unit")], rows)
+
+
+def correlations(calibration: Calibration, most: int = 30) -> Table:
+    """Return the strongest correlations, those that hardly tell two parameters apart marked."""
+    ranked = sorted(calibration.correlations.items(), key=lambda item: -abs(item[1]))
+    looks = [("hardly told apart", "warn") if abs(c) > STRONG else ("", "") for _, c in ranked]
+    rows: list[Line] = [[a, b, Cell(f"{c:+.2f}", *look)] for ((a, b), c), look in zip(ranked[:most], looks, strict=False)]
+    more = f"; {len(ranked) - most} weaker ones are left out" if len(ranked) > most else ""
+    caption = f"Those above 0.1{more}; marked above {STRONG}."
+    return Table.of([Column("first"), Column("second"), Column("correlation", True)], rows, caption)
+
+
+def areas(model: Model) -> Table:
+    """Return the area ledger of a model: exposed + contact + gap = total for every surface."""
+    numeric = [Column(f"{c}, cm²", True) for c in ("total", "exposed", "contact", "gap")]
+    columns = [Column("surface"), *numeric, Column("taken by", wrapped=True)]
+    rows: list[Line] = [
+        [
+            line.surface,
+            *(number(1e4 * a, 4) for a in (line.total, line.exposed, line.contact, line.gap)),
+            ", ".join(f"{joint} {number(1e4 * a, 4)} cm²" for joint, a in line.joints.items()) or DASH,
+        ]
+        for line in ledger(model)
+    ]
+    return Table.of(columns, rows, "Exposed area convects and radiates; exposed + contact + gap = total.")
+
+
+def verdicts(campaign: Campaign) -> Table:
+    """Return every criterion of every verdict: found, limit, met or not, and what the verdict is conditional on."""
+    columns = [
+        Column("model"),
+        Column("held-out record"),
+        Column("sensor"),
+        Column("criterion"),
+        Column("found, K", True),
+        Column("limit, K", True),
+        Column("outside", True, "samples beyond the limit, of all samples"),
+        Column("result"),
+        Column("conditional on", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for v in campaign.verdicts:
+        if v.passed is None:
+            why = Cell("not judged", v.standing.line(v.model), "warn")
+            rows.append([Cell(v.model, v.title, "main"), Cell(v.record, v.title), DASH, DASH, DASH, DASH, DASH, why, Cell("nothing")])
+        for k, c in enumerate(v.checks):
+            first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if k == 0 else [Cell("", "", "same"), Cell("", "", "same")]
+            result = Cell("✓ met", "", "good") if c.passed else Cell("✗ not met", "", "bad")
+            condition = Cell(", ".join(v.fitted_locally), "fitted to this very record", "warn") if v.conditional else Cell("nothing")
+            if not v.unseen:
+                condition = Cell("no longer unseen", "it failed a verdict before the model was fitted anew", "bad")
+            found = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
+            rows.append([*first, c.sensor, criterion_words(c.criterion), *found, result, condition])
+    return Table.of(columns, rows)
+
+
+def criterion_words(name: str) -> str:
+    """Return a criterion as a person calls it."""
+    return {"rmse": "RMSE", "max_error": "largest error", "mean_error": "mean error"}.get(name, name)
+
+
+def _outside(verdict: Verdict, check: Check) -> str:
+    """Return how many samples lie beyond the limit of a single error."""
+    if check.criterion != "max_error":
+        return DASH
+    residuals = [b.residuals for b in verdict.blocks if b.sensor == check.sensor]
+    beyond = sum(int(np.count_nonzero(np.abs(r) > check.limit)) for r in residuals)
+    return f"{beyond} of {sum(r.size for r in residuals)}"

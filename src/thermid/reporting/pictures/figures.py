@@ -1,0 +1,220 @@
+"""Figures of a report: measured against simulated, RMSE by stage, predictions. Drawing is thinned; statistics never are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.fit.problem.residuals import Block
+from thermid.physics.constants import ICE_POINT
+from thermid.reporting.blocks.sections import Drawn, Entry
+from thermid.reporting.pictures.chart import Area, Line, Panel, chart, nice_ticks, number_text, thinned
+
+if TYPE_CHECKING:
+    from thermid.simulation.solution import Solution
+
+__all__ = ["Dots", "choose", "compared", "overview", "prediction", "thinned", "time_unit", "trace"]
+
+Array = NDArray[np.float64]
+
+INK, SOFT, GRID, MEASURED, SIMULATED, RESIDUAL = "#1a2230", "#556172", "#e3e8ee", "#8e9aa8", "#0072b2", "#c04a00"
+SERIES = ("#0072b2", "#c25200", "#00805e", "#b0568c", "#7a5c00", "#2a7fb0", "#7b4fa3", "#222e3c")
+"""After Okabe and Ito's colours (Color Universal Design, 2008), darkened to three to one on white at least."""
+DASHES: tuple[tuple[float, ...], ...] = ((), (6, 2), (2, 1.5), (7, 2, 2, 2), (9, 3), (1, 2.5), (5, 1.5, 1, 1.5, 1, 1.5), (3, 3))
+"""As many as colours, so that no two lines differ by colour alone."""
+MARKS = "●■▲◆▼✚✖★"
+SHAPES = (
+    "M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0-6.4 0z",
+    "M-2.9-2.9h5.8v5.8h-5.8z",
+    "M0-3.6l3.5 6.4h-7z",
+    "M0-4l4 4-4 4-4-4z",
+    "M0 3.6l3.5-6.4h-7z",
+    "M-1.2-3.6h2.4v2.4h2.4v2.4h-2.4v2.4h-2.4v-2.4h-2.4v-2.4h2.4z",
+    "M-3.6-2l1.6-1.6 2 2 2-2 1.6 1.6-2 2 2 2-1.6 1.6-2-2-2 2-1.6-1.6 2-2z",
+    "M0-4.2l1.2 3h3.1l-2.5 2 1 3.2-2.8-2-2.8 2 1-3.2-2.5-2h3.1z",
+)
+MOST_TRACES = 12
+LOOKS = {"measured": ("--f-measured", MEASURED), "simulated": ("--f-simulated", SIMULATED), "residual": ("--f-residual", RESIDUAL)}
+
+
+@dataclass(frozen=True)
+class Dots:
+    """One line of the overview: a stage or its held-out records.
+
+    Parameters
+    ----------
+    label : str         Name.
+    values : dict       Sensor -> RMSE of each record. [K]
+    held_out : bool     Whether no fit has seen the records.
+    doubt : str         What stands under the name, such as that the fit is not credible; a small RMSE alone would recommend it.
+    """
+
+    label: str
+    values: Mapping[str, Sequence[float]]
+    held_out: bool = False
+    doubt: str = ""
+
+
+def time_unit(duration: float) -> tuple[float, str]:
+    """Return the length [s] and name of the unit in which a duration [s] reads well.
+
+    >>> time_unit(18000.0)
+    (3600.0, 'h')
+    """
+    return (1.0, "s") if duration <= 300 else (60.0, "min") if duration <= 3 * 3600 else (3600.0, "h")
+
+
+def choose(blocks: Sequence[Block], most: int = MOST_TRACES) -> list[tuple[Block, str]]:
+    """Return the traces to draw with what marks them: all when there are few, else best, median and worst of each sensor and some between.
+
+    Parameters
+    ----------
+    blocks : sequence of Block  Every trace of a stage.
+    most : int                  At most so many.
+    """
+    size = {id(b): float(np.sqrt(np.mean(b.residuals**2))) for b in blocks}
+    ranked = sorted(blocks, key=lambda b: size[id(b)])
+    marks: dict[int, str] = {}
+    sensors = dict.fromkeys(b.sensor for b in blocks)
+    for sensor in sensors:
+        own = [b for b in ranked if b.sensor == sensor]
+        if len(own) > 2:
+            for k, word in ((0, "best"), (len(own) // 2, "median"), (-1, "worst")):
+                marks.setdefault(id(own[k]), f"{word} of {sensor}")
+    if len(blocks) <= most:
+        return [(b, marks.get(id(b), "")) for b in blocks]
+    order = sorted(marks, key=lambda k: (not marks[k].startswith("worst"), not marks[k].startswith("best")))
+    kept = set(order[:most])
+    rest = [b for b in ranked if id(b) not in kept]
+    step = max(len(rest) / max(most - len(kept), 1), 1.0)
+    kept |= {id(rest[int(step * (k + 0.5))]) for k in range(most - len(kept)) if int(step * (k + 0.5)) < len(rest)}
+    return [(b, marks.get(id(b), "")) for b in blocks if id(b) in kept]
+
+
+def compared(times: Array, measured: Array, predicted: Array, key: str, label: str, *, below: str = "residual", wide: float = 0.0) -> Drawn:
+    """Return readings with the simulation over them, and their difference below: the one layout of every such figure.
+
+    Parameters
+    ----------
+    times : array (samples,)                [s]
+    measured, predicted : array (samples,)  [K]
+    key : str                               Prefix of the figure's identifiers, different for every figure of a page.
+    label : str                             What a screen reader says.
+    below : str                             What the lower axis is called.
+    wide : float                            Half-width of the band of the sensor's error around the readings; none without it. [K]
+    """
+    length, unit = time_unit(float(times[-1] - times[0]))
+    x, y, left = times / length, measured - ICE_POINT, measured - predicted
+    bands: list[Area] = []
+    low: list[Area] = []
+    if wide > 0:
+        ends = np.array([x[0], x[-1]])
+        bands = [Area("sensor, 95 %", x, y - wide, y + wide, LOOKS["measured"])]
+        low = [Area("sensor, 95 %", ends, np.full(2, -wide), np.full(2, wide), LOOKS["measured"])]
+    lines = [Line("measured", x, y, LOOKS["measured"], 3.4), Line("simulated", x, predicted - ICE_POINT, LOOKS["simulated"], 1.4)]
+    panels = [
+        Panel("temperature", "°C", lines, bands, share=2.4),
+        Panel(below, "K", [Line("measured less simulated", x, left, LOOKS["residual"], 1.0, less=("measured", "simulated"))], low, (0.0,)),
+    ]
+    markup, points = chart(panels, key=key, label=label, x_name=("time", unit), size=(440, 280))
+    entries = [Entry("measured", "--f-measured", width=4), Entry("simulated", "--f-simulated", width=2)]
+    entries.append(Entry("measured less simulated", "--f-residual", width=1.4))
+    entries += [Entry("sensor, 95 %", "--f-measured", "band")] if wide > 0 else []
+    return Drawn(markup, tuple(entries), points)
+
+
+def trace(block: Block, key: str, label: str) -> Drawn:
+    """Return measured against simulated readings of one sensor in one record, with the residuals below.
+
+    Parameters
+    ----------
+    block : Block   The readings.
+    key : str       Prefix of the figure's identifiers, different for every figure of a page.
+    label : str     What a screen reader says before what is seen.
+    """
+    rmse = float(np.sqrt(np.mean(block.residuals**2)))
+    return compared(block.times, block.measured, block.measured - block.residuals, key, f"{label}, RMSE {rmse:.3g} K")
+
+
+def _spread(count: int) -> Array:
+    """Return offsets within a line (count,) that keep dots of one value apart, the same ones every time."""
+    return np.asarray(((np.arange(count) * 0.618034) % 1.0 - 0.5) * 0.3, dtype=np.float64)
+
+
+def overview(lines: Sequence[Dots]) -> Drawn:
+    """Return the RMSE of every record as a dot, a line per stage, a colour and mark per sensor, with a stroke at each median."""
+    sensors = list(dict.fromkeys(s for line in lines for s in line.values))
+    highest = 1.06 * max((v for line in lines for values in line.values.values() for v in values), default=1.0) or 1.0
+    width, left, right, row = 760.0, 190.0, 14.0, 42.0
+    bottom = 8.0 + row * len(lines)
+    ticks = nice_ticks(0.0, highest, 7)
+
+    def place(value: float) -> float:
+        return left + (width - left - right) * value / highest
+
+    def dot(m: int, x: float, y: float) -> str:
+        return f'<path d="{SHAPES[m % len(SHAPES)]}" transform="translate({x:.1f} {y:.1f})" style="fill:{_series(m)};fill-opacity:.75"/>'
+
+    rules = "".join(f"M{place(t):.1f} 8V{bottom:.0f}" for t in ticks)
+    out = [f'<path d="{rules}" style="fill:none;stroke:var(--f-grid,{GRID})"/>']
+    out += [f'<text x="{place(t):.1f}" y="{bottom + 15:.0f}" text-anchor="middle">{number_text(t, ticks[1])}</text>' for t in ticks]
+    points, said = 0, []
+    for k, line in enumerate(lines):
+        middle = 8.0 + row * (k + 0.5)
+        name = f'<tspan style="fill:var(--f-ink,{INK})">{escape(_cut(line.label))}</tspan>'
+        under = "held out" if line.held_out else escape(line.doubt)
+        look = f' style="fill:var(--bad,{RESIDUAL});font-weight:700"' if line.doubt else ""
+        held = f'<tspan x="{left - 10:g}" dy="13"{look}>{under}</tspan>' if under else ""
+        out.append(f'<text x="{left - 10:g}" y="{middle + (4 if not held else -2):.1f}" text-anchor="end">{name}{held}</text>')
+        for at, (sensor, found) in enumerate(line.values.items()):
+            m, values = sensors.index(sensor), np.asarray(found, dtype=float)
+            shift = 0.0 if len(line.values) == 1 else 0.5 * (at / (len(line.values) - 1) - 0.5)
+            offsets = _spread(values.size) / len(line.values) if values.size > 1 else np.zeros(1)
+            out += [dot(m, place(float(v)), middle + row * (shift + float(o))) for v, o in zip(values, offsets, strict=True)]
+            if values.size > 1:
+                median = f"M{place(float(np.median(values))):.1f} {middle + row * shift - 8:.1f}v16"
+                out.append(f'<path d="{median}" style="fill:none;stroke:var(--f-ink,{INK});stroke-width:1.8"/>')
+            points += int(values.size)
+        highest_here = max((v for values in line.values.values() for v in values), default=0.0)
+        said.append(
+            f"{line.label}{', held out' if line.held_out else ''}{f', {line.doubt}' if line.doubt else ''}: at most {highest_here:.3g} K"
+        )
+    axis = f'<path d="M{left:g} {bottom:.0f}H{width - right:g}" style="stroke:var(--f-soft,{SOFT});stroke-width:.8"/>'
+    end = f'<text x="{(left + width - right) / 2:.0f}" y="{bottom + 32:.0f}" text-anchor="middle">RMSE of a record, K</text>'
+    label = escape(f"RMSE per record and sensor, by stage. {'; '.join(said[:14])}.")
+    markup = (
+        f'<svg class="plot" role="img" aria-label="{label}" viewBox="0 0 {width:g} {bottom + 38:.0f}" '
+        f'style="font-size:12px;fill:var(--f-soft,{SOFT})">{"".join(out)}{axis}{end}</svg>'
+    )
+    entries = [Entry(s, f"--s{m % len(SERIES)}", "", MARKS[m % len(MARKS)]) for m, s in enumerate(sensors)]
+    if any(len(values) > 1 for line in lines for values in line.values.values()):
+        entries.append(Entry("median", "--f-ink", "", "❙"))
+    return Drawn(markup, tuple(entries), points)
+
+
+def _series(k: int) -> str:
+    return f"var(--s{k % len(SERIES)},{SERIES[k % len(SERIES)]})"
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= 26 else text[:25] + "…"
+
+
+def prediction(solution: Solution, key: str, label: str) -> Drawn:
+    """Return the temperatures of every node of a solution over time."""
+    length, unit = time_unit(float(solution.times[-1] - solution.times[0]))
+    lines, entries = [], []
+    for k, node in enumerate(solution.nodes):
+        n = k % len(SERIES)
+        dash = " ".join(f"{d:g}" for d in DASHES[(n + k // len(SERIES)) % len(DASHES)])
+        celsius = solution.temperatures[:, k] - ICE_POINT
+        name = f"{node} {celsius[-1]:.1f} °C"
+        lines.append(Line(name, solution.times / length, celsius, (f"--s{n}", SERIES[n]), 1.6, dash))
+        entries.append(Entry(name, f"--s{n}", dash))
+    markup, points = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330))
+    return Drawn(markup, tuple(entries), points)

@@ -1,0 +1,236 @@
+"""Pictures of how far a fit can be trusted: the profile of a parameter, the valley of two."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermid.arguments import takes_objects
+from thermid.errors import ThermidError
+from thermid.explain.criticism import Criticism
+from thermid.explain.whiteness import cumulated_periodogram
+from thermid.files import PICTURE, write_bytes
+from thermid.inference.profile import Profile
+from thermid.inference.valley import Valley
+from thermid.monte_carlo.hold import Hold
+from thermid.physics.constants import ICE_POINT
+from thermid.profile_runs.profile_run import ProfileRun
+from thermid.reporting.blocks.extras import extra
+from thermid.reporting.pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT, time_unit
+from thermid.reporting.pictures.hold import draw_hold
+from thermid.reporting.pictures.profile_run import draw_run
+from thermid.units import unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["check_ending", "picture"]
+
+PICTURES = (".png", ".svg", ".pdf")
+LEVELS = {2.30: "68 %", 5.99: "95 %"}
+"""Growth of the sum of squares that holds two parameters together with a probability: quantiles of chi-square, two degrees of freedom."""
+
+
+@takes_objects
+def picture(thing: Profile | Valley | Criticism | Hold | ProfileRun, to: str | os.PathLike[str]) -> Path:
+    """Write the picture of a profile, a valley, a criticism, a hold or a profile's run, and return its path (png, svg, pdf).
+
+    Parameters
+    ----------
+    thing : Profile, Valley, Criticism, Hold or ProfileRun  What to draw; of a criticism, the trace that is least like noise.
+    to : path                               File to write.
+
+    Raises
+    ------
+    ThermidError        When there is no picture of such a thing.
+    MissingExtraError   When matplotlib is not installed.
+    """
+    drawers: dict[type, Any] = {Profile: _profile, Valley: _valley, Criticism: _criticism, Hold: draw_hold, ProfileRun: draw_run}
+    if type(thing) not in drawers:
+        raise ThermidError(
+            f"there is no picture of a {type(thing).__name__}; there are pictures of {', '.join(t.__name__ for t in drawers)}."
+        )
+    target = check_ending(to)
+    with _canvas() as figure:
+        drawers[type(thing)](figure, thing)
+        drawn = BytesIO()
+        figure.savefig(drawn, format=target.suffix.lower()[1:], dpi=144, metadata={"Date": None} if target.suffix == ".svg" else None)
+    return write_bytes(target, drawn.getvalue(), PICTURE)
+
+
+def check_ending(to: str | os.PathLike[str]) -> Path:
+    """Return a path whose ending is that of a picture.
+
+    Raises
+    ------
+    ThermidError   When it is another.
+    """
+    target = Path(to)
+    if target.suffix.lower() not in PICTURES:
+        raise ThermidError(f"'{target.name}': a picture ends in {', '.join(PICTURES)}.")
+    return target
+
+
+@contextmanager
+def _canvas() -> Iterator[Figure]:
+    """Yield a figure under settings that leave no trace."""
+    with extra():
+        import matplotlib
+        from matplotlib.figure import Figure
+    settings: Any = {
+        "text.parse_math": False,
+        "font.size": 10,
+        "text.color": INK,
+        "axes.edgecolor": SOFT,
+        "axes.labelcolor": INK,
+        "axes.titlesize": 10,
+        "axes.titlecolor": INK,
+        "xtick.color": SOFT,
+        "ytick.color": SOFT,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "grid.color": GRID,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "legend.frameon": False,
+        "svg.hashsalt": "thermid",
+    }
+    with matplotlib.rc_context(settings):
+        yield Figure(figsize=(7.2, 4.8), facecolor="white", layout="constrained")
+
+
+def _in_unit(values: Any, text: str) -> Any:
+    of = unit(text)
+    return (np.asarray(values) - float(of.offset)) / float(of.factor)
+
+
+def _profile(figure: Figure, found: Profile) -> None:
+    """Draw how much worse the fit gets as a parameter moves, with the interval and what the standard error alone would say."""
+    axis: Axes = figure.subplots()
+    x = _in_unit(found.values, found.unit)
+    best, low, high = (float(_in_unit(v, found.unit)) for v in (found.best, found.low, found.high))
+    error = found.error / float(unit(found.unit).factor)
+    axis.axvspan(low, high, color=SIMULATED, alpha=0.12, linewidth=0)
+    parabola = np.linspace(min(x.min(), best - 2 * error), max(x.max(), best + 2 * error), 200)
+    axis.plot(
+        parabola, ((parabola - best) / error) ** 2, color=SOFT, linewidth=1.2, linestyle="--", label="what the standard error alone says"
+    )
+    axis.plot(x, found.rise, color=SIMULATED, linewidth=1.8, marker="o", markersize=4, label="all others fitted anew")
+    axis.axhline(found.threshold, color=RESIDUAL, linewidth=1.2)
+    axis.text(x.max(), found.threshold, f"{100 * found.level:.3g} % ", color=RESIDUAL, va="bottom", ha="right")
+    axis.plot([best], [0.0], marker="D", color=RESIDUAL, markersize=7, linestyle="none", label="best fit")
+    top = max(1.8 * found.threshold, 1.05 * float(found.rise.max()))
+    axis.set_ylim(-0.04 * top, min(top, 4.0 * found.threshold))
+    for ok, end, side in zip(found.limited, (low, high), ("no lower limit", "no upper limit"), strict=True):
+        if not ok:
+            axis.text(end, 0.5 * found.threshold, f" {side} ", color=RESIDUAL, ha="left" if side.startswith("no l") else "right")
+    axis.set_xlabel(f"{found.path}, {found.unit}")
+    axis.set_ylabel("how much worse the fit is (weighted squares)")
+    axis.legend(loc="upper center")
+
+
+def _valley(figure: Figure, found: Valley) -> None:
+    """Draw the growth of the sum of squares over two parameters, what 68 and 95 % of trust allow, the valley's floor and the bounds."""
+    from matplotlib.ticker import LogLocator
+
+    axis: Axes = figure.subplots()
+    x, y = _in_unit(found.first, found.units[0]), _in_unit(found.second, found.units[1])
+    x, y, rise = _smooth(x, y, found)
+    steps = [0, 1, 2.30, 5.99, 15, 40, 100, 300, 1000, 1e12]
+    filled = axis.contourf(x, y, rise, levels=steps, cmap="Blues_r", norm=_steps(steps))
+    for (level, name), style in zip(LEVELS.items(), ("-", ":"), strict=True):
+        axis.contour(x, y, rise, levels=[level], colors=[INK], linewidths=1.5, linestyles=style)
+        axis.plot([], [], color=INK, linewidth=1.5, linestyle=style, label=f"{name} of trust")
+    floor = _in_unit(found.along[:, 0], found.units[0]), _in_unit(found.along[:, 1], found.units[1])
+    axis.plot(*floor, color=RESIDUAL, linewidth=1.2, linestyle="--", label="floor of the valley")
+    axis.plot(
+        *(float(_in_unit(v, u)) for v, u in zip(found.best, found.units, strict=True)),
+        marker="D",
+        color=RESIDUAL,
+        linestyle="none",
+        label="best fit" if found.fitted else "start",
+    )
+    for k, line in enumerate((axis.axvline, axis.axhline)):
+        for bound in found.bounds[k]:
+            place = float(_in_unit(bound, found.units[k])) if np.isfinite(bound) else np.nan
+            axis_values = (x, y)[k]
+            if axis_values.min() <= place <= axis_values.max():
+                line(place, color=RESIDUAL, linewidth=2.5, label=None)
+    for k, scale in enumerate((axis.set_xscale, axis.set_yscale)):
+        if found.logs[k] and (x, y)[k].max() > 2.5 * (x, y)[k].min():
+            scale("log")
+            side = (axis.xaxis, axis.yaxis)[k]
+            side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            side.set_major_formatter("{x:.3g}")
+            side.set_minor_formatter("")
+    axis.set_xlim(x.min(), x.max())
+    axis.set_ylim(y.min(), y.max())
+    axis.set_xlabel(f"{found.names[0]}, {found.units[0]}")
+    axis.set_ylabel(f"{found.names[1]}, {found.units[1]}")
+    axis.grid(False)
+    axis.legend(loc="upper right", frameon=True, framealpha=0.85, edgecolor="none")
+    bar = figure.colorbar(filled, ax=axis, ticks=steps[:-1], label="how much worse the fit is (weighted squares)")
+    bar.ax.tick_params(length=0)
+
+
+def _criticism(figure: Figure, found: Criticism) -> None:
+    """Draw the residuals of the worst trace against time, temperature and power, and their cumulated periodogram with its band."""
+    worst = min(found.traces, key=lambda t: (t.quiet, t.white, t.ljung_box, -t.periodogram))
+    size, unit_name = time_unit(float(worst.times[-1] - worst.times[0]))
+    axes = figure.subplots(2, 2)
+    figure.suptitle(f"{found.title}: {worst.sensor} in {worst.record}", fontsize=11)
+    panels = (
+        ("time", worst.times / size, f"time, {unit_name}"),
+        ("temperature", worst.temperature - ICE_POINT, "predicted temperature, °C"),
+        ("power", worst.power, "power, W"),
+    )
+    for axis, (name, x, label) in zip(axes.flat, panels, strict=False):
+        axis.axhline(0.0, color=SOFT, linewidth=0.8)
+        axis.plot(
+            x, worst.residuals, color=RESIDUAL, linewidth=0.8 if name == "time" else 0, marker="." if name != "time" else "", markersize=3
+        )
+        axis.set_xlabel(label)
+        axis.set_ylabel("residual, K")
+        slope, error = worst.slopes.get(name, (0.0, 0.0))
+        if error > 0:
+            along = np.array([x.min(), x.max()])
+            step = slope * size if name == "time" else slope
+            axis.plot(along, worst.residuals.mean() + step * (along - x.mean()), color=SIMULATED, linewidth=1.4)
+            axis.set_title(f"slope {abs(slope) / error:.1f} standard errors", loc="right", fontsize=9)
+        elif np.ptp(x) == 0:
+            axis.set_title("power was constant", loc="right", fontsize=9)
+    share = cumulated_periodogram(worst.residuals)
+    last, axis = float(np.median(np.diff(worst.times))), axes.flat[3]
+    frequency = np.linspace(0.0, 0.5 / last, share.size) * size
+    line = np.linspace(0.0, 1.0, share.size)
+    axis.fill_between(frequency, np.clip(line - worst.band, 0, 1), np.clip(line + worst.band, 0, 1), color=SOFT, alpha=0.18, linewidth=0)
+    axis.plot(frequency, share, color=RESIDUAL, linewidth=1.5)
+    axis.set_title("grey: noise, 95 %", loc="right", fontsize=9)
+    axis.set_xlabel(f"frequency, 1/{unit_name}")
+    axis.set_ylabel("share of variance below")
+
+
+def _smooth(x: Any, y: Any, found: Valley) -> tuple[Any, Any, Any]:
+    """Return the map on a finer grid: a narrow valley lies between the points of a coarse one. Splines of third order keep its parabola."""
+    from scipy.interpolate import RectBivariateSpline
+
+    if not np.isfinite(found.rise).all():
+        return x, y, np.ma.masked_invalid(np.maximum(found.rise, 0.0))
+    across, down = (np.log(v) if log else v for v, log in zip((x, y), found.logs, strict=True))
+    fine = [np.linspace(v[0], v[-1], 240) for v in (across, down)]
+    rise = RectBivariateSpline(down, across, found.rise)(fine[1], fine[0])
+    u, v = (np.exp(line) if log else line for line, log in zip(fine, found.logs, strict=True))
+    return u, v, np.maximum(rise, 0.0)
+
+
+def _steps(levels: list[float]) -> Any:
+    from matplotlib.colors import BoundaryNorm
+
+    return BoundaryNorm(levels, 256)

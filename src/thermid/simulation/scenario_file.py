@@ -1,0 +1,99 @@
+"""`load_scenario`: scenario files, TOML in, `Scenario` out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from thermid.arguments import takes_objects
+from thermid.errors import ScenarioError, ThermidError, nearest
+from thermid.model.deck.modelfile import read_toml, refuse_another_kind
+from thermid.model.laws.signal import literal, signal
+from thermid.network.environment import Environment
+from thermid.network.irradiation import Irradiation
+from thermid.simulation.scenarios.columns import LogColumns
+from thermid.simulation.scenarios.scenario import SLOTS, Scenario
+from thermid.simulation.sites.surroundings import surrounded
+from thermid.units import TEMPERATURE
+
+__all__ = ["load_scenario"]
+
+SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent")
+"""Tables of a scenario file that stand for boundaries, gases and radiation."""
+
+
+@takes_objects
+def load_scenario(path: str | os.PathLike[str]) -> Scenario:
+    """Return the scenario of a TOML file.
+
+    A signal may be a column of a log: ``{ file = "room.csv", column = "T_AMB", unit = "degC", time = "time_s" }``, whose times count from
+    the first sample of the log. Tables
+    `site`, `weather`, `sun` and `wind` make a time on the pad, as `pad_scenario` does, and `ascent` an ascent, as
+    `ascent_scenario` does.
+
+    Raises
+    ------
+    ScenarioError   When a key is unknown or a value is no signal.
+    """
+    target = Path(path)
+    data, lines = read_toml(target)
+    refuse_another_kind(data, "a scenario: boundaries, loads, start, duration", target.name)
+    fields = {*Scenario.__dataclass_fields__, *SURROUNDINGS}
+    for key in data:
+        if key not in fields:
+            raise ScenarioError(f"a scenario has no '{key}'.{nearest(key, fields)}", f"{target.name}:{lines.get(key, 1)}, {key}")
+    given: dict[str, Any] = {"title": target.stem, **data}
+    columns, gases = LogColumns.of(data, target.parent, target.name), data.get("environment", {})
+    for name, slot in SLOTS.items():
+        if name in given:
+            held = name == "commands"
+            given[name] = {k: columns.signal(v, slot, f"{target.name}, {name}.{k}", held) for k, v in given[name].items()}
+    given["environment"] = {gas: _environment(t, columns, f"{target.name}, environment.{gas}") for gas, t in gases.items()}
+    given["irradiation"] = {
+        surface: _irradiation(t, columns, f"{target.name}, irradiation.{surface}") for surface, t in data.get("irradiation", {}).items()
+    }
+    try:
+        if set(SURROUNDINGS) & set(data):
+            return surrounded(given, columns, target.name)
+        return Scenario(**given)
+    except ThermidError as error:
+        key = error.where.removeprefix(f"{given['title']}, ")
+        if key != error.where:  # the scenario names itself; its reader looks for the line
+            raise type(error)(error.message, f"{target.name}:{lines.get(key, 1)}, {key}") from None
+        raise error.located(target.name) from None
+
+
+def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> Environment:
+    known = {"pressure": "Pa", "wind": "m/s", "humidity": "1", "gravity": "m/s^2", "time_constant": "s"}
+    unknown = set(table) - {*known, "gas", "sealed", "vented"}
+    if unknown:
+        raise ScenarioError(f"a gas has {', '.join(known)}, gas, sealed and vented, not {', '.join(sorted(unknown))}.", where)
+    given: dict[str, Any] = {
+        name: literal(table[name], unit, where) for name, unit in known.items() if name in table and name not in ("pressure", "wind")
+    }
+    given |= {
+        name: signal(columns.signal(table[name], known[name], where), known[name], where) for name in ("pressure", "wind") if name in table
+    }
+    given |= {name: table[name] for name in ("gas", "sealed", "vented") if name in table}
+    try:
+        return Environment(**given)
+    except ThermidError as error:
+        raise error.located(where) from None
+
+
+def _irradiation(table: Mapping[str, Any], columns: LogColumns, where: str) -> Irradiation:
+    """Return what falls on a surface from the table of a scenario file."""
+    known = Irradiation.__dataclass_fields__
+    for name in table:
+        if name not in known:
+            raise ScenarioError(f"radiation on a surface has no '{name}'.{nearest(name, known)} It has {', '.join(known)}.", where)
+    given = {
+        name: value if name == "sky_view" else columns.signal(value, TEMPERATURE if name == "sky" else "W/m^2", where)
+        for name, value in table.items()
+    }
+    try:
+        return Irradiation(**given)
+    except ThermidError as error:
+        raise error.located(where) from None
