@@ -248,6 +248,8 @@ class LargeResult:
     @property
     def final_temperatures(self) -> _Reals: ...
     @property
+    def final_states(self) -> _Reals: ...
+    @property
     def load_energy(self) -> _Reals: ...
     @property
     def boundary_energy(self) -> _Reals: ...
@@ -273,6 +275,7 @@ class LargeProblem:
         boundary_offset: _Reals,
         tables: Sequence[tuple[_Reals, _Reals, _Reals]],
         inputs: Sequence[tuple[int, _Reals, _Reals]],
+        store: _Ints,
     ) -> None: ...
     def integrate(
         self,

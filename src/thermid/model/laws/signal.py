@@ -782,9 +782,9 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
     ----------
     value : str, number, table or Signal
         ``"24 [degC]"``; ``{times = ["0 [s]", "1 [h]"], values = ["24 [degC]", "25 [degC]"]}`` with ``hold = true`` for steps, ``after``
-        (hold or repeat; ``period`` where the last row does not end it) for the time beyond the last row, ``before`` (hold), and ``samples = "average"`` where
-        each value is the mean over the interval that ends at its time; ``{mean = "24 [degC]", amplitude = "3 [K]", period = "24 [h]",
-        phase = 0.0}``; a pair (times, values) of arrays in SI.
+        (hold or repeat; ``period`` where the last row does not end it) for the time beyond the last row, ``before`` (hold), and
+        ``samples = "average"`` where each value is the mean over the interval that ends at its time;
+        ``{mean = "24 [degC]", amplitude = "3 [K]", period = "24 [h]", phase = 0.0}``; a pair (times, values) of arrays in SI.
     slot : str      What it must be: a unit text or `temperature`.
 
     Raises
