@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, nearest
 from thermid.network.eliminate import held_in
+from thermid.simulation.beyond import NEAR
 from thermid.simulation.large import METHODS, Watched, integrate
 from thermid.simulation.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
 
@@ -154,7 +155,7 @@ def integrate_model(
     engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool = False
 ) -> Answer:
     """Return what `Engine.integrate` does, by the integrator of large networks."""
-    from thermid.simulation.engine import NEAR, Answer
+    from thermid.simulation.engine import Answer
 
     network = sparse_of(engine, a)
     place, size = _places(engine, a), network.capacities.size

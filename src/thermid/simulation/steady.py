@@ -124,7 +124,7 @@ class _Balance:
 
     def _sum(self, rows: Array) -> Array:
         """Return rows of all states summed over each node and what it holds."""
-        out = rows[self.own].copy()
+        out: Array = rows[self.own].copy()
         for k, _ in self.held:
             out[self.place[k]] += rows[k]
         return out
