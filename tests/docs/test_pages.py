@@ -114,14 +114,15 @@ def test_code_named_in_decisions_exists() -> None:
     """Every word between backticks that looks like a name or a file of this project is one."""
     from .vocabulary import words_of_the_code
 
-    known = words_of_the_code() | FOREIGN
+    source = ROOT / "src" / "thermid"
+    known = words_of_the_code() | FOREIGN | {p.stem for p in source.rglob("*") if p.is_dir() or p.suffix == ".py"}
     strange = []
     for path in DECISIONS:
         for word in re.findall(r"`([A-Za-z_][\w./-]*)`", path.read_text(encoding="utf-8")):
             parts = [p for p in word.split(".") if p not in ("td", "thermid")]
             if "/" in word:
                 assert (ROOT / word).exists(), f"{path.name}: {word}"
-            elif word not in known and not all(p in known or (ROOT / "src" / "thermid" / p).is_dir() for p in parts):
+            elif word not in known and not all(p in known for p in parts):
                 strange.append(f"{path.name}: {word}")
     assert strange == [], "\n".join(strange)
 

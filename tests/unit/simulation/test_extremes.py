@@ -17,7 +17,7 @@ from switched import switched
 from thermid.judge.limit_checks import check_limits, check_readings
 from thermid.judge.limits import Limits
 from thermid.judge.margins import margins
-from thermid.model.signal import Table
+from thermid.model.laws.signal import Table
 from thermid.monte_carlo.hold import hold
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Trace
