@@ -113,7 +113,7 @@ def large(form: str, between: bool) -> tuple[np.ndarray, np.ndarray]:
         np.array([COLD[2]]),
         tables_of(form),
         [],
-        np.full(8, -1, np.int32),
+        ints([]),
     )
     heat, slope, pair, _, _ = problem.heat(np.concatenate([HOT, COLD]) if between else HOT, 0.0)
     return -heat[:8], pair if between else slope
