@@ -139,7 +139,7 @@ def _members(setting: Setting, linear: Linear, sources: Array, straight: bool) -
     if straight:
         every = np.arange(sources.shape[1])
         return {n: (linear.run[n].kelvin[:, None] + c[:-1] @ sources, every) for n, c in linear.columns.items()}
-    found = setting.temperatures(sources, list(linear.columns)).kelvin
+    found = setting.temperatures(sources, list(linear.columns), extremes=False).kelvin
     kept = {n: np.flatnonzero(~np.isnan(m).any(axis=0)) for n, m in found.items()}
     return {n: (m[:, kept[n]], kept[n]) for n, m in found.items() if kept[n].size}
 
@@ -186,7 +186,7 @@ def missed(setting: Setting, linear: Linear) -> Missed:
     shape = budget.drawn(budget.numbers(0, 0, SHAPE))
     half = budget.numbers(1, 0, PROBES // 2)
     probe = budget.drawn(np.hstack([half, 1.0 - half]))
-    drawn = setting.temperatures(probe, list(size))
+    drawn = setting.temperatures(probe, list(size), extremes=False)
     actual, many = drawn.kelvin, drawn.runs
     if many is not None and many.failed:
         return Missed("some members did not reach the end", True)

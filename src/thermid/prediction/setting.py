@@ -171,14 +171,18 @@ class Setting:
         acting = {t.name for t, names in self.carriers.items() if t.form == "mode" and names}
         return out | own | {s.name: row for s, row in zip(self.budget.sources, sources, strict=True) if s.name in acting}
 
-    def temperatures(self, sources: Array, nodes: Sequence[str], threads: int = 1) -> Drawn:
-        """Return the temperatures of nodes at values (sources, members) of the sources, and the runs behind them."""
+    def temperatures(self, sources: Array, nodes: Sequence[str], threads: int = 1, extremes: bool = True) -> Drawn:
+        """Return the temperatures of nodes at values (sources, members) of the sources, and the runs behind them.
+
+        Without `extremes` members are not followed between the stored times, which costs less.
+        """
+        ready = self.ready if extremes else replace(self.ready, options=replace(self.ready.options, extremes=False))
         values, members = self.values(sources), sources.shape[1]
         many: Ensemble | None = None
         found: dict[str, Array] = {}
         turnings: dict[str, MemberTurnings] = {}
         if values:
-            many = self.ready.ensemble(values, nodes=list(nodes), threads=threads)
+            many = ready.ensemble(values, nodes=list(nodes), threads=threads)
             lost = len(many.failed) == members
             for n in nodes:
                 found[n] = np.full((self.ready.times.size, members), np.nan) if lost else many.temperatures(n)
@@ -186,7 +190,7 @@ class Setting:
                 if own is not None:
                     turnings[n] = own
         else:
-            run = self.ready.run()
+            run = ready.run()
             for n in nodes:
                 trace = run[n]
                 found[n] = np.repeat(trace.kelvin[:, None], members, axis=1)
