@@ -1,4 +1,4 @@
-"""A model against what it must meet: a record as it stands, stated criteria, limits, its own last version.
+"""Comparison of a model with its requirements: records, criteria, limits, an earlier version.
 
 In: a model or a `Calibration`, a record that no fit has seen, criteria, limits. Out: a `Verdict`, a `Correlation`, a comparison, a
 difference; temperatures held against limits, the margins to them and those of heaters; how often a held-out record was looked at.

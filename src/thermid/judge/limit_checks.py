@@ -181,7 +181,7 @@ def check_limits(run: Solution, limits: Sequence[Limits], *, state: str = "opera
 
     Parameters
     ----------
-    run : Solution              The run. Between its samples counts what the integrator saw; where it was not tracked, a check says so.
+    run : Solution              The run. Extremes between stored samples count; a check of a run without tracking is marked.
     limits : sequence of Limits
     state : str                 operating or non-operating: of points whose limits name no loads.
 

@@ -214,7 +214,7 @@ def _counts(cells: Cells, at: int) -> bool:
 def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_text: str | None, given: bool = False) -> Times:
     """Return the times of a log.
 
-    Numbers, ISO 8601 stamps, dates by day, month and year, and clock times are told apart by their form; any other stamp needs `form`, a
+    Numbers, ISO 8601 stamps, dates by day, month and year, and clock times are recognised by their form; any other stamp needs `form`, a
     format of `datetime.strptime`. Numbers that only times since 1970 can be are read as such, in s, ms, us or ns. The order of day and
     month is that which the whole column allows: times do not run back, and no day is missing.
 
