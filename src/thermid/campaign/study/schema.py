@@ -72,7 +72,7 @@ class ProcedureTable(_Strict):
 
     campaign: str
     rules: list[str] = []
-    metrics: list[Literal["rmse", "max_error", "final_error"]] = ["rmse", "max_error", "final_error"]
+    metrics: list[str] = ["rmse", "max_error", "final_error"]
 
 
 class ActionTable(_Strict):
