@@ -20,8 +20,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution
 from thermid.simulation.solver.engine import Options
 
-__all__ = ["Action", "Component", "Exceeded", "SensorSpec", "Step", "Study"]
-
 
 @dataclass(frozen=True)
 class Component:
