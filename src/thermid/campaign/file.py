@@ -247,7 +247,7 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     from pydantic import ValidationError
 
     from thermid.campaign.schema import CampaignFile
-    from thermid.model.deck.faults import deck_error
+    from thermid.grammar import deck_error
 
     target = Path(path)
     content, lines = read_toml(target)

@@ -39,7 +39,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     from pydantic import ValidationError
 
     from thermid.campaign.study.schema import StudyFile
-    from thermid.model.deck.faults import deck_error
+    from thermid.grammar import deck_error
 
     target = Path(path)
     data, lines = read_toml(target)

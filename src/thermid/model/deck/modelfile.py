@@ -13,7 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.expression import NAME
 from thermid.files import parse_toml, read_text
-from thermid.model.deck.lines import line_numbers
+from thermid.toml_files import line_numbers
 from thermid.model.laws.curves import Curve
 from thermid.model.parts.build import elements_from, made_from
 from thermid.model.parts.parameter import parameter
@@ -215,7 +215,7 @@ def _validated(data: Mapping[str, Any], file: str, lines: Mapping[str, int]) -> 
     """Check a dictionary against the grammar and return it with defaults filled in."""
     from pydantic import ValidationError
 
-    from thermid.model.deck.faults import deck_error
+    from thermid.grammar import deck_error
     from thermid.model.deck.schema import Deck
 
     try:
