@@ -24,8 +24,6 @@ from thermid.toml_files import Places, read_toml, resolve_inside
 if TYPE_CHECKING:
     from thermid.campaign.schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
 
-__all__ = ["CampaignSource", "local_of", "placed", "read_campaign", "scenario_of"]
-
 DATA = "THERMID_DATA"
 
 

@@ -9,8 +9,6 @@ from pydantic import Field, WithJsonSchema
 from thermid.grammar import StrictTable
 from thermid.measure.bindings import channel_schema
 
-__all__ = ["CampaignFile", "json_schema"]
-
 
 class LocalTable(StrictTable):
     """A value that each record has for itself."""

@@ -14,8 +14,6 @@ from thermid.toml_files import read_toml
 if TYPE_CHECKING:
     from thermid.simulation.water.moisture import Moisture
 
-__all__ = ["register"]
-
 
 def register(app: typer.Typer) -> None:
     """Add the command."""

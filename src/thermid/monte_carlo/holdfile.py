@@ -21,8 +21,6 @@ from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.toml_files import Places, read_toml, refuse_another_kind, resolve_inside
 
-__all__ = ["HoldQuestion", "load_hold"]
-
 KEYS: Mapping[str, tuple[type, ...]] = {
     "title": (str,),
     "model": (str,),

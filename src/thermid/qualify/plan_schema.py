@@ -8,8 +8,6 @@ from pydantic import Field
 
 from thermid.grammar import StrictTable
 
-__all__ = ["KINDS", "PlanFile"]
-
 KINDS = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity", "transport", "hold", "ascent", "coast", "on-board", "other")
 
 

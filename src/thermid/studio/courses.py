@@ -17,8 +17,6 @@ from thermid.studio.desk import Desk
 from thermid.toml_files import project_root, read_toml
 from thermid.units import TEMPERATURE
 
-__all__ = ["Course", "Shelf", "profile_for", "profile_object"]
-
 USUAL = {TEMPERATURE: "degC", "K/s": "K/min", "s": "h", "1": ""}
 """Unit of a number that is typed without one."""
 

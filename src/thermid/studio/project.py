@@ -37,8 +37,6 @@ from thermid.studio.watch import Watch
 from thermid.toml_files import read_toml, resolve_inside
 from thermid.units import unit
 
-__all__ = ["Project"]
-
 Told = Callable[[int, float], None]
 
 

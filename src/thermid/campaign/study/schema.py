@@ -8,8 +8,6 @@ from pydantic import Field
 
 from thermid.grammar import StrictTable
 
-__all__ = ["StudyFile"]
-
 
 class KnowledgeTable(StrictTable):
     """Step 1: what is modelled, what for, and what is known of it."""

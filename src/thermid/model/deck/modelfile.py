@@ -18,8 +18,6 @@ from thermid.model.tree.identity import definition_of
 from thermid.model.tree.model import Model, Submodel
 from thermid.toml_files import Places, read_toml, resolve_inside
 
-__all__ = ["load_model", "model_from_dict", "save_model"]
-
 DEEPEST = 20
 _OTHERS = (
     ({"tests", "limits"}, "this is a qualification plan, not a deck. `thermid plan` reads it."),

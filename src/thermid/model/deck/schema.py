@@ -15,9 +15,6 @@ from thermid.model.parts.elements import LOAD_SLOTS
 from thermid.model.parts.kinds import KINDS
 from thermid.physics.view_factors import SHAPES
 
-__all__ = ["Deck", "json_schema"]
-
-
 Real: TypeAlias = Annotated[float, Field(strict=True)]
 """A number; true and false are none."""
 
