@@ -12,10 +12,10 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
-from thermid.model.deck.modelfile import read_toml
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.sourced.marks import check_mark
+from thermid.toml_files import read_toml
 from thermid.units import TEMPERATURE
 
 Ends = tuple[float, float]
