@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
-from thermid.model.deck.modelfile import read_toml
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution, Trace
 from thermid.simulation.solver.extremes import Dense, resolved
 from thermid.sourced.marks import check_mark
+from thermid.toml_files import read_toml
 from thermid.units import TEMPERATURE
 
 Array = NDArray[np.float64]

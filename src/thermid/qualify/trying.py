@@ -19,7 +19,6 @@ from thermid.judge.verdict import compare
 from thermid.measure import Record, read_record
 from thermid.measure.amounts import duration_text
 from thermid.measure.stability import rule_of
-from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.model.tree.flat import flatten
 from thermid.physics.constants import ICE_POINT
@@ -36,6 +35,7 @@ from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.steadiness.stabilisation import Stability, stability
+from thermid.toml_files import resolve_inside
 
 if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
