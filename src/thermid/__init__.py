@@ -118,8 +118,8 @@ if TYPE_CHECKING:
     from thermid.profile_runs.ascent import ascent_checks as ascent_checks
     from thermid.profile_runs.conduct import run_profile as run_profile
     from thermid.profile_runs.profile_run import ProfileRun as ProfileRun
-    from thermid.profiles.cycles import equivalent_cycles as equivalent_cycles
     from thermid.profiles.profile import ThermalProfile as ThermalProfile
+    from thermid.profiles.profile import equivalent_cycles as equivalent_cycles
     from thermid.profiles.standards import load_profile as load_profile
     from thermid.profiles.standards import profile_names as profile_names
     from thermid.profiles.standards import profile_of as profile_of
@@ -287,7 +287,7 @@ _PUBLIC = {
     "ThermalProfile": "profiles.profile",
     "run_profile": "profile_runs.conduct",
     "ProfileRun": "profile_runs.profile_run",
-    "equivalent_cycles": "profiles.cycles",
+    "equivalent_cycles": "profiles.profile",
     "uncertain_runs": "monte_carlo.uncertain",
     "UncertainRuns": "monte_carlo.uncertain",
     "sobol_of": "monte_carlo.drivers",
