@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema
 
-from thermid.measure.bindings import channel_schema
+from thermid.measure.readers.bindings import channel_schema
 
 __all__ = ["CampaignFile", "json_schema"]
 

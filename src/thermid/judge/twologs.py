@@ -7,8 +7,8 @@ from pathlib import Path
 
 from thermid.errors import RecordError
 from thermid.measure import Record, read_record
-from thermid.measure.columns import name_and_unit
-from thermid.measure.formats import log_cells
+from thermid.measure.readers.columns import name_and_unit
+from thermid.measure.readers.formats import log_cells
 
 __all__ = ["read_two"]
 

@@ -1,10 +1,15 @@
-"""Records of measured temperatures: channels, readers of logs, preparation. It knows nothing of models."""
+"""Records of measured temperatures: a record and its channels, readers of logs, steadiness of readings. It knows nothing of models.
 
-from thermid.measure.channel import Channel, Origin
-from thermid.measure.part import SensorCertificate, SensorPart
-from thermid.measure.plain import read_plain
-from thermid.measure.readers import read_record
-from thermid.measure.record import Record, Table
+In: logs in the formats of laboratories, arrays, weather files. Out: a `Record`, a plain table, a `Weather`; how steady readings are, with
+the error of that.
+May import: the foundation.
+"""
+
+from thermid.measure.readers.log_reader import read_record
+from thermid.measure.readers.plain import read_plain
+from thermid.measure.record.channel import Channel, Origin
+from thermid.measure.record.record import Record, Table
+from thermid.measure.record.sensor import SensorCertificate, SensorPart
 from thermid.measure.weather import Weather, read_weather
 
 __all__ = [

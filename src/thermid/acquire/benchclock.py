@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from thermid.measure.wire import Line
+from thermid.acquire.wire import Line
 
 __all__ = ["Heard", "clocks"]
 

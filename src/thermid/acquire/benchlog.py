@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.acquire.benchclock import Heard, clocks
+from thermid.acquire.wire import Line, crc16, parse_line
 from thermid.errors import RecordError
-from thermid.measure.benchclock import Heard, clocks
-from thermid.measure.part import SensorCertificate
-from thermid.measure.textfile import Cells
-from thermid.measure.wire import Line, crc16, parse_line
+from thermid.measure.readers.textfile import Cells
+from thermid.measure.record.sensor import SensorCertificate
 
 __all__ = ["MOST_CURRENT", "RANGE", "bench_cells", "is_bench_log", "log_line", "opened"]
 

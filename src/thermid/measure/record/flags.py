@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from thermid.errors import RecordError
-from thermid.measure import windows
 from thermid.measure.amounts import amount
-from thermid.measure.channel import BoolArray, Channel
-from thermid.measure.prepare import filtered, noted, stretch, window_of
+from thermid.measure.record import windows
+from thermid.measure.record.channel import BoolArray, Channel
+from thermid.measure.record.prepare import filtered, noted, stretch, window_of
 from thermid.units import TEMPERATURE, format_value
 
 if TYPE_CHECKING:
-    from thermid.measure.record import Record
+    from thermid.measure.record.record import Record
 
 __all__ = ["FAULT_CODES", "flag_faults", "flag_spikes", "mask", "masked_where"]
 

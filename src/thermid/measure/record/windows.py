@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from thermid.measure.channel import BoolArray, FloatArray
+from thermid.measure.record.channel import BoolArray, FloatArray
 
 __all__ = ["even_step", "gap_from", "hampel", "hold", "interpolate", "low_pass", "moving_median", "usual_step"]
 

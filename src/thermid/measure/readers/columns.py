@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from thermid.errors import RecordError
-from thermid.measure.channel import FloatArray
-from thermid.measure.textfile import MISSING, Cells
+from thermid.measure.readers.textfile import MISSING, Cells
+from thermid.measure.record.channel import FloatArray
 
 __all__ = ["decimal_sign", "name_and_unit", "numbers", "spelt"]
 

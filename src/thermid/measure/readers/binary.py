@@ -18,8 +18,8 @@ from typing import Any, Final, cast
 import numpy as np
 
 from thermid.errors import MissingDataError, RecordError
-from thermid.measure.series import Series, merged, text_of
-from thermid.measure.textfile import Cells, Layout, cells_of_text
+from thermid.measure.readers.series import Series, merged, text_of
+from thermid.measure.readers.textfile import Cells, Layout, cells_of_text
 
 __all__ = ["OLD_OFFICE", "hdf5", "is_workbook", "matlab", "netcdf", "of_variables", "tdms", "workbook"]
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from thermid.measure import binary, capture, labview, longform
-from thermid.measure.benchlog import bench_cells, is_bench_log
-from thermid.measure.textfile import Cells, Layout, cells_of_text, decoded, read_bytes
+from thermid.acquire.benchlog import bench_cells, is_bench_log
+from thermid.measure.readers import binary, capture, labview, longform
+from thermid.measure.readers.textfile import Cells, Layout, cells_of_text, decoded, read_bytes
 
 __all__ = ["FORMATS", "Format", "log_cells"]
 

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 
 from thermid import files
 from thermid.errors import MissingDataError, RecordError, nearest
-from thermid.measure.part import SensorCertificate
+from thermid.measure.record.sensor import SensorCertificate
 from thermid.units import counted
 
 __all__ = ["MISSING", "Cells", "Layout", "cells_of_text", "decoded", "is_number", "read_bytes", "read_cells", "with_units_row"]
