@@ -8,10 +8,11 @@ import re
 import tempfile
 from pathlib import Path
 
-from thermid.acquire.benchlog import is_bench_log, log_line
+from thermid.acquire.benchlog import log_line
 from thermid.acquire.wire import MAGIC
 from thermid.errors import OutputError, RecordError
 from thermid.files import COPY, write_bytes
+from thermid.measure.readers.formats import is_bench_log
 
 __all__ = ["Store"]
 

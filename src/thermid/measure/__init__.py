@@ -2,7 +2,7 @@
 
 In: logs in the formats of laboratories, arrays, weather files. Out: a `Record`, a plain table, a `Weather`; how steady readings are, with
 the error of that.
-May import: the foundation.
+May import: `measure.amounts`, `measure.readers`, `measure.record` and the foundation.
 """
 
 from thermid.measure.readers.log_reader import read_record

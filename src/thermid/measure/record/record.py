@@ -21,7 +21,7 @@ from thermid.measure.record.windows import usual_step
 if TYPE_CHECKING:
     from xarray import Dataset
 
-    from thermid.measure.steady import SteadyPoint
+    from thermid.measure.record.steady import SteadyPoint
 
 __all__ = ["Record", "Table"]
 
@@ -215,7 +215,7 @@ class Record:
         name: str = "",
     ) -> SteadyPoint:
         """Return the mean of a settled stretch with its uncertainty, corrected for stored heat and drift; see `steady.steady_point`."""
-        from thermid.measure.steady import steady_point
+        from thermid.measure.record.steady import steady_point
 
         return steady_point(self, start, end, tau, limit, name)
 

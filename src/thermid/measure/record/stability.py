@@ -12,7 +12,7 @@ import numpy as np
 from thermid.errors import RecordError, nearest
 from thermid.measure.amounts import duration_text
 from thermid.measure.record.channel import Channel, FloatArray
-from thermid.measure.steady import FEWEST, correlation_factor
+from thermid.measure.record.steady import FEWEST, correlation_factor
 
 if TYPE_CHECKING:
     from thermid.measure.record.record import Record
