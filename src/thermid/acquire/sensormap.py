@@ -13,8 +13,6 @@ from thermid.errors import MissingDataError, RecordError, nearest
 from thermid.files import OWN, parse_toml, write_text
 from thermid.measure.record.sensor import ICE, SensorCertificate
 
-__all__ = ["Sensor", "load_sensors", "save_sensor"]
-
 _KEYS = ("rom", "note", "certificate")
 _BROKEN = 5.0
 

@@ -14,8 +14,6 @@ from thermid.errors import OutputError, RecordError
 from thermid.files import COPY, write_bytes
 from thermid.measure.readers.formats import is_bench_log
 
-__all__ = ["Store"]
-
 _SESSION = re.compile(rb'^# session \{"number": (\d{1,6})', re.MULTILINE)
 _WALL = re.compile(rb'^# session \{"number": (\d{1,6}), "wall": "([^"]*)"', re.MULTILINE)
 _TRIP = re.compile(rb"^# mark (\d{1,6}) (\d{1,9}\.\d{6}) (overtemp|blind|cleared) (.*) [0-9A-F]{4}$", re.MULTILINE)

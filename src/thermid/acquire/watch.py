@@ -7,8 +7,6 @@ from collections.abc import Callable, Collection
 from thermid.acquire.benchlog import MOST_CURRENT, RANGE
 from thermid.acquire.wire import Line
 
-__all__ = ["Watch"]
-
 _WORDS = {
     "crc": "three readings with a wrong CRC",
     "lost": "nothing answers",

@@ -5,22 +5,13 @@ the error of that.
 May import: `measure.amounts`, `measure.readers`, `measure.record` and the foundation.
 """
 
-from thermid.measure.readers.log_reader import read_record
-from thermid.measure.readers.plain import read_plain
-from thermid.measure.record.channel import Channel, Origin
-from thermid.measure.record.record import Record, Table
-from thermid.measure.record.sensor import SensorCertificate, SensorPart
-from thermid.measure.weather import Weather, read_weather
-
-__all__ = [
-    "Channel",
-    "Origin",
-    "Record",
-    "SensorCertificate",
-    "SensorPart",
-    "Table",
-    "Weather",
-    "read_plain",
-    "read_record",
-    "read_weather",
-]
+from thermid.measure.readers.log_reader import read_record as read_record
+from thermid.measure.readers.plain import read_plain as read_plain
+from thermid.measure.record.channel import Channel as Channel
+from thermid.measure.record.channel import Origin as Origin
+from thermid.measure.record.record import Record as Record
+from thermid.measure.record.record import Table as Table
+from thermid.measure.record.sensor import SensorCertificate as SensorCertificate
+from thermid.measure.record.sensor import SensorPart as SensorPart
+from thermid.measure.weather import Weather as Weather
+from thermid.measure.weather import read_weather as read_weather

@@ -15,8 +15,6 @@ from thermid.errors import MissingDataError
 from thermid.measure.readers import binary, capture, labview, longform
 from thermid.measure.readers.textfile import Cells, Layout, cells_of_text, decoded, read_bytes
 
-__all__ = ["FORMATS", "Format", "is_bench_log", "log_cells"]
-
 BENCH: Final = "thermid.acquire.benchlog"
 """Module of the optional bench that reads its logs; the core names it and never imports it by itself."""
 

@@ -16,8 +16,6 @@ from thermid.measure.readers.textfile import Cells
 from thermid.measure.record.channel import FloatArray
 from thermid.units import require, unit
 
-__all__ = ["PlainTable", "read_plain"]
-
 
 @dataclass(frozen=True, eq=False)
 class PlainTable:

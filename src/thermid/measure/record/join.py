@@ -15,8 +15,6 @@ from thermid.measure.record.channel import Channel
 if TYPE_CHECKING:
     from thermid.measure.record.record import Record
 
-__all__ = ["SecondClock", "joined"]
-
 
 @dataclass(frozen=True)
 class SecondClock:
