@@ -82,7 +82,7 @@ ARROWS |= {
     "inference": LOW | FIT | {"design"},
     "campaign": LOW | FIT | {"judge", "inference"},
     "campaign.swap": LOW | FIT | {"campaign"},
-    "campaign.study": LOW | FIT | {"campaign"},
+    "campaign.study": LOW | FIT | {"campaign", "judge"},
     "monte_carlo": LOW | FIT | {"prediction", "campaign", "reduction"},
     "qualify": LOW | FIT | {"judge", "explain", "prediction", "campaign"} | TESTED,
     "reporting": set(),
