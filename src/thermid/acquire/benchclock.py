@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from thermid.measure.wire import Line
+from thermid.acquire.wire import Line
 
 _TURN: Final = 1 << 32
 _NEAR_TURN: Final = _TURN - (1 << 24)

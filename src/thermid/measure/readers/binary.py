@@ -18,8 +18,8 @@ from typing import Any, Final, cast
 import numpy as np
 
 from thermid.errors import MissingDataError, RecordError
-from thermid.measure.series import Series, merged, text_of
-from thermid.measure.textfile import Cells, Layout, cells_of_text
+from thermid.measure.readers.series import Series, merged, text_of
+from thermid.measure.readers.textfile import Cells, Layout, cells_of_text
 
 OLD_OFFICE: Final = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 """Signature of Microsoft's compound files, such as .xls."""

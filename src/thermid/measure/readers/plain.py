@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
-from thermid.measure.channel import FloatArray
-from thermid.measure.columns import decimal_sign, name_and_unit, numbers
-from thermid.measure.formats import log_cells
-from thermid.measure.stamps import clock_column, read_times
-from thermid.measure.textfile import Cells
+from thermid.measure.readers.columns import decimal_sign, name_and_unit, numbers
+from thermid.measure.readers.formats import log_cells
+from thermid.measure.readers.stamps import clock_column, read_times
+from thermid.measure.readers.textfile import Cells
+from thermid.measure.record.channel import FloatArray
 from thermid.units import require, unit
 
 

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from thermid.errors import RecordError
-from thermid.measure.channel import FloatArray
-from thermid.measure.textfile import MISSING, Cells
+from thermid.measure.readers.textfile import MISSING, Cells
+from thermid.measure.record.channel import FloatArray
 
 _BRACKETS: Final = (("[", "]"), ("(", ")"), ("{", "}"), ("<", ">"))
 _FRACTION = re.compile(r"\s*[+-]?(\d+[.,]\d*|[.,]\d+)([eE][+-]?\d+)?\s*\Z")

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 
 from thermid import files
 from thermid.errors import MissingDataError, RecordError, nearest
-from thermid.measure.part import SensorCertificate
+from thermid.measure.record.sensor import SensorCertificate
 from thermid.units import counted
 
 MISSING: Final = frozenset({"", "nan", "na", "n/a", "null"})

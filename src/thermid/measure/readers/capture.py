@@ -7,8 +7,8 @@ from collections import Counter
 from typing import Final
 
 from thermid.errors import RecordError
-from thermid.measure.columns import spelt
-from thermid.measure.textfile import Cells, Layout, cells_of_text, is_number
+from thermid.measure.readers.columns import spelt
+from thermid.measure.readers.textfile import Cells, Layout, cells_of_text, is_number
 
 _LINE: Final = re.compile(r"(?P<stamp>(?:\d{4}-\d\d-\d\d[ T])?\d{1,2}:[0-5]\d:[0-5]\d(?:[.,]\d+)?) -> ?(?P<text>.*)\Z")
 _PAIR: Final = re.compile(

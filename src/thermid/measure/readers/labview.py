@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from thermid.errors import RecordError
-from thermid.measure.columns import name_and_unit, spelt
-from thermid.measure.textfile import Cells, Layout, is_number
+from thermid.measure.readers.columns import name_and_unit, spelt
+from thermid.measure.readers.textfile import Cells, Layout, is_number
 
 _END: Final = "***End_of_Header***"
 _MARKS: Final = {"Tab": "\t", "Comma": ","}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from thermid.measure.channel import BoolArray, FloatArray
+from thermid.measure.record.channel import BoolArray, FloatArray
 
 _EVEN = 0.01
 _CELLS = 1_000_000

@@ -11,11 +11,11 @@ import numpy as np
 
 from thermid.errors import RecordError, nearest
 from thermid.measure.amounts import duration_text
-from thermid.measure.channel import Channel, FloatArray
-from thermid.measure.steady import FEWEST, correlation_factor
+from thermid.measure.record.channel import Channel, FloatArray
+from thermid.measure.record.steady import FEWEST, correlation_factor
 
 if TYPE_CHECKING:
-    from thermid.measure.record import Record
+    from thermid.measure.record.record import Record
 
 HOUR: Final = 3600.0
 SHORTEST: Final = 300.0

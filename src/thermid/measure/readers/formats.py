@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Final
 
-from thermid.measure import binary, capture, labview, longform
-from thermid.measure.benchlog import bench_cells, is_bench_log
-from thermid.measure.textfile import Cells, Layout, cells_of_text, decoded, read_bytes
+from thermid.errors import MissingDataError
+from thermid.measure.readers import binary, capture, labview, longform
+from thermid.measure.readers.textfile import Cells, Layout, cells_of_text, decoded, read_bytes
+
+BENCH: Final = "thermid.acquire.benchlog"
+"""Module of the optional bench that reads its logs; the core names it and never imports it by itself."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +62,29 @@ def _head(data: bytes) -> str:
     return data.decode("latin-1").removeprefix("\xef\xbb\xbf")
 
 
+def is_bench_log(data: bytes) -> bool:
+    """Whether the first bytes of a file are those of a log of the bench."""
+    head = data[:4096]
+    return head.startswith(b"# thermid bench log") or b"# session {" in head
+
+
+def _bench(data: bytes, file: str, separator: str | None) -> Cells:
+    """Return the cells of a log of the bench, read by the optional package that writes it.
+
+    Raises
+    ------
+    MissingDataError   When that package is not there.
+    """
+    try:
+        reader = import_module(BENCH)
+    except ImportError:
+        raise MissingDataError(f"this is a log of the bench, and the package that reads it, {BENCH}, is not installed.", file) from None
+    cells: Cells = reader.bench_cells(data, file)
+    return cells
+
+
 FORMATS: Final = (
-    Format("bench log", "its first line", is_bench_log, lambda data, file, _: bench_cells(data, file)),
+    Format("bench log", "its first line", is_bench_log, _bench),
     Format("NI TDMS", "the bytes TDSm", lambda d: d[:4] == b"TDSm", binary.tdms, "npTDMS"),
     Format("HDF5", "its signature", lambda d: d[:8] == b"\x89HDF\r\n\x1a\n", binary.hdf5, "h5py"),
     Format("netCDF classic", "the bytes CDF", lambda d: d[:3] == b"CDF" and d[3:4] in b"\x01\x02", binary.netcdf),

@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.acquire.benchclock import Heard, clocks
+from thermid.acquire.wire import Line, crc16, parse_line
 from thermid.errors import RecordError
-from thermid.measure.benchclock import Heard, clocks
-from thermid.measure.part import SensorCertificate
-from thermid.measure.textfile import Cells
-from thermid.measure.wire import Line, crc16, parse_line
+from thermid.measure.readers.textfile import Cells
+from thermid.measure.record.sensor import SensorCertificate
 
 RANGE: Final = (-55.0, 125.0)
 """What a DS18B20 can measure, by its data sheet; -127, which its usual driver gives for a lost one, lies outside. [degC]"""
@@ -26,12 +26,6 @@ _FAULTS: Final = {"crc": "wrong CRC", "lost": "sensor lost", "short": "bus short
 _NAMES: Final = {"H": ("heater{}", "%", 0.1), "V": ("voltage{}", "V", 1e-3), "I": ("current{}", "A", 1e-4)}
 _SHOWN: Final = 8
 _UNPRINTABLE: Final = re.compile(r"[^ -~]")
-
-
-def is_bench_log(data: bytes) -> bool:
-    """Whether the first bytes of a file are those of a bench log."""
-    head = data[:4096]
-    return head.startswith(b"# thermid bench log") or b"# session {" in head
 
 
 def log_line(body: str) -> str:

@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure.amounts import amount
-from thermid.measure.channel import SAMPLES
-from thermid.measure.columns import name_and_unit
-from thermid.measure.part import KEYS, SensorCertificate, SensorPart
+from thermid.measure.readers.columns import name_and_unit
+from thermid.measure.record.channel import SAMPLES
+from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
 
 _ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")

@@ -10,12 +10,12 @@ import numpy as np
 
 from thermid.errors import NameNotFoundError, RecordError, nearest
 from thermid.measure.amounts import amount, duration_text, positive_seconds
-from thermid.measure.channel import Channel, FloatArray, Origin
-from thermid.measure.prepare import stretch
+from thermid.measure.record.channel import Channel, FloatArray, Origin
+from thermid.measure.record.prepare import stretch
 from thermid.units import format_value
 
 if TYPE_CHECKING:
-    from thermid.measure.record import Record
+    from thermid.measure.record.record import Record
 
 SETTLED = "1 [K/h]"
 FEWEST = 8

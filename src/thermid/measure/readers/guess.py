@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from thermid.errors import ThermidError
-from thermid.measure.channel import BoolArray, FloatArray
-from thermid.measure.columns import name_and_unit, numbers
-from thermid.measure.textfile import Cells
+from thermid.measure.readers.columns import name_and_unit, numbers
+from thermid.measure.readers.textfile import Cells
+from thermid.measure.record.channel import BoolArray, FloatArray
 from thermid.units import DIMENSIONLESS, describe, unit
 
 _SURROUNDINGS: Final = re.compile(

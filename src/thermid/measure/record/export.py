@@ -10,14 +10,14 @@ import numpy as np
 
 from thermid.files import LOG, replacing
 from thermid.measure.amounts import duration_text
-from thermid.measure.channel import Channel, FloatArray
-from thermid.measure.windows import even_step, gap_from, usual_step
+from thermid.measure.record.channel import Channel, FloatArray
+from thermid.measure.record.windows import even_step, gap_from, usual_step
 from thermid.units import format_value, unit
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-    from thermid.measure.record import Record
+    from thermid.measure.record.record import Record
 
 
 def from_unit(values: FloatArray, text: str) -> FloatArray:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.errors import RecordError
-from thermid.measure.channel import Channel
+from thermid.measure.record.channel import Channel
 
 if TYPE_CHECKING:
-    from thermid.measure.record import Record
+    from thermid.measure.record.record import Record
 
 
 @dataclass(frozen=True)

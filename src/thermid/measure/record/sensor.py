@@ -11,7 +11,7 @@ import numpy as np
 
 from thermid.errors import RecordError, nearest
 from thermid.measure.amounts import amount
-from thermid.measure.channel import Channel
+from thermid.measure.record.channel import Channel
 from thermid.units import TEMPERATURE, format_value
 
 ICE: Final = 273.15

@@ -12,16 +12,16 @@ from numpy.typing import ArrayLike
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, RecordError, nearest
-from thermid.measure import export, flags, join, part, prepare
-from thermid.measure.channel import BoolArray, Channel, FloatArray, Origin, digest, frozen
-from thermid.measure.join import SecondClock
-from thermid.measure.steps import run_steps
-from thermid.measure.windows import usual_step
+from thermid.measure.record import export, flags, join, prepare, sensor
+from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest, frozen
+from thermid.measure.record.join import SecondClock
+from thermid.measure.record.steps import run_steps
+from thermid.measure.record.windows import usual_step
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-    from thermid.measure.steady import SteadyPoint
+    from thermid.measure.record.steady import SteadyPoint
 
 
 class Table(NamedTuple):
@@ -146,10 +146,10 @@ class Record:
         """
         where = f"record '{self.name}', {name}"
         for key in keys:
-            if key not in part.KEYS:
-                raise RecordError(f"no key '{key}'; there are {', '.join(part.KEYS)}.{nearest(key, part.KEYS)}", where)
-        certificate = part.SensorCertificate.read(keys["certificate"], f"{where}, certificate") if "certificate" in keys else None
-        made, notes = part.worn(self.channel(name), part.SensorPart.read(keys, where), certificate, where)
+            if key not in sensor.KEYS:
+                raise RecordError(f"no key '{key}'; there are {', '.join(sensor.KEYS)}.{nearest(key, sensor.KEYS)}", where)
+        certificate = sensor.SensorCertificate.read(keys["certificate"], f"{where}, certificate") if "certificate" in keys else None
+        made, notes = sensor.worn(self.channel(name), sensor.SensorPart.read(keys, where), certificate, where)
         return replace(self, channels={**self.channels, name: made}, steps=(*self.steps, *notes))
 
     def trim(self, start: str | float = "start", end: str | float = "end") -> Record:
@@ -213,7 +213,7 @@ class Record:
         name: str = "",
     ) -> SteadyPoint:
         """Return the mean of a settled stretch with its uncertainty, corrected for stored heat and drift; see `steady.steady_point`."""
-        from thermid.measure.steady import steady_point
+        from thermid.measure.record.steady import steady_point
 
         return steady_point(self, start, end, tau, limit, name)
 

@@ -12,9 +12,8 @@ import numpy as np
 
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure.amounts import duration_text
-from thermid.measure.channel import FloatArray
-from thermid.measure.columns import name_and_unit, numbers
-from thermid.measure.dates import (
+from thermid.measure.readers.columns import name_and_unit, numbers
+from thermid.measure.readers.dates import (
     CLOCK,
     HALF_DAY_CLOCK,
     NUMERIC,
@@ -28,7 +27,8 @@ from thermid.measure.dates import (
     zone_of_header,
     zone_of_stamp,
 )
-from thermid.measure.textfile import MISSING, Cells
+from thermid.measure.readers.textfile import MISSING, Cells
+from thermid.measure.record.channel import FloatArray
 from thermid.units import require, unit
 
 TIME_NAMES: Final = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")

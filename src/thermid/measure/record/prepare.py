@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.errors import RecordError
-from thermid.measure import windows
 from thermid.measure.amounts import duration_text, positive_seconds, seconds
-from thermid.measure.channel import BoolArray, Channel, FloatArray
+from thermid.measure.record import windows
+from thermid.measure.record.channel import BoolArray, Channel, FloatArray
 from thermid.units import format_value
 
 if TYPE_CHECKING:
-    from thermid.measure.record import Record
+    from thermid.measure.record.record import Record
 
 
 def noted(record: Record, text: str, *changed: Channel) -> Record:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from thermid.errors import RecordError
-from thermid.measure import windows
 from thermid.measure.amounts import amount
-from thermid.measure.channel import BoolArray, Channel
-from thermid.measure.prepare import filtered, noted, stretch, window_of
+from thermid.measure.record import windows
+from thermid.measure.record.channel import BoolArray, Channel
+from thermid.measure.record.prepare import filtered, noted, stretch, window_of
 from thermid.units import TEMPERATURE, format_value
 
 if TYPE_CHECKING:
-    from thermid.measure.record import Record
+    from thermid.measure.record.record import Record
 
 FAULT_CODES: Final = ("85 [degC]", "-127 [degC]")
 """What a DS18B20 gives after power-on (note to table 1 of its data sheet), and what its usual driver gives when the sensor is gone."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from thermid.errors import RecordError, ThermidError, nearest
 
 if TYPE_CHECKING:
-    from thermid.measure.record import Record
+    from thermid.measure.record.record import Record
 
 
 class Step(NamedTuple):

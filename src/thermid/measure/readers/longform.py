@@ -9,10 +9,10 @@ from dataclasses import replace
 from typing import Final
 
 from thermid.errors import RecordError, ThermidError
-from thermid.measure.columns import name_and_unit, spelt
-from thermid.measure.series import Series, merged
-from thermid.measure.stamps import TIME_NAMES, stamp_seconds
-from thermid.measure.textfile import MISSING, Cells, Layout, is_number
+from thermid.measure.readers.columns import name_and_unit, spelt
+from thermid.measure.readers.series import Series, merged
+from thermid.measure.readers.stamps import TIME_NAMES, stamp_seconds
+from thermid.measure.readers.textfile import MISSING, Cells, Layout, is_number
 from thermid.units import unit
 
 _KEYS: Final = frozenset(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from thermid.measure.textfile import Cells, Layout
+from thermid.measure.readers.textfile import Cells, Layout
 
 
 class Series(NamedTuple):

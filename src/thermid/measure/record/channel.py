@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from thermid.errors import RecordError, nearest
 
 if TYPE_CHECKING:
-    from thermid.measure.part import SensorPart
+    from thermid.measure.record.sensor import SensorPart
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -10,15 +10,15 @@ from typing import Final
 import numpy as np
 
 from thermid.errors import RecordError
-from thermid.measure.bindings import Binding, bindings, find_column, full_scale, sd, unit_and_quantity
-from thermid.measure.channel import BoolArray, Channel, FloatArray, Origin, digest
-from thermid.measure.columns import decimal_sign, name_and_unit, numbers
-from thermid.measure.export import from_unit
-from thermid.measure.formats import log_cells
-from thermid.measure.part import worn
-from thermid.measure.record import Record
-from thermid.measure.stamps import Clock, Times, clock_column, read_times
-from thermid.measure.textfile import Cells
+from thermid.measure.readers.bindings import Binding, bindings, find_column, full_scale, sd, unit_and_quantity
+from thermid.measure.readers.columns import decimal_sign, name_and_unit, numbers
+from thermid.measure.readers.formats import log_cells
+from thermid.measure.readers.stamps import Clock, Times, clock_column, read_times
+from thermid.measure.readers.textfile import Cells
+from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest
+from thermid.measure.record.export import from_unit
+from thermid.measure.record.record import Record
+from thermid.measure.record.sensor import worn
 
 OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
