@@ -90,9 +90,9 @@ if TYPE_CHECKING:
     from thermid.model.tree.replacement import Replacement as Replacement
     from thermid.monte_carlo.drivers import sobol_of as sobol_of
     from thermid.monte_carlo.hold import Hold as Hold
+    from thermid.monte_carlo.hold import HoldQuestion as HoldQuestion
     from thermid.monte_carlo.hold import hold as hold
-    from thermid.monte_carlo.holdfile import HoldQuestion as HoldQuestion
-    from thermid.monte_carlo.holdfile import load_hold as load_hold
+    from thermid.monte_carlo.hold import load_hold as load_hold
     from thermid.monte_carlo.uncertain import UncertainRuns as UncertainRuns
     from thermid.monte_carlo.uncertain import uncertain_runs as uncertain_runs
     from thermid.network.environment import Environment as Environment
@@ -293,8 +293,8 @@ _PUBLIC = {
     "sobol_of": "monte_carlo.drivers",
     "hold": "monte_carlo.hold",
     "Hold": "monte_carlo.hold",
-    "load_hold": "monte_carlo.holdfile",
-    "HoldQuestion": "monte_carlo.holdfile",
+    "load_hold": "monte_carlo.hold",
+    "HoldQuestion": "monte_carlo.hold",
     "reduce": "reduction.reduce",
     "Reduction": "reduction.reduce",
     "deliver": "qualify.deliver",
