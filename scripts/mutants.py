@@ -230,7 +230,10 @@ def main() -> None:
             print(f"{c.file}:{c.place[0]}  {c.owner}  {c.value!r} -> {c.moved}")
         return
     mutants = [*([] if given.skip else nine()), *drawn(given.seed, given.number + given.skip)[given.skip :]]
-    print(f"{len(collect())} constants, {len(mutants)} mutants\n\n| constant | file | mutant | died by | s |\n|---|---|---|---|---|", flush=True)
+    print(
+        f"{len(collect())} constants, {len(mutants)} mutants\n\n| constant | file | mutant | died by | s |\n|---|---|---|---|---|",
+        flush=True,
+    )
     alive = 0
     with tempfile.TemporaryDirectory() as directory:
         tree = PrivateTree(Path(directory) / "tree")
