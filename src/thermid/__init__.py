@@ -90,9 +90,9 @@ if TYPE_CHECKING:
     from thermid.model.tree.replacement import Replacement as Replacement
     from thermid.monte_carlo.drivers import sobol_of as sobol_of
     from thermid.monte_carlo.hold import Hold as Hold
+    from thermid.monte_carlo.hold import HoldQuestion as HoldQuestion
     from thermid.monte_carlo.hold import hold as hold
-    from thermid.monte_carlo.holdfile import HoldQuestion as HoldQuestion
-    from thermid.monte_carlo.holdfile import load_hold as load_hold
+    from thermid.monte_carlo.hold import load_hold as load_hold
     from thermid.monte_carlo.uncertain import UncertainRuns as UncertainRuns
     from thermid.monte_carlo.uncertain import uncertain_runs as uncertain_runs
     from thermid.network.environment import Environment as Environment
@@ -118,8 +118,8 @@ if TYPE_CHECKING:
     from thermid.profile_runs.ascent import ascent_checks as ascent_checks
     from thermid.profile_runs.conduct import run_profile as run_profile
     from thermid.profile_runs.profile_run import ProfileRun as ProfileRun
-    from thermid.profiles.cycles import equivalent_cycles as equivalent_cycles
     from thermid.profiles.profile import ThermalProfile as ThermalProfile
+    from thermid.profiles.profile import equivalent_cycles as equivalent_cycles
     from thermid.profiles.standards import load_profile as load_profile
     from thermid.profiles.standards import profile_names as profile_names
     from thermid.profiles.standards import profile_of as profile_of
@@ -287,14 +287,14 @@ _PUBLIC = {
     "ThermalProfile": "profiles.profile",
     "run_profile": "profile_runs.conduct",
     "ProfileRun": "profile_runs.profile_run",
-    "equivalent_cycles": "profiles.cycles",
+    "equivalent_cycles": "profiles.profile",
     "uncertain_runs": "monte_carlo.uncertain",
     "UncertainRuns": "monte_carlo.uncertain",
     "sobol_of": "monte_carlo.drivers",
     "hold": "monte_carlo.hold",
     "Hold": "monte_carlo.hold",
-    "load_hold": "monte_carlo.holdfile",
-    "HoldQuestion": "monte_carlo.holdfile",
+    "load_hold": "monte_carlo.hold",
+    "HoldQuestion": "monte_carlo.hold",
     "reduce": "reduction.reduce",
     "Reduction": "reduction.reduce",
     "deliver": "qualify.deliver",

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from thermid.errors import ScenarioError, nearest
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
-from thermid.sourced.marks import MARKS as KNOWN
+from thermid.sourced import check_mark
 from thermid.units import TEMPERATURE
-
-MARKS: Final = tuple(KNOWN)
-"""How a number is known, the surest first; see `marks`."""
 
 SLOTS: Final[Mapping[str, str]] = {
     "hot": TEMPERATURE,
@@ -108,8 +105,7 @@ def number(name: str, given: Any, mark: str, clause: str, where: str) -> Number:
             raise ScenarioError("a number is a value, or a table of value, mark, clause and note.", place)
         mark, clause, note = given.get("mark", mark), given.get("clause", clause), given.get("note", "")
         given = given["value"]
-    if mark not in MARKS:
-        raise ScenarioError(f"there is no mark '{mark}'; there are {', '.join(MARKS)}.{nearest(mark, MARKS)}", place)
+    check_mark(mark, place)
     if name in WORDS:
         if not isinstance(given, str) or (WORDS[name] and given not in WORDS[name]):
             raise ScenarioError(f"{given!r} is none of {', '.join(WORDS[name]) or 'the rules of stability'}.", place)
@@ -120,8 +116,3 @@ def number(name: str, given: Any, mark: str, clause: str, where: str) -> Number:
     if SLOTS[name] != TEMPERATURE and value < 0.0:
         raise ScenarioError(f"{given!r} is below zero.", place)
     return Number(value, SLOTS[name], mark, clause, note)
-
-
-def weakest(numbers: Iterable[Number]) -> str:
-    """Return the weakest mark of some numbers; ``read`` of none."""
-    return max((n.mark for n in numbers), key=MARKS.index, default="read")

@@ -1,4 +1,8 @@
-"""`Figure`: a number of a rule with where it comes from, and whether it may decide anything."""
+"""Numbers of standards and rules: the clause that each comes from, the mark of how it is known, and what may decide nothing.
+
+In: a number, its mark and source. Out: a `Figure`; the weakest of several marks, the verdict on several verdicts.
+May import: the rooms below a fit.
+"""
 
 from __future__ import annotations
 
@@ -51,18 +55,17 @@ def check_mark(mark: str, where: str) -> str:
     ScenarioError   With the nearest mark.
     """
     if mark not in MARKS:
-        raise ScenarioError(f"'{mark}' is no mark; there are {', '.join(MARKS)}.{nearest(mark, MARKS)}", where)
+        raise ScenarioError(f"'{mark}' is no mark; there are {', '.join(MARKS)}.{nearest(str(mark), MARKS)}", where)
     return mark
 
 
-def weakest(*marks: str) -> str:
-    """Return the least sure of some marks.
+def weakest(marks: Iterable[str]) -> str:
+    """The least sure of some marks; ``read`` of none.
 
-    >>> weakest("read", "memory", "project")
+    >>> weakest(["read", "memory", "project"])
     'memory'
     """
-    order = list(MARKS)
-    return max(marks, key=order.index)
+    return max(marks, key=list(MARKS).index, default="read")
 
 
 def weigh(verdicts: Iterable[bool | None]) -> bool | None:
