@@ -52,7 +52,7 @@ ARROWS: dict[str, set[str]] = {
     "simulation.water": FOUNDATION | MODEL | SIMULATION | {"physics", "network"},
 }
 LOW = FOUNDATION | MODEL | SIMULATION | {"physics", "network", "measure", "knowledge"}
-FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
+FIT = {"fit", "fit.problem", "fit.minimisation", "fit.uncertainty", "fit.second_clocks"}
 CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
 REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages", "reporting.qualification"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
@@ -64,9 +64,9 @@ ARROWS |= {
     "steadiness": LOW | {"profile_runs"},
     "reduction": LOW,
     "fit.problem": LOW,
-    "fit.least_squares": LOW | {"fit.problem"},
-    "fit.uncertainty": LOW | {"fit.problem", "fit.least_squares"},
-    "fit.clocks": LOW | {"fit.problem", "fit.least_squares", "fit.uncertainty"},
+    "fit.minimisation": LOW | {"fit.problem"},
+    "fit.uncertainty": LOW | {"fit.problem", "fit.minimisation"},
+    "fit.second_clocks": LOW | {"fit.problem", "fit.minimisation", "fit.uncertainty"},
     "fit": LOW | FIT - {"fit"},
     "power": LOW | FIT,
     "explain": LOW | FIT,

@@ -10,8 +10,8 @@ import pytest
 from thermid.errors import ThermidError
 from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
-from thermid.fit.least_squares.solve import covariances, ended
-from thermid.fit.problem.sensor_parts import attached
+from thermid.fit.minimisation import covariances, ended
+from thermid.fit.problem.experiment import attached
 from thermid.judge.validate import Criteria, validate
 from thermid.measure import Channel, Record
 from thermid.measure.part import SensorCertificate, SensorPart, worn

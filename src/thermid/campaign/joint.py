@@ -18,12 +18,10 @@ from thermid.errors import IdentificationError, nearest
 from thermid.fit.calibrate import fit_problem
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import prior_of, problem_for
-from thermid.fit.problem.request import Request
+from thermid.fit.problem.request import Request, is_glob, matching
 from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.selection import is_glob, matching
 from thermid.fit.problem.unknowns import Prior, Target, Unknown
-from thermid.fit.uncertainty.moved import moves_from, part_of
-from thermid.fit.uncertainty.moves import Moves
+from thermid.fit.uncertainty.moved import Moves, moves_from, part_of
 from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import Store

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.least_squares.solve import minimise
+from thermid.fit.minimisation import minimise
 from thermid.fit.problem.residuals import Compressed, Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.information import inverse

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.uncertainty.grouping import listed
+from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, CriteriaSet, Deviation, Gate, judge
 from thermid.judge.overlay import Overlay, overlays, paired
 from thermid.knowledge.standing import UNJUDGED, Standing, of_model

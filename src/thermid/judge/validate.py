@@ -11,10 +11,9 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
+from thermid.fit.problem.experiment import as_found
 from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.residuals import Block
-from thermid.fit.problem.sensor_parts import as_found
-from thermid.fit.problem.statistics import SensorStatistics
+from thermid.fit.problem.residuals import Block, SensorStatistics
 from thermid.judge.looks import RecordedLook
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record

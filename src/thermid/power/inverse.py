@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.fit.problem.gather import problem_for
-from thermid.fit.problem.request import Request
+from thermid.fit.problem.request import Request, priors_of
 from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.selection import priors_of
 from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.measure import Record
 from thermid.model.deck.modelfile import model_from_dict

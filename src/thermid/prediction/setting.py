@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.fit.coefficients import (
+from thermid.fit.structural import (
     Conditions,
     Pattern,
     conditions_of,

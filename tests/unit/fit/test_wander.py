@@ -9,11 +9,10 @@ import pytest
 
 from thermid.fit.calibrate import calibrate, fit
 from thermid.fit.calibration import Calibration
-from thermid.fit.least_squares.solve import covariances, ended
-from thermid.fit.problem.known_before import known_before
-from thermid.fit.problem.request import Request
+from thermid.fit.minimisation import covariances, ended
+from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.unknowns import Unknown
-from thermid.fit.uncertainty.wander import _beside, _leaning, binned, correlation
+from thermid.fit.uncertainty.noise import _beside, _leaning, binned, correlation
 from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import load_model
 from thermid.simulation.scenarios.scenario import Scenario

@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.fit import coefficients, discrepancy, joint_gas
-from thermid.fit.coefficients import Conditions, Course, patterns_of
+from thermid.fit.structural import Conditions, Course, patterns_of
 from thermid.knowledge import sources
 from thermid.knowledge.sources import LeftOut, Uniform
 from thermid.network.network import compile_network

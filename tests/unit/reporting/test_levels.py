@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from thermid.fit.uncertainty.moves import Group, Move, Moves
+from thermid.fit.uncertainty.moved import Group, Move, Moves
 from thermid.reporting.blocks.cells import DASH
 from thermid.reporting.pages.levels import moved
 

@@ -7,15 +7,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from thermid.errors import IdentificationError, RecordError, nearest
-from thermid.fit.problem.experiment import Experiment, meet
-from thermid.fit.problem.known_before import known_before
-from thermid.fit.problem.request import Request
+from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, first_reading, gain_of, lag_of, meet
+from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.sensor_parts import gain_of, instruments
-from thermid.fit.problem.starts import first_reading
-from thermid.fit.problem.ticks import clock_unknowns
 from thermid.fit.problem.unknowns import Prior, Target, Unknown, parameter_unknown
 from thermid.knowledge.sources import read_spread
+from thermid.measure.part import SensorPart
 from thermid.model.laws.signal import Constant, Table
 from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
@@ -283,3 +280,41 @@ def _settled(request: Request, experiment: Experiment, starts: Mapping[str, _Sta
         else:
             boundaries[name] = Constant(value)
     return replace(experiment, scenario=experiment.scenario.with_(boundaries=boundaries, initial=initial))
+
+
+def instruments(experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return one unknown per scale and per lag that is not known exactly, acting in every record that its sensor reads.
+
+    Parameters
+    ----------
+    experiments : sequence  The records, bound to the model.
+    """
+    found: dict[str, tuple[SensorPart, list[Target]]] = {}
+    for i, experiment in enumerate(experiments):
+        for o in experiment.observations:
+            if o.part is not None and o.part.gain_accuracy:
+                found.setdefault(gain_of(o.sensor), (o.part, []))[1].append(Target(i, f"reading.{o.sensor}"))
+            if o.part is not None and o.part.lag_accuracy and o.lag:
+                found.setdefault(lag_of(o.sensor), (o.part, []))[1].append(Target(i, o.lag))
+    out = []
+    for name, (part, targets) in found.items():
+        scale = targets[0].name.startswith("reading.")
+        mean, sd = (0.0, part.gain_accuracy) if scale else (part.lag, part.lag_accuracy)
+        prior = Prior(mean, sd) if scale else Prior(math.log(mean), sd / mean)
+        out.append(Unknown(name, "instrument", tuple(targets), mean, log=not scale, prior=prior, unit="1" if scale else "s"))
+    return out
+
+
+def clock_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return offset and rate of every second clock that is known within a range only."""
+    out = []
+    for i, e in enumerate(experiments):
+        if e.ticks is not None:
+            c = e.ticks.clock
+            for name, target, (low, high), at, unit in (
+                ("clock offset", OFFSET, c.offset, c.at[0], "s"),
+                ("clock rate", RATE, c.rate, c.at[1], "1"),
+            ):
+                if low < high:
+                    out.append(Unknown(f"{e.record.name}: {name}", "local", (Target(i, target),), at, low=low, high=high, unit=unit))
+    return out

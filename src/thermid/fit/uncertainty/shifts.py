@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.fit.uncertainty.trace_noise import Weighed
+from thermid.fit.uncertainty.noise import Weighed
 
 __all__ = ["ALPHA", "POWER", "Shift", "Test", "Together", "estimate", "holm", "normal_shifts", "normal_together", "shifts", "together"]
 

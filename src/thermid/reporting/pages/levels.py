@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from thermid.fit.calibration import Calibration
-from thermid.fit.uncertainty.moves import MOVED, NOT_REJECTED, UNDECIDED, Group, Move
+from thermid.fit.uncertainty.moved import MOVED, NOT_REJECTED, UNDECIDED, Group, Move
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, significant
 from thermid.units import unit
 

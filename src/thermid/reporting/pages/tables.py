@@ -8,8 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from thermid.campaign.stages import Campaign
-from thermid.fit.calibration import Calibration
-from thermid.fit.sensors import instrument_shares, sensor_shares
+from thermid.fit.calibration import Calibration, instrument_shares, sensor_shares
 from thermid.judge.validate import Check, Verdict
 from thermid.knowledge.values import FittedValue
 from thermid.model.tree.areas import ledger
