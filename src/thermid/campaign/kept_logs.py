@@ -19,8 +19,6 @@ from thermid.measure import Channel, Record
 from thermid.measure.channel import Origin
 from thermid.measure.part import SensorPart
 
-__all__ = ["log_kept"]
-
 _ARRAYS = ("values", "valid", "masks")
 _ABOUT = "about"
 

@@ -8,8 +8,6 @@ from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema
 
 from thermid.measure.bindings import channel_schema
 
-__all__ = ["CampaignFile", "json_schema"]
-
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid")

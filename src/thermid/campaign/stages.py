@@ -28,8 +28,6 @@ from thermid.model.tree.resolve import parameter_table
 if TYPE_CHECKING:
     from thermid.campaign.schema import VerdictTable
 
-__all__ = ["Campaign", "joint", "run_stages"]
-
 Notice = Callable[[str, int, float], None]
 """Called with what is running, the number of evaluations and the RMS of the weighted residuals."""
 

@@ -22,8 +22,6 @@ from thermid.model.tree.model import Model
 if TYPE_CHECKING:
     from thermid.campaign.schema import InheritTable, StageTable
 
-__all__ = ["counted_twice", "keyed", "plain_readings", "readings_of", "request_of"]
-
 
 def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[str, Calibration], model: Model | None = None) -> Request:
     """Return what a stage asks, with what it inherits laid under the parent's own [set]; of its deck, or of a model in its place."""

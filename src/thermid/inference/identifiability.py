@@ -26,6 +26,7 @@ from thermid.model.laws.signal import Table
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
+from thermid.network.network import compile_network
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted, unit
 
@@ -130,8 +131,6 @@ def _known_step(problem: Problem, info: Information) -> tuple[Array, str] | None
 
 def _stepped(experiment: Experiment) -> tuple[Experiment, str, float] | None:
     """Return an experiment with a heater that gives the power of its largest load once more, known exactly, in the second half."""
-    from thermid.network.network import compile_network
-
     network = experiment.network
     powers = {load.path: (load.node, _power(experiment, load.path)) for load in network.flat.loads if "power" in load.fields}
     name = max(powers, key=lambda path: powers[path][1], default="")

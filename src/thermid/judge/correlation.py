@@ -19,8 +19,6 @@ from thermid.knowledge.standing import UNJUDGED, Standing, of_model
 from thermid.measure import Record
 from thermid.measure.windows import usual_step
 
-__all__ = ["Correlation", "Exclusions", "correlate"]
-
 Window = tuple[float, float]
 ENDS = 2.0
 """Usual steps by which readings may begin after a settled stretch does, or end before it. [-]"""

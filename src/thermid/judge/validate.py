@@ -21,8 +21,6 @@ from thermid.model.laws.signal import literal
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted
 
-__all__ = ["Check", "Criteria", "Verdict", "validate"]
-
 LIMITS = ("rmse", "max_error", "mean_error")
 
 

@@ -23,8 +23,6 @@ from thermid.units import TEMPERATURE
 if TYPE_CHECKING:
     from thermid.campaign.study.schema import ComponentTable, SensorTable, StudyFile
 
-__all__ = ["load_study"]
-
 
 @takes_objects
 def load_study(path: str | os.PathLike[str]) -> Study:

@@ -6,8 +6,6 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = ["StudyFile"]
-
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid")

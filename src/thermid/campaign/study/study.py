@@ -21,8 +21,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution
 from thermid.simulation.solver.engine import Options
 
-__all__ = ["Action", "Component", "Exceeded", "SensorSpec", "Step", "Study"]
-
 SETTLED = 0.05
 """Share of a record, at its end, over which the final error is the mean, so that noise does not decide it. [-]"""
 
