@@ -16,7 +16,7 @@ import thermid
 
 from .source import Module, room_of, within
 
-FOUNDATION = {"arguments", "errors", "files", "seals", "memo", "_units_table", "units", "expression", "dual"}
+FOUNDATION = {"arguments", "errors", "files", "seals", "memo", "_units_table", "units", "expression", "dual", "linear_algebra"}
 
 MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck", "model.blocks"}
 SIMULATION = {"simulation", "simulation.scenarios", "simulation.solver"}
@@ -33,6 +33,7 @@ ARROWS: dict[str, set[str]] = {
     "memo": set(),
     "_units_table": set(),
     "dual": set(),
+    "linear_algebra": set(),
     "units": {"errors", "_units_table"},
     "expression": {"errors", "units", "dual"},
     "physics": FOUNDATION,

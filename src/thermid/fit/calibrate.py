@@ -26,7 +26,7 @@ from thermid.fit.refusals import mistakes, refuse_after, refuse_before, strange_
 from thermid.fit.second_clocks import at_clocks, in_turns, with_clocks
 from thermid.fit.structural import with_discrepancy
 from thermid.fit.uncertainty.information import Responses, responses
-from thermid.fit.uncertainty.moved import moves_above
+from thermid.fit.uncertainty.moved import Moves, moves_above
 from thermid.fit.uncertainty.noise import Wander, wander
 from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.knowledge.store import Origin, State, Store
@@ -240,7 +240,7 @@ def summarise(request: Request, problem: Problem, found: Fit, known: Responses, 
     blocks = Predictions(found.sums, problem, found.fitted)
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
     freedom = round(problem.worth) - len(problem.unknowns)
-    moved = moves_above(request, problem, found, spread.level if spread is not None else 1.0)
+    moved = moves_above(request, problem, found, spread.level if spread is not None else 1.0) if request.store.states else Moves()
     return Calibration(
         name,
         request.model,
@@ -261,7 +261,7 @@ def summarise(request: Request, problem: Problem, found: Fit, known: Responses, 
             *_warnings(problem, found, total, spread),
             *found.remarks,
             *(_wandering(spread) if spread is not None else ()),
-            *moved.warnings(),
+            *(moved.warnings() if moved else ()),
         ),
         bool(provenance["synthetic"]),
         {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
@@ -456,15 +456,18 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         found = ended(problem, np.array(list(known.values())), request.loss, request.knee)
     else:
         with _units_asked(problem):
-            problem = with_clocks(problem, request.loss, request.knee)
+            if problem.clocked:
+                problem = with_clocks(problem, request.loss, request.knee)
             refuse_before(request, problem, lambda r: fit(r))
             found = searched(problem, request.search, request.loss, request.knee, progress)
-            problem, found = in_turns(problem, found, request.loss, request.knee, progress)
+            if problem.clocked:
+                problem, found = in_turns(problem, found, request.loss, request.knee, progress)
         if not stated:
             weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
             again = minimise(weighed, request.loss, request.knee, found.fitted, progress)
             found = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
-    problem = at_clocks(problem, found.fitted)
+    if problem.clocked:
+        problem = at_clocks(problem, found.fitted)
     if not stated:
         # from the end alone, so that a fit taken from before says the same
         problem = replace(problem, noise=_measured_noise(problem, found, request.loss))

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError, SolverError, nearest
 from thermid.fit.problem.residuals import FAILED, Compressed, Problem, Sums, loss_of
 from thermid.fit.problem.unknowns import Unknown
+from thermid.linear_algebra import covariance, pseudo_inverse, sandwich
 from thermid.simulation.members import run_members
 
 Array = NDArray[np.float64]
@@ -251,32 +252,11 @@ def covariances(fit: Fit, level: float = 1.0, excess: Array | None = None) -> tu
     what is left is what the priors hold of constant errors.
     """
     data = fit.jacobian / np.sqrt(level)
-    weights = _inverse(np.concatenate([data, fit.priors]))
+    weights = covariance(np.concatenate([data, fit.priors]))
     known = np.where(np.isfinite(weights), weights, 0.0)
     spread = data @ known
-    added = known @ excess @ known / level**2 if excess is not None else np.zeros_like(known)
+    added = sandwich(known, excess) / level**2 if excess is not None else np.zeros_like(known)
     return weights + added, np.where(np.isinf(weights), np.inf, spread.T @ spread + added), weights
-
-
-def at_least_square(rows: Array) -> Array:
-    """Return a matrix with rows of zeros below it, so that its singular values count every unknown; data may be fewer than unknowns."""
-    return np.concatenate([rows, np.zeros((max(0, rows.shape[1] - rows.shape[0]), rows.shape[1]))])
-
-
-def _inverse(rows: Array) -> Array:
-    """Return (J'J)^-1 by singular values of the column-scaled matrix; directions without information get an infinite variance."""
-    if rows.shape[1] == 0:
-        return np.zeros((0, 0))
-    scale = np.linalg.norm(rows, axis=0)
-    scale[scale == 0] = 1.0
-    _, s, v = np.linalg.svd(at_least_square(rows / scale), full_matrices=False)
-    weak = s < 1e-12 * s[0]
-    inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s))
-    out = (v.T * inverse**2) @ v
-    lost = (np.abs(v[weak]) > 1e-6).any(axis=0) if weak.any() else np.zeros(rows.shape[1], dtype=bool)
-    out[lost, :] = out[:, lost] = 0.0
-    out[lost, lost] = np.inf
-    return np.asarray(out / np.outer(scale, scale))
 
 
 Progress = Callable[[int, float], None]
@@ -420,8 +400,7 @@ def _level(problem: Problem, found: Fit) -> float:
 def _errors(problem: Problem, found: Fit) -> Array:
     """Return the standard errors (unknowns,) in the fitted form, widened by residuals that exceed the noise."""
     rows = np.concatenate([found.jacobian / np.sqrt(max(1.0, _level(problem, found))), found.priors])
-    # rounding may leave a variance of nothing just below zero
-    return np.asarray(np.sqrt(np.maximum(np.diag(np.linalg.pinv(rows.T @ rows)), 0.0)))
+    return np.asarray(np.sqrt(np.diag(pseudo_inverse(rows))))
 
 
 def _descended(population: Population, first: Fit, why: str, progress: Progress | None) -> Fit:

@@ -15,8 +15,9 @@ from thermid.fit.minimisation import Fit
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.uncertainty.groups import SHARE, Group, listed, percent, structural_groups, together
-from thermid.fit.uncertainty.information import Information, elsewhere, null_space
+from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.knowledge.store import Store
+from thermid.linear_algebra import null_space, symmetric_inverse
 from thermid.measure import Channel, Record
 from thermid.measure.amounts import short
 from thermid.units import NAMES, unit
@@ -213,7 +214,7 @@ def _by_instruments(problem: Problem, total: Array, k: int) -> str:
     if not at or not np.isfinite(total[np.ix_([k, *at], [k, *at])]).all():
         return ""
     across = total[at, k]
-    if float(across @ np.linalg.pinv(total[np.ix_(at, at)]) @ across) < 0.5 * total[k, k]:
+    if float(across @ symmetric_inverse(total[np.ix_(at, at)]) @ across) < 0.5 * total[k, k]:
         return ""
     share = across**2 / (np.diag(total)[at] * total[k, k])
     behind = [problem.unknowns[j] for j, s in zip(at, share, strict=True) if s > 0.1]

@@ -58,7 +58,7 @@ def with_clocks(problem: Problem, loss: str, knee: float, fitted: Array | None =
 
 def in_turns(problem: Problem, found: Fit, loss: str, knee: float, progress: Callable[[int, float], None] | None) -> tuple[Problem, Fit]:
     """Return the problem and the end of its fit after the grid was looked at again with the fitted values, as long as that gains."""
-    for _ in range(ROUNDS if any(e.ticks is not None for e in problem.experiments) else 0):
+    for _ in range(ROUNDS):
         moved = with_clocks(problem, loss, knee, found.fitted)
         at = found.fitted.copy()
         for i in range(len(problem.experiments)):
@@ -82,8 +82,6 @@ def at_clocks(problem: Problem, fitted: Array) -> Problem:
             experiments[i] = experiment.ticks.moved(experiment, clock_at(problem, i, fitted))
             for k, _ in problem.ticking(i):
                 unknowns[k] = replace(unknowns[k], start=float(fitted[k]))
-    if all(e.ticks is None for e in experiments):
-        return problem
     return replace(problem, experiments=tuple(experiments), unknowns=tuple(unknowns))
 
 

@@ -19,6 +19,7 @@ from thermid.fit.problem.experiment import first_reading
 from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.sources import Source, read_spread
 from thermid.knowledge.store import State, Store
+from thermid.linear_algebra import RANK_TOLERANCE, inverse_square_root
 from thermid.measure import Channel, Record
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.identity import definition_of, local_identities
@@ -379,8 +380,9 @@ def digest(content: object) -> str:
 
 
 Array = NDArray[np.float64]
-STIFF = 1e-10
-"""Variance of a direction, beside the largest, below which values count as known exactly against one another."""
+STIFF = (10.0 * RANK_TOLERANCE) ** 2
+"""Variance of a direction, beside the largest, below which values count as known exactly against one another: ten times what a rank could
+still tell from nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -403,10 +405,7 @@ class KnownBefore:
     @property
     def root(self) -> Array:
         """A root R of their information, ``R'R = (rows rows')^-1``: the residual of the joint prior is ``R (fitted - mean)``."""
-        covariance = self.rows @ self.rows.T
-        scale = np.sqrt(np.diag(covariance))
-        sizes, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-        return np.asarray((vectors / np.sqrt(np.maximum(sizes, STIFF * sizes.max(initial=0.0)))).T / scale)
+        return inverse_square_root(self.rows @ self.rows.T, STIFF)
 
 
 def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:

@@ -475,6 +475,11 @@ class Problem:
             return np.full(self.samples, FAILED)
 
     @property
+    def clocked(self) -> bool:
+        """Whether a record has a second clock that is known within a range only."""
+        return any(e.ticks is not None for e in self.experiments)
+
+    @property
     def samples(self) -> int:
         """How many readings there are."""
         return sum(o.index.size for e in self.experiments for o in e.observations)

@@ -10,7 +10,8 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.fit.uncertainty.information import Information, null_space
+from thermid.fit.uncertainty.information import Information
+from thermid.linear_algebra import RANK_TOLERANCE, null_space, pseudo_inverse
 from thermid.measure.amounts import short
 from thermid.units import NAMES, unit
 
@@ -213,10 +214,10 @@ def _same_space(a: Array, b: Array) -> bool:
 def _combinations(info: Information, at: list[int], null: Array, form: str, scale: Array) -> tuple[Combination, ...]:
     """Return what is known of a group, in as few terms as there are: every row has one member that no other row has."""
     u, s, _ = np.linalg.svd(null / np.linalg.norm(null, axis=0), full_matrices=True)
-    complement = u[:, int((s > 1e-9).sum()) :]
+    complement = u[:, int((s > RANK_TOLERANCE).sum()) :]
     if not complement.shape[1]:
         return ()
-    covariance = _pseudo(info)[np.ix_(at, at)]
+    covariance = pseudo_inverse(info.rows)[np.ix_(at, at)]
 
     def variance(weights: Array) -> float:
         gradient = weights * scale
@@ -225,15 +226,6 @@ def _combinations(info: Information, at: list[int], null: Array, form: str, scal
     hidden = [k for k, place in enumerate(at) if unit(info.unknowns[place].unit).dimension in INNER]
     weights = _few_terms(complement, variance, hidden)
     return tuple(_combination(info, at, w, form, variance(w)) for w in weights)
-
-
-def _pseudo(info: Information) -> Array:
-    """Return the pseudo-inverse of the information, right for combinations that are known."""
-    rows = info.rows
-    length = np.linalg.norm(rows, axis=0)
-    length = np.where(length > 0, length, 1.0)
-    found = np.linalg.pinv(rows / length, rcond=1e-6)
-    return np.asarray(found @ found.T / np.outer(length, length))
 
 
 def _few_terms(complement: Array, variance: Callable[[Array], float], inner: Sequence[int] = ()) -> Array:

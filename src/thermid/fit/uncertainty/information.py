@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.fit.minimisation import Fit, at_least_square, ended
+from thermid.fit.minimisation import Fit, ended
 from thermid.fit.problem.gather import problem_for, problem_of
 from thermid.fit.problem.request import Request, form, key_for, known_before
 from thermid.fit.problem.residuals import Problem
@@ -18,12 +18,11 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
 from thermid.knowledge.values_file import rooted
+from thermid.linear_algebra import covariance, rank
 from thermid.model.tree.resolve import ParameterSet
 from thermid.simulation.solver.engine import Options
 
 Array = NDArray[np.float64]
-RANK_TOLERANCE = 1e-6
-LOST = 1e-3
 EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-3)
 """Tight enough that a direction without information shows as such and not as the integrator's error.
 
@@ -107,7 +106,7 @@ class Information:
         rows = self.rows if more is None else np.concatenate([self.rows, more])
         kept = [k for k in range(len(self.unknowns)) if k not in held]
         out = np.zeros((len(self.unknowns),) * 2)
-        out[np.ix_(kept, kept)] = inverse(rows[:, kept])
+        out[np.ix_(kept, kept)] = covariance(rows[:, kept])
         return out
 
     def errors(self, held: Sequence[int] = (), more: Array | None = None) -> Array:
@@ -117,48 +116,9 @@ class Information:
 
     def rank(self) -> int:
         """How many independent facts about the parameters the readings hold, what constant errors may do taken off."""
-        at = list(self.parameters)
         rows = np.concatenate([self.data, self.nuisance])
-        rest = [k for k in range(rows.shape[1]) if k not in at]
-        part = rows[:, at]
-        if rest:
-            length = np.linalg.norm(rows[:, rest], axis=0)
-            basis, s, _ = np.linalg.svd(rows[:, rest] / np.where(length > 0, length, 1.0), full_matrices=False)
-            basis = basis[:, s > RANK_TOLERANCE * max(s[0], 1e-300)]
-            part = part - basis @ (basis.T @ part)
-        size = np.linalg.norm(rows[:, at], axis=0)
-        singular = np.linalg.svd(part / np.where(size > 0, size, 1.0), compute_uv=False)
-        return int((singular > RANK_TOLERANCE).sum())
-
-
-def inverse(rows: Array) -> Array:
-    """Return (rows' rows)^-1; an unknown that has a part in a direction without information gets an infinite variance."""
-    if rows.shape[1] == 0:
-        return np.zeros((0, 0))
-    scale = np.linalg.norm(rows, axis=0)
-    dead = scale <= 1e-12 * scale.max(initial=0.0)
-    scale = np.where(dead, 1.0, scale)
-    _, s, v = np.linalg.svd(at_least_square(np.where(dead, 0.0, rows / scale)), full_matrices=False)
-    weak = s <= RANK_TOLERANCE * s[0]
-    inverted = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s))
-    out = (v.T * inverted**2) @ v / np.outer(scale, scale)
-    lost = np.linalg.norm(v[weak], axis=0) > LOST
-    out[lost, lost] = np.inf
-    return np.asarray(out)
-
-
-def null_space(rows: Array) -> Array:
-    """Return the directions (directions, unknowns) that no row sees, in the fitted form; unknowns that no row depends on are left out."""
-    length = np.linalg.norm(rows, axis=0)
-    seen = np.flatnonzero(length > 1e-12 * length.max(initial=0.0))
-    out = np.zeros((0, rows.shape[1]))
-    if seen.size < 2:
-        return out
-    _, s, v = np.linalg.svd(at_least_square(rows[:, seen] / length[seen]), full_matrices=False)
-    null = v[s < RANK_TOLERANCE * s[0]]
-    out = np.zeros((null.shape[0], rows.shape[1]))
-    out[:, seen] = null / length[seen]
-    return out
+        others = [k for k in range(rows.shape[1]) if k not in self.parameters]
+        return rank(rows[:, list(self.parameters)], rows[:, others])
 
 
 def elsewhere(problem: Problem, info: Information, spread: float = 1.0) -> Information | None:

@@ -18,6 +18,7 @@ from thermid.fit.uncertainty.information import Opened, covering, opened_at
 from thermid.fit.uncertainty.noise import Weighed, binned, weighed
 from thermid.knowledge.store import State
 from thermid.knowledge.values import FittedValue, FittedValues
+from thermid.linear_algebra import RANK_TOLERANCE, square_root, symmetric_inverse
 from thermid.measure.amounts import digits, short
 from thermid.model.tree.model import Model
 from thermid.units import counted, unit
@@ -95,9 +96,8 @@ class Test:
         solved = np.linalg.solve(inner, np.concatenate([across, (vector[:, rest] / size)[..., None]], axis=2))
         turned = np.swapaxes(across, 1, 2)
         information = whole[:, at][:, :, at] - turned @ solved[..., :-1]
-        sizes, vectors = np.linalg.eigh(root @ root.T)
-        short = vectors * np.sqrt(np.maximum(sizes, 0.0))
-        return cls(data.weights, information, vector[:, at] - (turned @ solved[..., -1:])[..., 0], short[:, sizes > 0])
+        short = square_root(root @ root.T, drop=True)
+        return cls(data.weights, information, vector[:, at] - (turned @ solved[..., -1:])[..., 0], short)
 
 
 def _opened(a: Test, chosen: Sequence[int], loose: Sequence[int]) -> tuple[Array, Array, Array]:
@@ -208,10 +208,7 @@ def estimate(data: Weighed, priors: Array, pulls: Array, known: Sequence[int], r
     columns = np.concatenate([held, np.eye(priors.shape[0])[:, free]], axis=1)
     whole = np.einsum("m,mij->ij", data.weights, data.information) + priors
     inner = columns.T @ whole @ columns + np.diag([1.0] * root.shape[1] + [0.0] * len(free))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    vector = columns.T @ (data.weights @ data.scores + pulls)
-    solved = np.linalg.lstsq(inner * np.outer(scale, scale), scale * vector, rcond=1e-12)[0]
-    return np.asarray(columns @ (scale * solved))
+    return np.asarray(columns @ symmetric_inverse(inner) @ columns.T @ (data.weights @ data.scores + pulls))
 
 
 def normal_shifts(sizes: Array, errors: Array) -> list[Shift]:
@@ -242,7 +239,7 @@ def _chi_square(weights: Array, scores: Array, spread: Array) -> Together:
 
     size = np.sqrt(np.maximum(np.diagonal(spread, axis1=1, axis2=2), 1e-300))
     sizes, vectors = np.linalg.eigh(spread / size[:, :, None] / size[:, None, :])
-    kept = (sizes > 1e-6 * sizes[:, -1:]) & (sizes > 0)
+    kept = (sizes > RANK_TOLERANCE * sizes[:, -1:]) & (sizes > 0)
     along = np.einsum("mgr,mg->mr", vectors, scores / size) ** 2
     square = np.sum(np.where(kept, along / np.where(kept, sizes, 1.0), 0.0), axis=1)
     directions = int(np.median(kept.sum(axis=1)))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from thermid.fit.minimisation import Fit, covariances
 from thermid.fit.problem.experiment import SCALE, Experiment
 from thermid.fit.problem.residuals import Bench, Problem, loss_of
+from thermid.linear_algebra import square_root
 from thermid.model.laws.signal import Constant, Signal, Table
 from thermid.model.tree.flat import FlatLoad
 
@@ -212,11 +213,12 @@ def wandering(pieces: Mapping[tuple[str, str], Binned], found: Fit, worth: float
     """Return the same of traces in stretches of time, which are worth so many independent samples by what is said of their noise."""
     size = found.fitted.size
     weights = covariances(found)[2]
-    root = _root(weights)
+    # directions without information count as decided by each trace alone
+    known = square_root(np.where(np.isfinite(weights), weights, 0.0))
     # what a prior has decided already takes no freedom from the residuals: E(r'r) = n - tr(C J'J)
     taken = float(np.trace(np.where(np.isfinite(weights), weights, 0.0) @ found.jacobian.T @ found.jacobian))
     alike: dict[bytes, list[Array]] = {}  # sensors of one log share their stretches, and with them what is tried there
-    parts = {key: _parts(b, root, alike) for key, b in pieces.items()}
+    parts = {key: _parts(b, known, alike) for key, b in pieces.items()}
     calm = [key for key, (own, _, _) in parts.items() if own == 0.0]
     level = 1.0
     if calm:
@@ -279,13 +281,6 @@ def _not_below_zero(matrix: Array) -> Array:
 def correlation(times: Array, time: float) -> Array:
     """Return the correlations (times, times) of what wanders with a correlation time [s]."""
     return np.asarray(np.exp(-np.abs(times[:, None] - times[None, :]) / time)) if time > 0 else np.eye(times.size)
-
-
-def _root(covariance: Array) -> Array:
-    """Return a root L of a covariance, ``L L'``; directions without information count as decided by each trace alone."""
-    known = np.where(np.isfinite(covariance), covariance, 0.0)
-    sizes, vectors = np.linalg.eigh(known) if known.size else (np.zeros(0), known)
-    return np.asarray(vectors * np.sqrt(np.maximum(sizes, 0.0)))
 
 
 def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]]) -> tuple[float, float, float]:
