@@ -133,9 +133,9 @@ def test_noise_that_is_correlated_is_covered_and_would_mislead() -> None:
             # as if every sample told something new; a fit that is told nothing sees its residuals wander, and widens by what it guesses
             other = fit(clean + noise, None)
             assert other.problem is not None
-            assert other.wander is not None
+            assert other.autocorrelation is not None
             end = ended(other.problem, np.array(list(other.fitted.values())))
-            _, _, weights = covariances(end, other.wander.level)
+            _, _, weights = covariances(end, other.autocorrelation.variance_factor)
             blind.append(float(np.log(other["skin.conductance"].value / 0.05) / np.sqrt(weights[0, 0])))
     assert covered(known)
     assert not covered(blind)

@@ -27,7 +27,7 @@ from thermid.fit.second_clocks import at_clocks, in_turns, with_clocks
 from thermid.fit.structural import with_discrepancy
 from thermid.fit.uncertainty.information import Responses, responses
 from thermid.fit.uncertainty.moved import Moves, moves_above
-from thermid.fit.uncertainty.noise import Wander, wander
+from thermid.fit.uncertainty.noise import Autocorrelation, autocorrelation
 from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values import FittedValue, FittedValues, view
@@ -45,7 +45,9 @@ NOISES, SHARE = 3.0, 0.02
 ranged over in the record, whichever is more. [-]"""
 
 
-def own_standing(request: Request, problem: Problem, found: Fit, values: FittedValues, total: Array, spread: Wander | None) -> Standing:
+def own_standing(
+    request: Request, problem: Problem, found: Fit, values: FittedValues, total: Array, spread: Autocorrelation | None
+) -> Standing:
     """Return the standing of a fit by itself, whatever it rests on."""
     wrong = [*contradicted(values).values(), *([] if found.converged else [f"the fit did not converge: {found.message}"])]
     if wrong:
@@ -68,16 +70,16 @@ def at_bounds(problem: Problem, found: Fit, total: Array) -> list[tuple[Unknown,
     return out
 
 
-def _missed(request: Request, problem: Problem, spread: Wander) -> list[str]:
+def _missed(request: Request, problem: Problem, spread: Autocorrelation) -> list[str]:
     """Return in words which traces the model misses by more than it may, the worst first; one reason for all of them."""
     seen = {(e.record.name, o.sensor): o for e in problem.experiments for o in e.observations}
     found: list[tuple[float, str]] = []
     for t in spread.traces:
         o = seen[t.record, t.sensor]
         sigma = o.sigma(problem.noise)
-        noise = o.noise if o.noise is not None else float(np.sqrt(t.own)) * sigma
+        noise = o.noise if o.noise is not None else float(np.sqrt(t.white_variance)) * sigma
         limit = request.adequate or max(NOISES * noise, SHARE * float(np.ptp(o.measured)))
-        size = float(np.sqrt(t.slow)) * sigma
+        size = float(np.sqrt(t.correlated_variance)) * sigma
         if size > limit:
             what = "'adequate'" if request.adequate else f"{NOISES:g} noises and {100 * SHARE:g} % of its range"
             found.append((size / limit, f"{t.sensor} in {t.record} is missed by {short(size)} K (limit {short(limit)} K: {what})"))
@@ -217,7 +219,9 @@ def tuned_by_hand(request: Request, hand: Store) -> Calibration:
 CHANCE = 0.01
 
 
-def summarise(request: Request, problem: Problem, found: Fit, known: Responses, random: Array, spread: Wander | None = None) -> Calibration:
+def summarise(
+    request: Request, problem: Problem, found: Fit, known: Responses, random: Array, spread: Autocorrelation | None = None
+) -> Calibration:
     """Return the calibration that a fit ended with; `known` says what its errors come from, `random` is their part by noise."""
     name, total = request.name or request.model.title, known.total
     origin = f"{name}: {_listed([r.name for r in request.records])}"
@@ -239,8 +243,8 @@ def summarise(request: Request, problem: Problem, found: Fit, known: Responses, 
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
     blocks = Predictions(found.sums, problem, found.fitted)
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
-    freedom = round(problem.worth) - len(problem.unknowns)
-    moved = moves_above(request, problem, found, spread.level if spread is not None else 1.0) if request.store.states else Moves()
+    freedom = round(problem.effective_samples) - len(problem.unknowns)
+    moved = moves_above(request, problem, found, spread.variance_factor if spread is not None else 1.0) if request.store.states else Moves()
     return Calibration(
         name,
         request.model,
@@ -310,7 +314,7 @@ def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], flo
     return out
 
 
-def _warnings(problem: Problem, found: Fit, total: Array, spread: Wander | None) -> list[str]:
+def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelation | None) -> list[str]:
     """Return what a reader must know."""
     out = []
     if not found.converged:
@@ -324,26 +328,26 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Wander | None)
             out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
     out += _strained(problem, found)
     out += _taken_as_instants(problem)
-    freedom = round(problem.worth) - len(problem.unknowns)
+    freedom = round(problem.effective_samples) - len(problem.unknowns)
     reduced = found.chi_square / max(freedom, 1)
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:
-        widened = "; the errors were widened by that factor" if spread is None or spread.level > 1.5 else ""
+        widened = "; the errors were widened by that factor" if spread is None or spread.variance_factor > 1.5 else ""
         out.append(f"the residuals are {short(np.sqrt(reduced))} times the stated noise{widened}.")
     return out
 
 
-def _wandering(spread: Wander) -> list[str]:
+def _wandering(spread: Autocorrelation) -> list[str]:
     """Return one remark on traces whose residuals wander."""
-    slow = [t for t in spread.traces if wanders(t.effective, t.samples)]
+    slow = [t for t in spread.traces if wanders(t.effective_samples, t.samples)]
     # one white trace in a hundred looks as if it wandered
     if len(slow) <= CHANCE * len(spread.traces) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(spread.traces)):
         return []
     share = f"{len(slow)} of {len(spread.traces)} traces" if len(spread.traces) > 1 else "the trace"
-    count, worth = sum(t.samples for t in slow), sum(t.effective for t in slow)
+    count, effective = sum(t.samples for t in slow), sum(t.effective_samples for t in slow)
     return [
         f"residuals of {share} are not white: the model misses something, or the readings were filtered. Their {count} samples are worth "
-        f"{short(worth)} independent ones, and the errors were widened accordingly."
+        f"{short(effective)} independent ones, and the errors were widened accordingly."
     ]
 
 
@@ -474,8 +478,8 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         again = ended(problem, found.fitted, request.loss, request.knee)
         kept = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks")}
         found = replace(again, **kept)
-    spread = wander(problem, found, request.loss, request.knee)
-    _, random, weights = covariances(found, spread.level, spread.excess)
+    spread = autocorrelation(problem, found, request.loss, request.knee)
+    _, random, weights = covariances(found, spread.variance_factor, spread.score_excess)
     asked = strange_powers(problem)
     found = replace(found, remarks=(*found.remarks, *asked))
     if stated and request.free and len(problem.experiments) == len(request.records):
@@ -487,7 +491,7 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         unlogged = (f"{r.words}." for r in inputs_of(request, problem.experiments, problem.unknowns).assumed if r.kind == "load")
         questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*asked, *unlogged))
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
-    errors = responses(request, problem, found, spread.level, random, weights)
+    errors = responses(request, problem, found, spread.variance_factor, random, weights)
     return with_discrepancy(summarise(request, problem, found, errors, random, spread))
 
 
@@ -501,7 +505,7 @@ def _units_asked(problem: Problem) -> Iterator[None]:
 
 
 def _freedom(problem: Problem) -> float:
-    return max(problem.worth - len(problem.unknowns), 1.0)
+    return max(problem.effective_samples - len(problem.unknowns), 1.0)
 
 
 def _misfit(request: Request) -> float:

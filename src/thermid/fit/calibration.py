@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from thermid.fit.inputs import InputTable, input_lines, inputs_of
 from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.residuals import Block, Predictions, Problem, SensorStatistics, Sums, pooled
+from thermid.fit.problem.residuals import Predictions, Problem, SensorStatistics, SensorTrace, Sums, pooled
 from thermid.fit.uncertainty.moved import Moves
-from thermid.fit.uncertainty.noise import Wander
+from thermid.fit.uncertainty.noise import Autocorrelation
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import State, Store
 from thermid.knowledge.values import FittedValue, FittedValues
@@ -141,7 +141,7 @@ class Calibration:
     moved : Moves               What the logs say of values of the stages below: moved, not rejected, or that they cannot decide.
     search : str                What was looked at beyond one descent; empty for nothing.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
-    wander : Wander or None     How the residuals wander.
+    autocorrelation : Autocorrelation or None   Of the residuals.
     own : Standing              How far the fit may be trusted by itself.
     rests : dict                Who gave values that the fit rests on (``stage 'name'``) -> their standing.
     verdict : Standing or None  What failed verdicts on it make of it.
@@ -152,7 +152,7 @@ class Calibration:
     model: Model
     values: FittedValues
     local: tuple[Local, ...]
-    blocks: Sequence[Block]
+    blocks: Sequence[SensorTrace]
     bias: Mapping[str, float]
     records: Mapping[str, str]
     correlations: Mapping[tuple[str, str], float]
@@ -169,7 +169,7 @@ class Calibration:
     request: Request | None = field(default=None, repr=False)
     problem: Problem | None = field(default=None, repr=False)
     moved: Moves = field(default_factory=Moves)
-    wander: Wander | None = field(default=None, repr=False)
+    autocorrelation: Autocorrelation | None = field(default=None, repr=False)
     search: str = ""
     store: Store = field(default_factory=Store, repr=False)
     own: Standing = UNJUDGED
@@ -221,27 +221,27 @@ class Calibration:
         return [(b.record, b.sensor, Sums.of(b.residuals)) for b in self.blocks]
 
     @property
-    def effective(self) -> Mapping[tuple[str, str], float]:
+    def effective_samples(self) -> Mapping[tuple[str, str], float]:
         """(record, sensor) -> independent samples that its readings are worth."""
-        return self.wander.effective if self.wander is not None else {}
+        return self.autocorrelation.effective_samples if self.autocorrelation is not None else {}
 
     @property
     def statistics(self) -> dict[str, dict[str, SensorStatistics]]:
         """Record -> sensor -> statistics."""
         out: dict[str, dict[str, SensorStatistics]] = {}
         for record, sensor, sums in self._sums():
-            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0), self.effective.get((record, sensor)))
+            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0), self.effective_samples.get((record, sensor)))
         return out
 
     @property
     def sensors(self) -> dict[str, SensorStatistics]:
         """Sensor -> statistics over all records together."""
         parts: dict[str, list[Sums]] = {}
-        worth: dict[str, float] = {}
+        effective: dict[str, float] = {}
         for record, sensor, sums in self._sums():
             parts.setdefault(sensor, []).append(sums)
-            worth[sensor] = worth.get(sensor, 0.0) + self.effective.get((record, sensor), sums.count)
-        return {n: pooled(several).statistics(self.bias.get(n, 0.0), worth[n]) for n, several in parts.items()}
+            effective[sensor] = effective.get(sensor, 0.0) + self.effective_samples.get((record, sensor), sums.count)
+        return {n: pooled(several).statistics(self.bias.get(n, 0.0), effective[n]) for n, several in parts.items()}
 
     def median_rmse(self, sensor: str) -> float:
         """Return the median over records of a sensor's RMSE. [K]"""

@@ -394,7 +394,7 @@ def doubts(problem: Problem, found: Fit) -> str:
 
 def _level(problem: Problem, found: Fit) -> float:
     """Return the weighted sum of squares per degree of freedom. [-]"""
-    return found.chi_square / max(problem.worth - len(problem.unknowns), 1)
+    return found.chi_square / max(problem.effective_samples - len(problem.unknowns), 1)
 
 
 def _errors(problem: Problem, found: Fit) -> Array:

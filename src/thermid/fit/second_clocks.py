@@ -21,9 +21,9 @@ from thermid.fit.minimisation import Fit, covariances, minimise
 from thermid.fit.problem.experiment import OFFSET, Ticks
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Request
-from thermid.fit.problem.residuals import SHIFT, Block, Compressed, Problem, as_triangle, clock_at, loss_of
+from thermid.fit.problem.residuals import SHIFT, Compressed, Problem, SensorTrace, as_triangle, clock_at, loss_of
 from thermid.fit.problem.unknowns import Unknown
-from thermid.fit.uncertainty.noise import BINS, Binned, wandering
+from thermid.fit.uncertainty.noise import BINS, Binned, autocorrelation_of_traces, binned_trace, stretch_means
 from thermid.measure import Record
 from thermid.memo import Memo
 from thermid.model.laws.signal import Table
@@ -232,7 +232,7 @@ class Clocked:
         """Return measured less predicted in units of the noise (samples,), sensor by sensor."""
         return np.concatenate([b.residuals / b.noise for b in problem.blocks(rest)])
 
-    def blocks(self, fitted: Array) -> list[Block]:
+    def blocks(self, fitted: Array) -> list[SensorTrace]:
         """Return measured and predicted readings of every sensor."""
         return self.problem(self.clock(fitted)).blocks(fitted[len(self.ticking) :])
 
@@ -292,25 +292,9 @@ class Clocked:
             at += z.size
             edges = block.times if z.size <= 2 * BINS else np.linspace(block.times[0], block.times[-1], BINS + 1)[:-1]
             place = np.searchsorted(edges, block.times, side="right") - 1
-            count = np.bincount(place, minlength=edges.size).astype(float)
-            full = count > 0
-
-            def mean(values: Array, place: NDArray[np.int64] = place, count: Array = count) -> Array:
-                return np.bincount(place, values, minlength=count.size) / np.maximum(count, 1.0)
-
-            inside = z - mean(z)[place]
-            spare = z.size - int(full.sum())
-            columns = np.column_stack([mean(own[:, k]) for k in range(own.shape[1])])
-            out[block.record, o.sensor] = Binned(
-                mean(z)[full],
-                count[full],
-                mean(block.times)[full],
-                columns[full],
-                float(inside @ inside) / max(spare, 1),
-                spare,
-                float(z @ z),
-                o.share,
-            )
+            columns = np.column_stack([stretch_means(column, place, edges.size) for column in own.T])
+            times = stretch_means(block.times, place, edges.size)
+            out[block.record, o.sensor] = binned_trace(z, z, place, times, columns, o.effective_share)
         return out
 
 
@@ -466,13 +450,13 @@ def _errors(sides: Clocked, found: Fit) -> Array:
     """Return the standard errors of the unknowns: noise and wandering residuals, constant errors, instants of sampled changes."""
     if not found.jacobian.any(axis=0).all():
         return np.full(found.fitted.size, np.inf)  # nothing answers to one of them
-    spread = wandering(sides.pieces(found.fitted), found, sides.problem(sides.clock(found.fitted)).worth)
-    total, _, weights = covariances(found, spread.level, spread.excess)
+    spread = autocorrelation_of_traces(sides.pieces(found.fitted), found, sides.problem(sides.clock(found.fitted)).effective_samples)
+    total, _, weights = covariances(found, spread.variance_factor, spread.score_excess)
     changes = sides.changes(sides.clock(found.fitted))
     if changes and np.isfinite(weights).all():
         slopes = sides.slopes(found.fitted)
         for width, delayed in changes:
-            moved = weights @ (slopes.T @ delayed) / spread.level
+            moved = weights @ (slopes.T @ delayed) / spread.variance_factor
             total = total + width**2 / 12.0 * np.outer(moved, moved)
     return np.sqrt(np.diag(total))
 
@@ -503,6 +487,6 @@ def _at(sides: Clocked, fitted: Array, errors: tuple[float, float]) -> Alignment
     return Alignment(*at, *errors, sides.first.joined(sides.second, *at), {b.sensor: _rms([b]) for b in blocks}, largest, ends)
 
 
-def _rms(blocks: Sequence[Block]) -> float:
+def _rms(blocks: Sequence[SensorTrace]) -> float:
     """Return the RMS of measured less predicted. [K]"""
     return max(math.sqrt(float(np.mean(np.concatenate([b.residuals for b in blocks]) ** 2))), 1e-6)

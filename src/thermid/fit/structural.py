@@ -21,8 +21,8 @@ from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import covariances, ended
 from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Target, Unknown
-from thermid.fit.uncertainty.noise import Wander, binned
+from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.fit.uncertainty.noise import Autocorrelation, binned
 from thermid.knowledge.values import FittedValues
 from thermid.model.laws.signal import Table
 from thermid.model.tree.flat import FlatConductor, FlatLoad
@@ -47,7 +47,7 @@ FINISH = 0.15
 
 
 @dataclass(frozen=True)
-class Conditions:
+class OperatingPoint:
     """Where a coefficient was found.
 
     Parameters
@@ -65,7 +65,7 @@ class Conditions:
 
 
 @dataclass(frozen=True)
-class Pattern:
+class CoefficientMode:
     """One way in which a coefficient may differ from a constant.
 
     Parameters
@@ -101,7 +101,7 @@ def coefficient_path(c: FlatConductor) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class FlowHistory:
     """The course of a conductor over time: differences and levels of its ends [K], and its heat flow [W]."""
 
     first: Array
@@ -119,7 +119,7 @@ class Course:
         return 0.5 * (self.first + self.second)
 
 
-def courses(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -> tuple[Array, dict[str, Course]]:
+def courses(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -> tuple[Array, dict[str, FlowHistory]]:
     """Return times [s], and path -> course of every constant coefficient that acts in a run at some values of its free names."""
     end = wiring.scenario.seconds
     times = np.linspace(0.0, end, POINTS)
@@ -133,20 +133,22 @@ def courses(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -
         forms.setdefault(row.name, []).append(row.form if value_of(row.coefficients[0]) else "")
     wanted = constant_coefficients(wiring.network)
     return times, {
-        p: Course(known[c.ends[0]], known[c.ends[1]], flows[p])
+        p: FlowHistory(known[c.ends[0]], known[c.ends[1]], flows[p])
         for p, c in wanted.items()
         if forms.get(p) == ["linear"] and c.ends[0] != c.ends[1]
     }
 
 
-def ending_settled(course: Course, first: float, second: float) -> Course:
+def ending_settled(course: FlowHistory, first: float, second: float) -> FlowHistory:
     """Return a course that ends where it would settle, at temperatures of its ends [K]."""
     before = course.first[-1] - course.second[-1]
     heat = course.heat[-1] * (first - second) / before if abs(before) > 1e-12 else 0.0
-    return Course(*(np.append(x[:-1], y) for x, y in zip((course.first, course.second, course.heat), (first, second, heat), strict=True)))
+    return FlowHistory(
+        *(np.append(x[:-1], y) for x, y in zip((course.first, course.second, course.heat), (first, second, heat), strict=True))
+    )
 
 
-def conditions_of(found: Sequence[Mapping[str, Course]]) -> dict[str, Conditions]:
+def conditions_of(found: Sequence[Mapping[str, FlowHistory]]) -> dict[str, OperatingPoint]:
     """Return path -> the conditions over several runs, weighted by the heat that flows."""
     out = {}
     for path in dict.fromkeys(p for run in found for p in run):
@@ -155,13 +157,13 @@ def conditions_of(found: Sequence[Mapping[str, Course]]) -> dict[str, Conditions
         if heat.sum() > 0:
             seen = heat > 0
             mean = float(np.exp(heat[seen] @ np.log(np.maximum(difference[seen], 1e-9)) / heat[seen].sum()))
-            out[path] = Conditions(mean, float(heat @ level / heat.sum()))
+            out[path] = OperatingPoint(mean, float(heat @ level / heat.sum()))
     return out
 
 
 def patterns_of(
-    network: Network, times: Array, found: Mapping[str, Course], reference: Mapping[str, Conditions], values: Mapping[str, Any]
-) -> list[Pattern]:
+    network: Network, times: Array, found: Mapping[str, FlowHistory], reference: Mapping[str, OperatingPoint], values: Mapping[str, Any]
+) -> list[CoefficientMode]:
     """Return the patterns of every constant coefficient in a run, about the conditions where each was found; values of parameters in SI."""
     radiating = {c.path.removesuffix(".radiation") for c in network.flat.conductors if c.kind == "radiation"}
     out = []
@@ -174,14 +176,14 @@ def patterns_of(
         # of a coefficient that is part radiation only the rest grows with the difference
         rest, square = 1.0 - share, (1.0 - share) ** 2 + spread**2
         sd = float(np.sqrt(EXPONENT**2 * square / 3.0 - (EXPONENT * rest / 2.0) ** 2))
-        out.append(Pattern(path, "difference", EXPONENT * rest / 2.0, sd, c.ends, Table(times, course.heat * grown, False)))
+        out.append(CoefficientMode(path, "difference", EXPONENT * rest / 2.0, sd, c.ends, Table(times, course.heat * grown, False)))
         if share > 0.0:
             warmer = (course.first**2 + course.second**2) * (course.first + course.second) / (4.0 * at.level**3) - 1.0
-            out.append(Pattern(path, "level", share, spread, c.ends, Table(times, course.heat * warmer, False)))
+            out.append(CoefficientMode(path, "level", share, spread, c.ends, Table(times, course.heat * warmer, False)))
     return out
 
 
-def _radiative(c: FlatConductor, coefficient: float, at: Conditions, values: Mapping[str, Any]) -> tuple[float, float]:
+def _radiative(c: FlatConductor, coefficient: float, at: OperatingPoint, values: Mapping[str, Any]) -> tuple[float, float]:
     """Return mean and standard deviation of the part of a coefficient that is radiation: any emissivity, or the one that the deck gives."""
     black = 4.0 * STEFAN_BOLTZMANN * at.level**3 / max(coefficient, 1e-9)
     if c.emissivity:
@@ -191,7 +193,7 @@ def _radiative(c: FlatConductor, coefficient: float, at: Conditions, values: Map
     return 0.5 * most, most / float(np.sqrt(12.0))
 
 
-def with_patterns(network: Network, scenario: Scenario, patterns: Sequence[Pattern]) -> tuple[Network, Scenario]:
+def with_patterns(network: Network, scenario: Scenario, patterns: Sequence[CoefficientMode]) -> tuple[Network, Scenario]:
     """Return a network and its scenario with a pair of loads for every pattern; ``scale.<load>`` frees their size."""
     loads, powers = [], {}
     for p in patterns:
@@ -258,7 +260,7 @@ class Discrepancy:
     separated : tuple of str        Contacts of which some record had another gas, or another pressure of it, than air on the ground.
     """
 
-    conditions: Mapping[str, Conditions]
+    conditions: Mapping[str, OperatingPoint]
     means: Mapping[Key, float]
     sizes: Mapping[Key, float]
     names: tuple[str, ...]
@@ -288,7 +290,7 @@ class Discrepancy:
         modes, names = data["modes"], tuple(str(n) for n in data["names"])
         response = np.array([[float(x) for x in m["response"]] for m in modes]).reshape(len(modes), len(names)).T
         return cls(
-            {p: Conditions(float(d), float(t)) for p, (d, t) in data["conditions"].items()},
+            {p: OperatingPoint(float(d), float(t)) for p, (d, t) in data["conditions"].items()},
             {(m["path"], m["kind"]): float(m["mean"]) for m in modes},
             {(m["path"], m["kind"]): float(m["sd"]) for m in modes},
             names,
@@ -379,7 +381,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     response = _response(fit, problem, at, ways, list(sizes))
     place = {u.name: k for k, u in enumerate(problem.unknowns)}
     names = tuple(fit.values)
-    misfit = misfit_found(problem, fit.wander) if fit.wander is not None else {}
+    misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}
     joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
     kept = Discrepancy(conditions, means, sizes, names, response[[place[n] for n in names]], misfit, _surfaces(seen), joints)
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
@@ -388,7 +390,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 
 
-def _surfaces(seen: Sequence[Mapping[str, Course]]) -> dict[str, tuple[float, float]]:
+def _surfaces(seen: Sequence[Mapping[str, FlowHistory]]) -> dict[str, tuple[float, float]]:
     """Return conductor -> mean temperatures of its ends over the records, weighted by the square of their difference. [K]"""
     out = {}
     for path in dict.fromkeys(p for run in seen for p in run):
@@ -400,7 +402,7 @@ def _surfaces(seen: Sequence[Mapping[str, Course]]) -> dict[str, tuple[float, fl
     return out
 
 
-def _runs(problem: Problem, at: Array) -> list[tuple[Array, dict[str, Course]]]:
+def _runs(problem: Problem, at: Array) -> list[tuple[Array, dict[str, FlowHistory]]]:
     """Return times and the course of every constant coefficient, per record; no run where there is none."""
     if not any(constant_coefficients(e.network) for e in problem.experiments):
         return [(np.zeros(0), {}) for _ in problem.experiments]
@@ -414,27 +416,27 @@ def _decided(problem: Problem, paths: Sequence[str]) -> set[str]:
     return {path for path, c in constant_coefficients(network).items() if coefficient_path(c) in touched}
 
 
-def found_at(values: FittedValues) -> dict[str, Conditions]:
+def found_at(values: FittedValues) -> dict[str, OperatingPoint]:
     """Return path of a conductor -> where its coefficient was found, as fitted values keep it."""
     return _conditions(values.provenance)
 
 
-def _conditions(provenance: Mapping[str, Any]) -> dict[str, Conditions]:
-    return {p: Conditions(float(d), float(t)) for p, (d, t) in provenance.get("conditions", {}).items()}
+def _conditions(provenance: Mapping[str, Any]) -> dict[str, OperatingPoint]:
+    return {p: OperatingPoint(float(d), float(t)) for p, (d, t) in provenance.get("conditions", {}).items()}
 
 
-def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequence[Pattern]], keys: Sequence[Key]) -> Array:
+def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequence[CoefficientMode]], keys: Sequence[Key]) -> Array:
     """Return d fitted / d pattern (unknowns, patterns): ``-C J'K``, K the derivatives of the weighted residuals to the patterns."""
     size = len(problem.unknowns)
     if not size or not keys:
         return np.zeros((size, len(keys)))
-    targets: dict[Key, list[Target]] = {k: [] for k in keys}
+    targets: dict[Key, list[Influence]] = {k: [] for k in keys}
     experiments = []
     for i, (experiment, several) in enumerate(zip(problem.experiments, ways, strict=True)):
         network, scenario = with_patterns(experiment.network, experiment.scenario, several)
         experiments.append(replace(experiment, network=network, scenario=scenario))
         for p in several:
-            targets[p.path, p.kind] += [Target(i, f"scale.{n}") for n in p.names(network.boundaries)]
+            targets[p.path, p.kind] += [Influence(i, f"scale.{n}") for n in p.names(network.boundaries)]
     more = tuple(Unknown(f"{kind} {path}", "pattern", tuple(t), 0.0) for (path, kind), t in targets.items())
     wide = replace(problem, experiments=tuple(experiments), unknowns=(*problem.unknowns, *more), coupled=())
     level = max(1.0, fit.reduced_chi_square)
@@ -446,9 +448,9 @@ def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequ
     return np.asarray(-known @ cross / level)
 
 
-def misfit_found(problem: Problem, wander: Wander) -> dict[str, float]:
+def misfit_found(problem: Problem, autocorrelation: Autocorrelation) -> dict[str, float]:
     """Return node -> standard deviation of what wanders in its residuals, over all records. [K]"""
-    slow = {(t.record, t.sensor): t.slow for t in wander.traces}
+    slow = {(t.record, t.sensor): t.correlated_variance for t in autocorrelation.traces}
     parts: dict[str, list[float]] = {}
     for e in problem.experiments:
         for o in e.observations:

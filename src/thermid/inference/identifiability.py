@@ -160,7 +160,7 @@ TELL = 0.1
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownParameter:
     """How well one parameter is known.
 
     Parameters
@@ -212,7 +212,7 @@ class Identifiability:
     stage : str                 'planned' (a test that was not made), 'before' or 'after' the fit.
     samples : int               Readings.
     rank : int                  Independent facts about the parameters in the readings, priors of parameters left out.
-    parameters : dict           Path -> `Known`, priors counted.
+    parameters : dict           Path -> `KnownParameter`, priors counted.
     groups : tuple of Group     What cannot be told apart: structural ones first.
     cures : tuple of Cure       What would help, the best first.
     inputs : InputTable             Every boundary, load and start of every record, with its source.
@@ -222,14 +222,14 @@ class Identifiability:
     stage: str
     samples: int
     rank: int
-    parameters: Mapping[str, Known]
+    parameters: Mapping[str, KnownParameter]
     groups: tuple[Group, ...]
     cures: tuple[Cure, ...]
     information: Information = field(repr=False)
     problem: Problem = field(repr=False)
     inputs: InputTable = field(default=InputTable(), repr=False)
 
-    def __getitem__(self, path: str) -> Known:
+    def __getitem__(self, path: str) -> KnownParameter:
         """Return what is known of one parameter."""
         return self.parameters[path]
 
@@ -385,7 +385,7 @@ def _told(title: str, stage: str, problem: Problem, at: Array, spread: float, te
     return Identifiability(title, stage, problem.samples, info.rank(), known, tuple(groups), helps, info, problem)
 
 
-def _known(info: Information) -> dict[str, Known]:
+def _known(info: Information) -> dict[str, KnownParameter]:
     """Return path -> what is known, with the unknown that most of each error comes from."""
     covariance = info.covariance()
     variance = np.diag(covariance)
@@ -404,5 +404,5 @@ def _known(info: Information) -> dict[str, Known]:
         relative = float(np.sqrt(variance[k]) / info.sizes[k])
         error = float(np.sqrt(variance[k]) * info.slopes[k])
         without = relative * float(np.sqrt(max(0.0, 1.0 - share[worst]))) if limit else relative
-        out[u.name] = Known(u.name, float(info.values[k]), error, relative, float(info.alone[k]), limit, without, u.unit)
+        out[u.name] = KnownParameter(u.name, float(info.values[k]), error, relative, float(info.alone[k]), limit, without, u.unit)
     return out

@@ -13,7 +13,7 @@ from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import as_found
 from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.residuals import Block, SensorStatistics
+from thermid.fit.problem.residuals import SensorStatistics, SensorTrace
 from thermid.judge.looks import RecordedLook
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
@@ -124,7 +124,7 @@ class Verdict:
         return all(c.passed for c in self.checks) if self.prediction is not None else None
 
     @property
-    def blocks(self) -> Sequence[Block]:
+    def blocks(self) -> Sequence[SensorTrace]:
         """Measured and predicted readings; none where it was not judged."""
         return self.prediction.blocks if self.prediction is not None else ()
 

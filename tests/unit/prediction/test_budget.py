@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.fit import coefficients, discrepancy, joint_gas
-from thermid.fit.structural import Conditions, Course, patterns_of
+from thermid.fit.structural import FlowHistory, OperatingPoint, patterns_of
 from thermid.knowledge import sources
 from thermid.knowledge.sources import LeftOut, Uniform
 from thermid.network.network import compile_network
@@ -156,16 +156,16 @@ def test_a_uniform_law_has_no_normal_tails() -> None:
 # constants ---------------------------------------------------------------------------------------------------------------------------
 
 
-def course(size: float = 10.0) -> tuple[np.ndarray, Course]:
+def course(size: float = 10.0) -> tuple[np.ndarray, FlowHistory]:
     times = np.array([0.0, 10.0])
-    return times, Course(np.array([330.0, 360.0]), np.array([310.0, 320.0]), np.array([size, 2.0 * size]))
+    return times, FlowHistory(np.array([330.0, 360.0]), np.array([310.0, 320.0]), np.array([size, 2.0 * size]))
 
 
 def test_modes_of_a_bare_coefficient() -> None:
     """Exponent anywhere from 0 to 1/3, radiative share anywhere up to that of 0.95, of what is left beside it."""
     network = compile_network(plate({"htc": HTC}))
     times, one = course()
-    at = Conditions(20.0, 320.0)
+    at = OperatingPoint(20.0, 320.0)
     grown, warmer = patterns_of(network, times, {"skin": one}, {"skin": at}, network.numbers().values)
     most = min(1.0, 0.95 * 4 * 5.670374419e-8 * 320.0**3 / 5.0)
     share, spread = most / 2, most / 12**0.5
@@ -211,7 +211,7 @@ def test_constants_that_decide_the_width_of_a_band() -> None:
     ("ratio", "level", "far"), [(1.24, 0.0, False), (1.26, 0.0, True), (1 / 1.26, 0.0, True), (1.0, 9.0, False), (1.0, -11.0, True)]
 )
 def test_from_where_a_coefficient_is_far_from_its_fit(ratio: float, level: float, far: bool) -> None:
-    assert predict._far(Conditions(10.0, 300.0), Conditions(10.0 * ratio, 300.0 + level)) is far
+    assert predict._far(OperatingPoint(10.0, 300.0), OperatingPoint(10.0 * ratio, 300.0 + level)) is far
 
 
 def test_a_member_depends_on_its_number_alone() -> None:

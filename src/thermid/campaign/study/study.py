@@ -14,7 +14,7 @@ from thermid.arguments import takes_objects
 from thermid.campaign.stages import Campaign
 from thermid.errors import NameNotFoundError, nearest
 from thermid.files import STUDY, write_text
-from thermid.fit.problem.residuals import Block
+from thermid.fit.problem.residuals import SensorTrace
 from thermid.model.tree.boxes import node_boxes, part_boxes
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
@@ -247,7 +247,7 @@ def _passed(name: str, component: Component, solution: Solution, node: str) -> l
     return out
 
 
-def _step(action: str, stage: str, block: Block, held_out: bool = False) -> Step:
+def _step(action: str, stage: str, block: SensorTrace, held_out: bool = False) -> Step:
     r = block.residuals
     end = block.times >= block.times[-1] - SETTLED * (block.times[-1] - block.times[0])
     largest = float(r[np.argmax(np.abs(r))])

@@ -431,7 +431,7 @@ class Observation:
     noise : float or None       Standard deviation of one sample. [K]
     accuracy : float or None    Standard deviation of its constant error. [K]
     weight : float              Below 1 where a model error, not the noise, sets how far a reading can be trusted. [-]
-    share : float               Independent samples that one sample is worth: below 1 where the noise is said to be correlated. [-]
+    effective_share : float     Independent samples that a sample is worth: below 1 where the noise is said to be correlated. [-]
     part : SensorPart or None   What else its sensor does.
     lag : str                   Path of the sensor's lag in the wiring; empty for none.
     """
@@ -443,7 +443,7 @@ class Observation:
     noise: float | None
     accuracy: float | None
     weight: float = 1.0
-    share: float = 1.0
+    effective_share: float = 1.0
     part: SensorPart | None = None
     seat: str = ""
     lag: str = ""
@@ -453,12 +453,12 @@ class Observation:
 
         Noise that is said to be correlated counts as so much larger that the samples say of anything slow what they can say.
         """
-        return (self.noise or assumed[self.sensor]) / self.weight / float(np.sqrt(self.share))
+        return (self.noise or assumed[self.sensor]) / self.weight / float(np.sqrt(self.effective_share))
 
     @property
-    def worth(self) -> float:
+    def effective_samples(self) -> float:
         """Independent samples that its samples are worth by what is said of its noise."""
-        return self.index.size * self.share
+        return self.index.size * self.effective_share
 
 
 OFFSET, RATE = "clock.offset", "clock.rate"

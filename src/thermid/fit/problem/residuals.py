@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import SolverError
 from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, Observation
-from thermid.fit.problem.unknowns import Target, Unknown
+from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.memo import Memo
 from thermid.simulation.solver.engine import Engine, Options
 from thermid.simulation.solver.squares import Squares, Weighing
@@ -141,7 +141,7 @@ def loss_of(squares: Array, loss: str, knee: float) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class SensorTrace:
     """One sensor of one record at some values of the unknowns.
 
     Parameters
@@ -319,7 +319,9 @@ def compressed_in_full(
     return as_triangle(blocks, full, loss, knee)
 
 
-def as_triangle(blocks: Sequence[Block], full: Array, loss: str, knee: float) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
+def as_triangle(
+    blocks: Sequence[SensorTrace], full: Array, loss: str, knee: float
+) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
     """Return rows, slopes, chi-square and sums of weighted residuals, whose derivatives (samples, unknowns) are made into a triangle."""
     z = np.concatenate([b.residuals / b.noise for b in blocks])
     size, weight = loss_of(z**2, loss, knee)
@@ -377,7 +379,7 @@ class Problem:
     def _names(self, i: int) -> tuple[str, ...]:
         return tuple(dict.fromkeys(target.name for _, target in self._acting(i)))
 
-    def _acting(self, i: int) -> list[tuple[int, Target]]:
+    def _acting(self, i: int) -> list[tuple[int, Influence]]:
         """Return position and target of every unknown that acts in an experiment; several may act on one name."""
         there = [(k, target) for k, u in enumerate(self.unknowns) for target in u.targets if target.experiment == i]
         return [(k, target) for k, target in there if target.name not in (OFFSET, RATE)]
@@ -398,11 +400,11 @@ class Problem:
             slopes[place[t.name], k] += t.factor * self.unknowns[k].slope(float(fitted[k]))
         return values, slopes
 
-    def blocks(self, fitted: Array) -> list[Block]:
+    def blocks(self, fitted: Array) -> list[SensorTrace]:
         """Return measured and predicted readings of every sensor of every record."""
         return [block for i in range(len(self.experiments)) for block in self.blocks_of(i, fitted)]
 
-    def blocks_of(self, i: int, fitted: Array) -> list[Block]:
+    def blocks_of(self, i: int, fitted: Array) -> list[SensorTrace]:
         """Return measured and predicted readings of every sensor of a record."""
         out, bench = [], self.bench(i, fitted)
         x, _ = self.inputs(i, fitted)
@@ -411,7 +413,7 @@ class Problem:
             bias, _ = self._bias(o.sensor, fitted)
             predicted = columns[o.index, k] + bias
             times = bench.experiment.times[o.index]
-            out.append(Block(bench.experiment.record.name, o.sensor, o.seat, times, o.measured, predicted, o.sigma(self.noise)))
+            out.append(SensorTrace(bench.experiment.record.name, o.sensor, o.seat, times, o.measured, predicted, o.sigma(self.noise)))
         return out
 
     def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
@@ -485,9 +487,9 @@ class Problem:
         return sum(o.index.size for e in self.experiments for o in e.observations)
 
     @property
-    def worth(self) -> float:
+    def effective_samples(self) -> float:
         """Independent samples that they are worth by what is said of their noise."""
-        return sum(o.worth for e in self.experiments for o in e.observations)
+        return sum(o.effective_samples for e in self.experiments for o in e.observations)
 
     def square(self, found: Compressed) -> float:
         """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""
@@ -540,7 +542,7 @@ class Problem:
         return [o for e in self.experiments for o in e.observations]
 
 
-class Predictions(Sequence[Block]):
+class Predictions(Sequence[SensorTrace]):
     """Blocks that are predicted when they are first looked at; what a fit needs of them it has in its sums.
 
     Parameters
@@ -554,18 +556,18 @@ class Predictions(Sequence[Block]):
         self.sums, self.problem, self.fitted = tuple(sums), problem, fitted
         self.memo = Memo()
 
-    def _blocks(self) -> tuple[Block, ...]:
+    def _blocks(self) -> tuple[SensorTrace, ...]:
         return self.memo.made("blocks", lambda: tuple(self.problem.blocks(self.fitted)))
 
     @overload
-    def __getitem__(self, at: int) -> Block: ...
+    def __getitem__(self, at: int) -> SensorTrace: ...
     @overload
-    def __getitem__(self, at: slice) -> tuple[Block, ...]: ...
-    def __getitem__(self, at: int | slice) -> Block | tuple[Block, ...]:
+    def __getitem__(self, at: slice) -> tuple[SensorTrace, ...]: ...
+    def __getitem__(self, at: int | slice) -> SensorTrace | tuple[SensorTrace, ...]:
         """Return a block, or several."""
         return self._blocks()[at]
 
-    def __iter__(self) -> Iterator[Block]:
+    def __iter__(self) -> Iterator[SensorTrace]:
         """Yield the blocks."""
         return iter(self._blocks())
 

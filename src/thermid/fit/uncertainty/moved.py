@@ -339,7 +339,7 @@ class Move:
 
 
 @dataclass(frozen=True)
-class Group:
+class MovedGroup:
     """Several parameters together: a part, or all that was inherited.
 
     Parameters
@@ -379,12 +379,12 @@ class Moves:
     Parameters
     ----------
     values : tuple of Move
-    groups : tuple of Group
+    groups : tuple of MovedGroup
     by : str                    What the values are compared with, for people.
     """
 
     values: tuple[Move, ...] = ()
-    groups: tuple[Group, ...] = ()
+    groups: tuple[MovedGroup, ...] = ()
     by: str = "the logs of this stage alone"
 
     def __bool__(self) -> bool:
@@ -598,7 +598,7 @@ def _less(below: Array, here: Array) -> Array:
     return np.asarray((along * np.where(sizes < 0.9, 1.0 - sizes, 1.0)) @ along.T)
 
 
-def _groups(values: Sequence[Move], test: Callable[[Sequence[Sequence[str]]], list[Together]]) -> tuple[Group, ...]:
+def _groups(values: Sequence[Move], test: Callable[[Sequence[Sequence[str]]], list[Together]]) -> tuple[MovedGroup, ...]:
     """Return one group per part with several values, and one of all; values of which the logs say nothing are left out of the tests."""
     parts: dict[str, list[Move]] = {}
     for m in values:
@@ -611,6 +611,6 @@ def _groups(values: Sequence[Move], test: Callable[[Sequence[Sequence[str]]], li
     found = [next(tests) if paths else Together(0.0, 0, math.nan) for paths in told]
     chances = [*holm([t.chance for t in found[:-1]]), *(t.chance for t in found[-1:])]
     return tuple(
-        Group(name, tuple(m.path for m in moves), t.chi_square, t.directions, p, all(m.verdict == NOT_REJECTED for m in moves))
+        MovedGroup(name, tuple(m.path for m in moves), t.chi_square, t.directions, p, all(m.verdict == NOT_REJECTED for m in moves))
         for (name, moves), t, p in zip(every, found, chances, strict=True)
     )

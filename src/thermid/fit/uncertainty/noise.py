@@ -1,7 +1,7 @@
 """Autocorrelated residuals and noisy inputs: how many independent samples a trace is worth, and what its readings then say.
 
 White noise plus an exponentially autocorrelated deviation, by restricted likelihood: one estimate for the errors of a fit
-(`wander`), and all that the residuals allow for tests of values known before (`weighed`).
+(`autocorrelation`), and all that the residuals allow for tests of values known before (`weighed`).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def excess_of_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str,
     ----------
     problem : Problem
     fitted : array (unknowns,)    The end of the fit, in the fitted form.
-    pieces : dict                 (record, sensor) -> its derivatives in stretches of time, see `wander`.
+    pieces : dict                 (record, sensor) -> its derivatives in stretches of time, see `autocorrelation`.
 
     Raises
     ------
@@ -134,55 +134,55 @@ FEWEST = 12
 
 
 @dataclass(frozen=True)
-class Trace:
+class TraceNoise:
     """The residuals of one sensor in one record, as an independent part and one that wanders.
 
     Parameters
     ----------
     record, sensor : str
     samples : int
-    own : float         Variance of the independent part, in squares of the noise; 0 where nothing wanders. [-]
-    slow : float        Variance of the part that wanders, in squares of the noise. [-]
-    time : float        Its correlation time. [s]
-    effective : float   Independent samples that would say as much about a mean. [-]
+    white_variance : float      Variance of the independent part, in squares of the noise; 0 where nothing wanders. [-]
+    correlated_variance : float     Variance of the autocorrelated part, in squares of the noise. [-]
+    correlation_time : float    Its correlation time. [s]
+    effective_samples : float   Independent samples that would say as much about a mean. [-]
     """
 
     record: str
     sensor: str
     samples: int
-    own: float
-    slow: float
-    time: float
-    effective: float
+    white_variance: float
+    correlated_variance: float
+    correlation_time: float
+    effective_samples: float
 
 
 @dataclass(frozen=True, eq=False)
-class Wander:
-    """What the residuals of a fit say about themselves.
+class Autocorrelation:
+    """Autocorrelation of the residuals of a fit, trace by trace, and what it does to the errors.
 
     Parameters
     ----------
-    traces : tuple of Trace                 One per record and sensor.
-    level : float                           Variance of the traces that do not wander, in squares of the noise, never below 1. [-]
-    excess : array (unknowns, unknowns)     What wandering, and the noise of logged signals, adds to the covariance of J'r, over
-                                            `level` times J'J; zeros where there is none.
+    traces : tuple of TraceNoise                 One per record and sensor.
+    variance_factor : float                 Variance of the white traces, in squares of the noise, never below 1. [-]
+    score_excess : array (unknowns, unknowns)   What autocorrelation, and the noise of logged signals, adds to the covariance of J'r, over
+                                            `variance_factor` times J'J; zeros where there is none.
     """
 
-    traces: tuple[Trace, ...]
-    level: float
-    excess: Array
+    traces: tuple[TraceNoise, ...]
+    variance_factor: float
+    score_excess: Array
 
     @property
-    def effective(self) -> dict[tuple[str, str], float]:
+    def effective_samples(self) -> dict[tuple[str, str], float]:
         """(record, sensor) -> effective samples."""
-        return {(t.record, t.sensor): t.effective for t in self.traces}
+        return {(t.record, t.sensor): t.effective_samples for t in self.traces}
 
 
 @dataclass(frozen=True, eq=False)
 class Binned:
     """A trace in stretches of time: means of the residuals, samples and derivatives in each, the variance inside them and its freedom.
 
-    `share` is what a sample is worth by what is said of its noise.
+    `effective_share` is what a sample is worth by what is said of its noise.
     """
 
     mean: Array
@@ -192,10 +192,10 @@ class Binned:
     within: float
     inner: int
     squares: float
-    share: float = 1.0
+    effective_share: float = 1.0
 
 
-def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0) -> Wander:
+def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0) -> Autocorrelation:
     """Return how the residuals of a fit wander, and what that does to J'r.
 
     Each trace is split into equal stretches of time. The means of its residuals there are held to be the sum of what the unknowns can
@@ -205,12 +205,12 @@ def wander(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
     pieces = binned(problem, found.fitted, loss, knee)
-    spread = wandering(pieces, found, problem.worth)
-    return replace(spread, excess=spread.excess + excess_of_inputs(problem, found.fitted, pieces))
+    spread = autocorrelation_of_traces(pieces, found, problem.effective_samples)
+    return replace(spread, score_excess=spread.score_excess + excess_of_inputs(problem, found.fitted, pieces))
 
 
-def wandering(pieces: Mapping[tuple[str, str], Binned], found: Fit, worth: float) -> Wander:
-    """Return the same of traces in stretches of time, which are worth so many independent samples by what is said of their noise."""
+def autocorrelation_of_traces(pieces: Mapping[tuple[str, str], Binned], found: Fit, effective_samples: float) -> Autocorrelation:
+    """Return the same of traces in stretches of time; `effective_samples` are those of all by what is said of their noise."""
     size = found.fitted.size
     weights = covariances(found)[2]
     # directions without information count as decided by each trace alone
@@ -219,31 +219,53 @@ def wandering(pieces: Mapping[tuple[str, str], Binned], found: Fit, worth: float
     taken = float(np.trace(np.where(np.isfinite(weights), weights, 0.0) @ found.jacobian.T @ found.jacobian))
     alike: dict[bytes, list[Array]] = {}  # sensors of one log share their stretches, and with them what is tried there
     parts = {key: _parts(b, known, alike) for key, b in pieces.items()}
-    calm = [key for key, (own, _, _) in parts.items() if own == 0.0]
-    level = 1.0
+    calm = [key for key, (white, _, _) in parts.items() if white == 0.0]
+    variance_factor = 1.0
     if calm:
-        squares, samples = sum(pieces[k].squares for k in calm), sum(float(pieces[k].count.sum()) * pieces[k].share for k in calm)
+        squares, samples = sum(pieces[k].squares for k in calm), sum(float(pieces[k].count.sum()) * pieces[k].effective_share for k in calm)
         if len(calm) == len(parts):
             squares = found.chi_square
-        level = max(1.0, squares / max(samples * (1.0 - taken / max(worth, 1.0)), 1.0))
-    traces, excess = [], np.zeros((size, size))
-    for (record, sensor), (own, slow, time) in parts.items():
+        variance_factor = max(1.0, squares / max(samples * (1.0 - taken / max(effective_samples, 1.0)), 1.0))
+    traces, score_excess = [], np.zeros((size, size))
+    for (record, sensor), (white, correlated, time) in parts.items():
         b = pieces[record, sensor]
         total = float(b.count.sum())
-        effective = total
-        if own > 0.0:
+        effective_size = total
+        if white > 0.0:
             weighed = b.count[:, None] * b.slopes
             like = correlation(b.times, time)
-            wandering = slow * weighed.T @ like @ weighed
-            if b.share < 1.0:
+            added = correlated * weighed.T @ like @ weighed
+            if b.effective_share < 1.0:
                 # the weights stand for correlated noise already; what residuals wander beyond that is added
-                excess += _not_below_zero((own - level) * b.slopes.T @ weighed + wandering)
+                score_excess += _not_below_zero((white - variance_factor) * b.slopes.T @ weighed + added)
             else:
-                excess += max(own - level, 0.0) * b.slopes.T @ weighed + wandering
-            one = own if slow > 0.0 else b.within
-            effective = total * min((one + slow) / (own + slow * float(b.count @ like @ b.count) / total), 1.0)
-        traces.append(Trace(record, sensor, int(total), own, slow, time, effective))
-    return Wander(tuple(traces), level, excess)
+                score_excess += max(white - variance_factor, 0.0) * b.slopes.T @ weighed + added
+            one = white if correlated > 0.0 else b.within
+            effective_size = total * min((one + correlated) / (white + correlated * float(b.count @ like @ b.count) / total), 1.0)
+        traces.append(TraceNoise(record, sensor, int(total), white, correlated, time, effective_size))
+    return Autocorrelation(tuple(traces), variance_factor, score_excess)
+
+
+def stretch_means(values: Array, place: NDArray[np.intp], size: int) -> Array:
+    """Return the means of samples over each of so many stretches, `place` saying in which one a sample lies; zero of an empty one."""
+    return np.asarray(np.bincount(place, values, minlength=size) / np.maximum(np.bincount(place, minlength=size), 1))
+
+
+def binned_trace(z: Array, weighed: Array, place: NDArray[np.intp], centres: Array, slopes: Array, effective_share: float) -> Binned:
+    """Return a trace in the stretches that hold samples.
+
+    Parameters
+    ----------
+    z, weighed : array (samples,)           Residuals in units of the noise, and times the weight of a robust loss.
+    place : array (samples,)                Stretch of each sample.
+    centres : array (stretches,)            Times. [s]
+    slopes : array (stretches, unknowns)    Derivatives of the residuals.
+    """
+    count = np.bincount(place, minlength=centres.size).astype(float)
+    mean, full = stretch_means(weighed, place, centres.size), count > 0
+    inside, spare = weighed - mean[place], z.size - int(full.sum())
+    within = float(inside @ inside) / max(spare, 1)
+    return Binned(mean[full], count[full], centres[full], slopes[full], within, spare, float(weighed @ z), effective_share)
 
 
 def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 1.0, bins: int = BINS) -> dict[tuple[str, str], Binned]:
@@ -259,16 +281,9 @@ def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 
         for k, o in enumerate(experiment.observations):
             block = next(blocks)
             z = block.residuals / o.sigma(problem.noise)
-            counts = np.diff(np.append(np.searchsorted(times[o.index], edges), z.size))  # times rise
-            place, held = np.repeat(np.arange(edges.size), counts), counts.astype(float)
             weighed = z if loss == "linear" else loss_of(z**2, loss, knee)[1] * z
-            mean = np.bincount(place, weighed, minlength=edges.size) / np.maximum(held, 1.0)
-            inside = weighed - np.repeat(mean, counts)
-            full = held > 0
-            spare = z.size - int(full.sum())
-            within = float(inside @ inside) / max(spare, 1)
-            squares = float(weighed @ z)
-            out[block.record, o.sensor] = Binned(mean[full], held[full], centres[full], slopes[full, k, :], within, spare, squares, o.share)
+            place = np.searchsorted(edges, times[o.index], side="right") - 1
+            out[block.record, o.sensor] = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share)
     return out
 
 
@@ -313,13 +328,13 @@ def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]]) -> tuple[fl
         if best == at:
             break
         at = best
-    gain, own, slow = tried.get(at, (0.0, 0.0, 0.0))
+    gain, white, correlated = tried.get(at, (0.0, 0.0, 0.0))
     time = float(times[at])
     if gain <= SURE:
-        own, slow, time = calm, 0.0, 0.0
+        white, correlated, time = calm, 0.0, 0.0
     # a filter, or steps of the sensor, tie neighbours within a stretch together: the means of stretches then scatter more than they should
-    quick = b.inner > spare and own > b.within * (1.0 + 3.0 * np.sqrt(2.0 / spare + 2.0 / b.inner))
-    return (own, slow, time) if slow > 0 or quick else (0.0, 0.0, 0.0)
+    quick = b.inner > spare and white > b.within * (1.0 + 3.0 * np.sqrt(2.0 / spare + 2.0 / b.inner))
+    return (white, correlated, time) if correlated > 0 or quick else (0.0, 0.0, 0.0)
 
 
 def _likeliest(within: Array, y: Array, calm: float) -> tuple[float, float, float]:
@@ -328,10 +343,10 @@ def _likeliest(within: Array, y: Array, calm: float) -> tuple[float, float, floa
     sizes, parts = np.maximum(sizes, 0.0), (vectors.T @ y) ** 2
     ratios = np.geomspace(0.01 / sizes[-1], 1e4 / sizes.mean(), 60)
     variances = 1.0 + ratios[:, None] * sizes
-    own = (parts / variances).mean(axis=1)
-    gain = y.size * np.log(calm) - y.size * np.log(own) - np.log(variances).sum(axis=1)
+    white = (parts / variances).mean(axis=1)
+    gain = y.size * np.log(calm) - y.size * np.log(white) - np.log(variances).sum(axis=1)
     k = int(gain.argmax())
-    return float(gain[k]), float(own[k]), float(ratios[k] * own[k])
+    return float(gain[k]), float(white[k]), float(ratios[k] * white[k])
 
 
 def _leaning(likes: Sequence[Array], decided: Array, residuals: Array, calm: float) -> Array:
@@ -394,7 +409,7 @@ class Weighed:
 
 
 @dataclass(frozen=True, eq=False)
-class _Trace:
+class _TraceBasis:
     """A trace in the bases in which its covariance is diagonal, one basis per correlation time.
 
     `shrunk` (times, ratios, stretches) are the inverses of its variances, white noise alone being 1; `residuals` (times, stretches) and
@@ -408,7 +423,7 @@ class _Trace:
     acting: NDArray[np.intp]
 
     @classmethod
-    def of(cls, b: Binned, scale: Array) -> _Trace:
+    def of(cls, b: Binned, scale: Array) -> _TraceBasis:
         root = np.sqrt(b.count)
         sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
         turned = np.swapaxes(vectors, 1, 2)
@@ -478,7 +493,7 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
     """
     scale = _scales(pieces, priors)
     long = [b for b in pieces if b.count.size >= FEWEST]
-    traces = [_Trace.of(b, scale) for b in long]
+    traces = [_TraceBasis.of(b, scale) for b in long]
     known, start = priors * np.outer(scale, scale), pulls * scale
     for b in (b for b in pieces if b.count.size < FEWEST):
         turned = b.slopes * scale
@@ -497,7 +512,7 @@ def _scales(pieces: Sequence[Binned], priors: Array) -> Array:
     return np.asarray(1.0 / np.sqrt(np.where(square > 0, square, 1.0)))
 
 
-def _averaged(traces: Sequence[_Trace], known: Array, start: Array) -> tuple[Array, Array, Array]:
+def _averaged(traces: Sequence[_TraceBasis], known: Array, start: Array) -> tuple[Array, Array, Array]:
     """Return weights, information and scores of noise models of several traces."""
     grids = [_likely(t, known, start, np.arange(GRID_TIMES * RATIOS)) for t in traces]
     if len(traces) == 1:
@@ -528,13 +543,13 @@ def _averaged(traces: Sequence[_Trace], known: Array, start: Array) -> tuple[Arr
     return np.full(DRAWS, 1.0 / DRAWS), information, scores
 
 
-def _add(t: _Trace, information: Array, scores: Array, more: Array, pushed: Array) -> None:
+def _add(t: _TraceBasis, information: Array, scores: Array, more: Array, pushed: Array) -> None:
     """Add what a trace says of the unknowns that act on it to information and scores of all of them, in place."""
     information[..., t.acting[:, None], t.acting] += more
     scores[..., t.acting] += pushed
 
 
-def _sums(t: _Trace, grid: _Grid, flat: NDArray[np.intp]) -> tuple[Array, Array]:
+def _sums(t: _TraceBasis, grid: _Grid, flat: NDArray[np.intp]) -> tuple[Array, Array]:
     """Return X'V^-1 X and X'V^-1 z of what acts on a trace at some nodes and sizes of its grid, counted in one."""
     of_node, of_size = np.divmod(flat, SIZES)
     used, place = np.unique(of_node, return_inverse=True)
@@ -548,7 +563,7 @@ def _sums(t: _Trace, grid: _Grid, flat: NDArray[np.intp]) -> tuple[Array, Array]
     return np.array(information)[place] / size[:, None, None], np.array(scores)[place] / size[:, None]
 
 
-def _likely(t: _Trace, others: Array, vector: Array, nodes: NDArray[np.intp]) -> _Grid:
+def _likely(t: _TraceBasis, others: Array, vector: Array, nodes: NDArray[np.intp]) -> _Grid:
     """Return the probability of the noise of a trace at some nodes.
 
     `others` and `vector` are information and scores of all that is known beside this trace: they say where the unknowns may stand.
