@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.knowledge.values import FittedValue
 from thermid.measure import Channel, Record
-from thermid.measure.join import SecondClock
-from thermid.measure.part import SensorPart
+from thermid.measure.record.join import SecondClock
+from thermid.measure.record.sensor import SensorPart
 from thermid.memo import Memo
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant, Signal, Table, conducted

@@ -12,7 +12,7 @@ from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Prior, Unknown, parameter_unknown
 from thermid.knowledge.sources import read_spread
-from thermid.measure.part import SensorPart
+from thermid.measure.record.sensor import SensorPart
 from thermid.model.laws.signal import Constant, Table
 from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
