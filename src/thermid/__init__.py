@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from thermid.explain.plausibility import plausibility as plausibility
     from thermid.fit.calibrate import calibrate as calibrate
     from thermid.fit.calibration import Calibration as Calibration
+    from thermid.fit.discrepancy import Discrepancy as Discrepancy
+    from thermid.fit.discrepancy import discrepancy as discrepancy
     from thermid.fit.second_clocks import Alignment as Alignment
     from thermid.fit.second_clocks import align as align
-    from thermid.fit.structural import Discrepancy as Discrepancy
-    from thermid.fit.structural import discrepancy as discrepancy
     from thermid.inference.identifiability import Identifiability as Identifiability
     from thermid.inference.identifiability import identifiability as identifiability
     from thermid.inference.posterior import Evidence as Evidence
@@ -263,8 +263,8 @@ _PUBLIC = {
     "run_stages": "campaign.stages",
     "joint": "campaign.stages",
     "predict": "prediction.predict",
-    "discrepancy": "fit.structural",
-    "Discrepancy": "fit.structural",
+    "discrepancy": "fit.discrepancy",
+    "Discrepancy": "fit.discrepancy",
     "Prediction": "prediction.prediction",
     "Spread": "prediction.spread",
     "plan_retune": "campaign.swap.swap",

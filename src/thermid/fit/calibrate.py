@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
 from thermid.fit.calibration import FAR, FIRST, Calibration, Local, contradicted, far_from_sheet, loudly
+from thermid.fit.discrepancy import with_discrepancy
 from thermid.fit.inputs import inputs_of
 from thermid.fit.minimisation import Fit, covariances, ended, minimise, searched
 from thermid.fit.problem.experiment import UNSAID_NOISE
@@ -24,7 +25,6 @@ from thermid.fit.problem.residuals import Predictions, Problem, pooled, wanders
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.refusals import mistakes, refuse_after, refuse_before, strange_powers
 from thermid.fit.second_clocks import at_clocks, in_turns, with_clocks
-from thermid.fit.structural import with_discrepancy
 from thermid.fit.uncertainty.information import Responses, responses
 from thermid.fit.uncertainty.moved import Moves, moves_above
 from thermid.fit.uncertainty.noise import Autocorrelation, autocorrelation

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
-from thermid.fit.structural import OperatingPoint, misfit_kept
+from thermid.fit.discrepancy import OperatingPoint, misfit_kept
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.knowledge.values import FittedValues

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
-from thermid.fit.structural import KEY, Discrepancy, kept_in
+from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.knowledge.graft import graft, structural_under
 from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
 from thermid.knowledge.standing import Standing, of_model, worst

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
-from thermid.fit.structural import OperatingPoint, constant_coefficients
+from thermid.fit.discrepancy import OperatingPoint, constant_coefficients
 from thermid.knowledge.sources import LeftOut
 from thermid.model.tree.model import Model
 from thermid.prediction.budget import Budget, budget_of

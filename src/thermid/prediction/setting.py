@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.fit.structural import (
+from thermid.fit.discrepancy import (
     CoefficientMode,
     OperatingPoint,
     conditions_of,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
-from thermid.fit.structural import discrepancy_kept
+from thermid.fit.discrepancy import discrepancy_kept
 from thermid.knowledge.standing import Standing, of_model, worst
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.tree.model import Model

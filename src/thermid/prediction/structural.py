@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import value_of
-from thermid.fit.structural import ALIKE, MOST, Discrepancy, losing_gas
+from thermid.fit.discrepancy import ALIKE, MOST, Discrepancy, losing_gas
 from thermid.knowledge.sources import Law, Normal, Source, Uniform
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import symmetric_inverse

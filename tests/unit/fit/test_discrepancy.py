@@ -10,7 +10,7 @@ import pytest
 from thermid.errors import IdentificationError
 from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
-from thermid.fit.structural import EXPONENT, Discrepancy, discrepancy, found_at
+from thermid.fit.discrepancy import EXPONENT, Discrepancy, discrepancy, found_at
 from thermid.knowledge.values import load_values
 from thermid.measure import Channel, Record
 from thermid.model.tree.model import Model

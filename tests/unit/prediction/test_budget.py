@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit import structural
-from thermid.fit.structural import FlowHistory, OperatingPoint, patterns_of
+from thermid.fit import discrepancy
+from thermid.fit.discrepancy import FlowHistory, OperatingPoint, patterns_of
 from thermid.knowledge import sources
 from thermid.knowledge.sources import LeftOut, Uniform
 from thermid.network.network import compile_network
@@ -198,9 +198,9 @@ def test_surfaces_are_half_alike() -> None:
 
 def test_constants_that_decide_the_width_of_a_band() -> None:
     """Each with the decision note that gives its reason; a change is a decision, and not a slip."""
-    assert (structural.EXPONENT, structural.BLACKEST, structural.FINISH, structural.SMALL) == (1 / 3, 0.95, 0.15, 1e-3)  # 034
-    assert structural.ALIKE == 0.5  # 034
-    assert structural.MOST == pytest.approx(0.026 / 10e-6, rel=0.03)  # 054
+    assert (discrepancy.EXPONENT, discrepancy.BLACKEST, discrepancy.FINISH, discrepancy.SMALL) == (1 / 3, 0.95, 0.15, 1e-3)  # 034
+    assert discrepancy.ALIKE == 0.5  # 034
+    assert discrepancy.MOST == pytest.approx(0.026 / 10e-6, rel=0.03)  # 054
     assert (predict.GUESSED, predict.FAR, predict.MEAN_MISS, predict.WIDTH_MISS, predict.SMALL) == (0.25, (1.25, 10.0), 0.1, 0.1, 0.05)
     assert (omitted.TENTH, omitted.FELT) == (0.1, 0.1)
     assert (sources.LEAST, sources.LARGEST_SHIFT) == (1e-3, 100.0)
