@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from thermid.explain.plausibility import plausibility as plausibility
     from thermid.fit.calibrate import calibrate as calibrate
     from thermid.fit.calibration import Calibration as Calibration
-    from thermid.fit.clocks.alignment import Alignment as Alignment
-    from thermid.fit.clocks.alignment import align as align
     from thermid.fit.discrepancy import Discrepancy as Discrepancy
     from thermid.fit.discrepancy import discrepancy as discrepancy
+    from thermid.fit.second_clocks import Alignment as Alignment
+    from thermid.fit.second_clocks import align as align
     from thermid.inference.identifiability import Identifiability as Identifiability
     from thermid.inference.identifiability import identifiability as identifiability
     from thermid.inference.posterior import Evidence as Evidence
@@ -229,8 +229,8 @@ _PUBLIC = {
     "Look": "reporting.pictures.look",
     "read_record": "measure",
     "compare": "judge.verdict",
-    "align": "fit.clocks.alignment",
-    "Alignment": "fit.clocks.alignment",
+    "align": "fit.second_clocks",
+    "Alignment": "fit.second_clocks",
     "calibrate": "fit.calibrate",
     "Calibration": "fit.calibration",
     "split": "prediction.split",
