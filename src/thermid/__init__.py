@@ -114,8 +114,8 @@ if TYPE_CHECKING:
     from thermid.prediction.split import split as split
     from thermid.prediction.split_surface import Split as Split
     from thermid.prediction.spread import Spread as Spread
-    from thermid.profile_runs.ascent import AscentCheck as AscentCheck
-    from thermid.profile_runs.ascent import ascent_checks as ascent_checks
+    from thermid.site.ascent_checks import AscentCheck as AscentCheck
+    from thermid.site.ascent_checks import ascent_checks as ascent_checks
     from thermid.profile_runs.conduct import run_profile as run_profile
     from thermid.profile_runs.profile_run import ProfileRun as ProfileRun
     from thermid.profiles.cycles import equivalent_cycles as equivalent_cycles
@@ -152,23 +152,23 @@ if TYPE_CHECKING:
     from thermid.simulation.scenarios.scenario import Scenario as Scenario
     from thermid.simulation.simulator import Simulator as Simulator
     from thermid.simulation.simulator import prepare as prepare
-    from thermid.simulation.sites.ascent import Trajectory as Trajectory
-    from thermid.simulation.sites.ascent import ascent_scenario as ascent_scenario
-    from thermid.simulation.sites.ascent import read_trajectory as read_trajectory
-    from thermid.simulation.sites.orbit import eclipse_signal as eclipse_signal
-    from thermid.simulation.sites.orbit import orbit_irradiation as orbit_irradiation
-    from thermid.simulation.sites.pad import pad_scenario as pad_scenario
-    from thermid.simulation.sites.site import Site as Site
+    from thermid.site.ascent import Trajectory as Trajectory
+    from thermid.site.ascent import ascent_scenario as ascent_scenario
+    from thermid.site.ascent import read_trajectory as read_trajectory
+    from thermid.site.orbit import eclipse_signal as eclipse_signal
+    from thermid.site.orbit import orbit_irradiation as orbit_irradiation
+    from thermid.site.pad import pad_scenario as pad_scenario
+    from thermid.site.site import Site as Site
     from thermid.simulation.solution import Solution as Solution
     from thermid.simulation.solver.engine import Options as Options
     from thermid.simulation.steady import Steady as Steady
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.steady import steady_levels as steady_levels
     from thermid.simulation.transient import simulate as simulate
-    from thermid.simulation.water.moisture import Moisture as Moisture
-    from thermid.simulation.water.moisture import moisture as moisture
-    from thermid.simulation.water.vapour import Volume as Volume
-    from thermid.simulation.water.vapour import WaterBalance as WaterBalance
+    from thermid.site.moisture import Moisture as Moisture
+    from thermid.site.moisture import moisture as moisture
+    from thermid.site.vapour import Volume as Volume
+    from thermid.site.vapour import WaterBalance as WaterBalance
     from thermid.steadiness.forecast import Forecast as Forecast
     from thermid.steadiness.forecast import forecast as forecast
     from thermid.steadiness.stabilisation import Stability as Stability
@@ -194,17 +194,17 @@ _PUBLIC = {
     "OpenSky": "network.irradiation",
     "Scenario": "simulation.scenarios.scenario",
     "load_scenario": "simulation.scenario_file",
-    "Site": "simulation.sites.site",
+    "Site": "site.site",
     "Weather": "measure",
     "read_weather": "measure",
-    "pad_scenario": "simulation.sites.pad",
-    "Trajectory": "simulation.sites.ascent",
-    "read_trajectory": "simulation.sites.ascent",
-    "ascent_scenario": "simulation.sites.ascent",
-    "orbit_irradiation": "simulation.sites.orbit",
-    "eclipse_signal": "simulation.sites.orbit",
-    "AscentCheck": "profile_runs.ascent",
-    "ascent_checks": "profile_runs.ascent",
+    "pad_scenario": "site.pad",
+    "Trajectory": "site.ascent",
+    "read_trajectory": "site.ascent",
+    "ascent_scenario": "site.ascent",
+    "orbit_irradiation": "site.orbit",
+    "eclipse_signal": "site.orbit",
+    "AscentCheck": "site.ascent_checks",
+    "ascent_checks": "site.ascent_checks",
     "Options": "simulation.solver.engine",
     "simulate": "simulation.transient",
     "prepare": "simulation.simulator",
@@ -217,10 +217,10 @@ _PUBLIC = {
     "Ensemble": "simulation.ensemble",
     "Solution": "simulation.solution",
     "BlockSolution": "simulation.block_solution",
-    "moisture": "simulation.water.moisture",
-    "Volume": "simulation.water.vapour",
-    "WaterBalance": "simulation.water.vapour",
-    "Moisture": "simulation.water.moisture",
+    "moisture": "site.moisture",
+    "Volume": "site.vapour",
+    "WaterBalance": "site.vapour",
+    "Moisture": "site.moisture",
     "Channel": "measure",
     "SensorPart": "measure",
     "SensorCertificate": "measure",

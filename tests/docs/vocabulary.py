@@ -31,7 +31,7 @@ from thermid.model.parts.kinds import KINDS
 from thermid.profiles.profile import STEP_KEYS
 from thermid.profiles.standards import KEYS
 from thermid.qualify import plan_schema
-from thermid.simulation.sites import pad, surroundings
+from thermid.site import pad, surroundings
 from thermid.sourced.number import SLOTS, WORDS
 from thermid.units import TEMPERATURE
 

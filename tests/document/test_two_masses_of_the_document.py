@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from strategies import TIGHTER
 from thermid.errors import NameNotFoundError
-from thermid.physics.two_nodes import TwoNodes
+from oracles.two_nodes import TwoNodes
 
 pytestmark = pytest.mark.document
 EXAMPLE = Path(__file__).parents[2] / "examples" / "02_stack" / "m_PrE.toml"

@@ -5,7 +5,7 @@ from thermid.measure.part import SensorCertificate, SensorPart
 from thermid.measure.plain import read_plain
 from thermid.measure.readers import read_record
 from thermid.measure.record import Record, Table
-from thermid.measure.weather import Weather, read_weather
+from thermid.site.weather import Weather, read_weather
 
 __all__ = [
     "Channel",

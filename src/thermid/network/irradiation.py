@@ -15,7 +15,7 @@ from thermid.model.laws.signal import Constant, Mixed, Signal, Table, added, sig
 from thermid.model.parts.facing import Facing
 from thermid.model.tree.flat import Flat, FlatLoad, FlatSurface
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.physics.exposure import on_plane, sky_share
+from thermid.site.exposure import on_plane, sky_share
 from thermid.units import TEMPERATURE
 
 __all__ = ["HOTTEST", "Irradiation", "OpenSky", "absorbers"]

@@ -15,7 +15,7 @@ from thermid.measure.stability import StabilityRule, rule_of
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
-from thermid.profile_runs.humid import humid
+from thermid.site.humid import humid
 from thermid.profile_runs.legs import ChamberConditions, ChamberSetup, Leg, Timeline, memory_of
 from thermid.profile_runs.profile_run import Phase, ProfileRun
 from thermid.profile_runs.waiting import Wanted, wait
@@ -26,7 +26,7 @@ from thermid.simulation.solver.engine import Options
 from thermid.simulation.transient import simulate
 
 if TYPE_CHECKING:
-    from thermid.simulation.water.moisture import Moisture
+    from thermid.site.moisture import Moisture
 
 __all__ = ["bench_of", "node_of", "run_profile", "watched"]
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from thermid.profiles.profile import ThermalProfile
     from thermid.simulation.scenarios.scenario import Scenario
     from thermid.simulation.solution import Solution, Trace
-    from thermid.simulation.water.moisture import Moisture
+    from thermid.site.moisture import Moisture
 
 __all__ = ["Phase", "ProfileRun", "in_short", "run_remarks"]
 

@@ -15,7 +15,7 @@ from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import SLOTS, Scenario
-from thermid.simulation.sites.surroundings import surrounded
+from thermid.site.surroundings import surrounded
 from thermid.units import TEMPERATURE
 
 __all__ = ["load_scenario"]

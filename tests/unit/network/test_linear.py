@@ -16,7 +16,7 @@ from thermid.network.environment import Environment
 from thermid.network.linear import modes, state_space
 from thermid.network.medium import Media
 from thermid.network.network import compile_network
-from thermid.physics.two_nodes import TwoNodes
+from oracles.two_nodes import TwoNodes
 
 STACK = Path(__file__).parents[3] / "examples/02_stack/m_PrE.toml"
 ACC = Path(__file__).parents[3] / "examples/01_accelerometer/accelerometer.toml"

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 from thermid.physics.conduction import slab_conductance
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.physics.decay import radiative_steady
+from oracles.decay import radiative_steady
 from thermid.physics.radiation import (
     concentric_exchange_factor,
     linearised_htc,

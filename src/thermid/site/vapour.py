@@ -22,7 +22,7 @@ from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import FlatConductor
 from thermid.network.medium import VACUUM_LIMIT
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
-from thermid.physics.moist import (
+from thermid.site.moist import (
     VAPOUR_CONSTANT,
     dew_point,
     latent_heat,

@@ -21,10 +21,10 @@ from thermid.network.irradiation import OpenSky
 from thermid.physics.air import dry_air
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
-from thermid.physics.exposure import cloudless_sky, driving_rain, sky_share
-from thermid.physics.moist import dew_point, vapour_pressure
+from thermid.site.exposure import cloudless_sky, driving_rain, sky_share
+from thermid.site.moist import dew_point, vapour_pressure
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.sites.site import Site, quiet
+from thermid.site.site import Site, quiet
 from thermid.units import TEMPERATURE
 
 __all__ = ["open_sky", "pad_scenario", "wind_htc"]

@@ -11,9 +11,9 @@ from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.sites.ascent import ascent_scenario, read_trajectory
-from thermid.simulation.sites.pad import pad_scenario
-from thermid.simulation.sites.site import Site
+from thermid.site.ascent import ascent_scenario, read_trajectory
+from thermid.site.pad import pad_scenario
+from thermid.site.site import Site
 from thermid.units import TEMPERATURE
 
 __all__ = ["KEYS", "surrounded"]

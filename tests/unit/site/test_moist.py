@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thermid.physics.convection import vertical_plate_htc
-from thermid.physics.moist import (
+from thermid.site.moist import (
     dew_point,
     humidity_ratio,
     latent_heat,
