@@ -5,7 +5,6 @@ from thermid.measure.part import SensorCertificate, SensorPart
 from thermid.measure.plain import read_plain
 from thermid.measure.readers import read_record
 from thermid.measure.record import Record, Table
-from thermid.site.weather import Weather, read_weather
 
 __all__ = [
     "Channel",
@@ -14,8 +13,6 @@ __all__ = [
     "SensorCertificate",
     "SensorPart",
     "Table",
-    "Weather",
     "read_plain",
     "read_record",
-    "read_weather",
 ]

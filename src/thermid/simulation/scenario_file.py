@@ -9,13 +9,13 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, ThermidError, nearest
+from thermid.extensions import extension
 from thermid.model.deck.modelfile import read_toml, refuse_another_kind
 from thermid.model.laws.signal import literal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import SLOTS, Scenario
-from thermid.site.surroundings import surrounded
 from thermid.units import TEMPERATURE
 
 __all__ = ["load_scenario"]
@@ -56,7 +56,8 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     }
     try:
         if set(SURROUNDINGS) & set(data):
-            return surrounded(given, columns, target.name)
+            surrounded: Scenario = extension("surroundings of a scenario file", target.name)(given, columns, target.name)
+            return surrounded
         return Scenario(**given)
     except ThermidError as error:
         key = error.where.removeprefix(f"{given['title']}, ")

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from thermid.errors import ScenarioError, nearest
-from thermid.measure import read_weather
 from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.simulation.scenarios.columns import LogColumns
@@ -14,6 +13,7 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.site.ascent import ascent_scenario, read_trajectory
 from thermid.site.pad import pad_scenario
 from thermid.site.site import Site
+from thermid.site.weather import read_weather
 from thermid.units import TEMPERATURE
 
 __all__ = ["KEYS", "surrounded"]
