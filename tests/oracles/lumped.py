@@ -1,4 +1,4 @@
-"""One node: its closed forms; `biot` says whether one node is enough and is offered here too.
+"""One node: its closed forms.
 
 C dT/dt = Q - G (T - T_ambient), with G in W/K. A conductance of exactly zero is allowed: the vacuum of the source document.
 """
@@ -11,23 +11,6 @@ import numpy as np
 
 from thermid.errors import ThermidError
 from thermid.physics._number import Number, plain
-from thermid.physics.biot import BIOT_LIMIT, biot_number, biot_warning
-
-__all__ = [
-    "BIOT_LIMIT",
-    "biot_number",
-    "biot_warning",
-    "ramp_lag",
-    "response",
-    "sine_delay",
-    "sine_gain",
-    "steady_rise",
-    "time_constant",
-    "time_to_fraction",
-    "time_to_within",
-    "vacuum_ramp",
-    "vacuum_slope",
-]
 
 
 def time_constant(capacitance: Number, conductance: Number) -> Number:
