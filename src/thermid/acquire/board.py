@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from thermid.acquire.wire import crc8, sealed, unsealed
 from thermid.errors import RecordError
-from thermid.measure.wire import crc8, sealed, unsealed
-
-__all__ = ["FIRMWARE", "Board", "World", "made_up_rom"]
 
 FIRMWARE = "thermid-bench 1"
 

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from thermid.files import OWN, write_text
 
-__all__ = ["changed_since", "code_digest", "file_name", "recall", "remember"]
-
 Array = NDArray[np.float64]
 
 

@@ -12,8 +12,6 @@ from thermid.knowledge.values import FittedValues, values_of
 from thermid.knowledge.values_file import load_store, read_values
 from thermid.model.tree.model import Model
 
-__all__ = ["Filed", "filed"]
-
 
 @dataclass(frozen=True, eq=False)
 class Filed:

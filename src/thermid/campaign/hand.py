@@ -22,8 +22,6 @@ from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet, deck_text
 from thermid.units import TEMPERATURE
 
-__all__ = ["hand_values"]
-
 UNIT = Uniform(-math.sqrt(3.0), math.sqrt(3.0))
 """As likely anywhere between its ends, of variance one."""
 

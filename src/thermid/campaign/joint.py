@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource
     from thermid.campaign.schema import JointTable
 
-__all__ = ["Joint", "fit_jointly", "joint_key"]
-
 NAME = "joint"
 
 

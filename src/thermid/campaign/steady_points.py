@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource
     from thermid.campaign.schema import StageTable
 
-__all__ = ["steady_points"]
-
 
 def steady_points(
     source: CampaignSource, stage: StageTable, records: tuple[Record, ...], scenario: Scenario, where: str

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from thermid.measure.amounts import duration_text
-from thermid.measure.part import ICE
+from thermid.measure.record.sensor import ICE
 
 if TYPE_CHECKING:
     from rich.text import Text
 
     from thermid.acquire.logger import Logger
     from thermid.cli.judge import Judge, Outlook
-
-__all__ = ["live_table", "plain_line"]
 
 HOUR = 3600.0
 _WORST = ("fault", "not stable", "cannot tell", "too early", "", "stable")

@@ -13,10 +13,8 @@ if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
     from thermid.fit.problem.statistics import SensorStatistics
     from thermid.fit.uncertainty.moves import Moves
-    from thermid.judge.validate import Verdict
+    from thermid.judge.verdict import Verdict
     from thermid.simulation.solution import Solution
-
-__all__ = ["calibration_object", "campaign_object", "campaign_standing", "clean", "solution_object"]
 
 SCHEMA = 1
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from thermid.judge.correlation import Correlation
     from thermid.qualify.programme import Qualification
 
-__all__ = ["register"]
-
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]
 Data = Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project.")]
@@ -134,7 +132,7 @@ def correlate(
     from thermid.cli.output import clean
     from thermid.errors import ScenarioError
     from thermid.judge.correlation import correlate as compare
-    from thermid.judge.twologs import read_two
+    from thermid.judge.correlation import read_two
     from thermid.sourced.marks import weigh
 
     ready(to, pdf)

@@ -24,8 +24,6 @@ from thermid.prediction.before import WITHOUT_GAS, Before, before_fit, before_mo
 from thermid.prediction.doubts import doubted, doubts_without_gas
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["next_test"]
-
 Array = NDArray[np.float64]
 NAME = "next test"
 DURATIONS = 24

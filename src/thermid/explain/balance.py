@@ -16,7 +16,7 @@ from thermid.fit.problem.experiment import meet, role_and_target
 from thermid.fit.problem.sensor_parts import at_their_seats, attached
 from thermid.measure import Record
 from thermid.measure.amounts import short
-from thermid.measure.steady import SteadyPoint
+from thermid.measure.record.steady import SteadyPoint
 from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
@@ -24,8 +24,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.wiring import Wiring
 from thermid.simulation.steady import steady
-
-__all__ = ["EnergyBalance", "energy_balance"]
 
 Array = NDArray[np.float64]
 

@@ -23,8 +23,6 @@ from thermid.physics.materials import MATERIALS
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.transient import simulate
 
-__all__ = ["Finding", "Plausibility", "plausibility"]
-
 CORRELATION = 1.5
 """A correlation for a body in still air is taken as good to a factor: neighbours, orientation and draughts."""
 FORCED = 25.0

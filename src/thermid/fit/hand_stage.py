@@ -10,8 +10,6 @@ from thermid.knowledge.standing import UNJUDGED
 from thermid.knowledge.store import Store
 from thermid.knowledge.values import view
 
-__all__ = ["tuned_by_hand"]
-
 
 def tuned_by_hand(request: Request, hand: Store) -> Calibration:
     """Return a stage that takes values as somebody tuned them, over what the stages below found."""

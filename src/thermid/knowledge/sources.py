@@ -10,25 +10,16 @@ import numpy as np
 
 from thermid.errors import ScenarioError, nearest
 from thermid.expression import parse
-from thermid.knowledge.laws import Choice, Cut, Law, LogNormal, Normal, Shifted, Uniform, uniforms
+from thermid.knowledge.laws import Choice as Choice
+from thermid.knowledge.laws import Cut as Cut
+from thermid.knowledge.laws import Law as Law
+from thermid.knowledge.laws import LogNormal as LogNormal
+from thermid.knowledge.laws import Normal as Normal
+from thermid.knowledge.laws import Shifted as Shifted
+from thermid.knowledge.laws import Uniform as Uniform
+from thermid.knowledge.laws import uniforms as uniforms
 from thermid.model.laws.signal import literal
 from thermid.units import TEMPERATURE
-
-__all__ = [
-    "KNOWN",
-    "Choice",
-    "Cut",
-    "Kind",
-    "Law",
-    "LeftOut",
-    "LogNormal",
-    "Normal",
-    "Shifted",
-    "Source",
-    "Uniform",
-    "read_spread",
-    "uniforms",
-]
 
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
 KNOWN: tuple[Kind, ...] = ("data", "instrument", "stated")

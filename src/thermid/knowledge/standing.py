@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from thermid.model.parts.standing import CREDIBLE, UNJUDGED, Standing, State, worst
+from thermid.model.parts.standing import CREDIBLE as CREDIBLE
+from thermid.model.parts.standing import UNJUDGED as UNJUDGED
+from thermid.model.parts.standing import Standing as Standing
+from thermid.model.parts.standing import State as State
+from thermid.model.parts.standing import worst as worst
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import parameter_table
-
-__all__ = ["CREDIBLE", "UNJUDGED", "Standing", "State", "of_model", "worst"]
 
 
 def of_model(model: Model) -> Standing:

@@ -20,8 +20,6 @@ from thermid.model.tree.model import Model
 from thermid.model.tree.replacement import Dropped
 from thermid.model.tree.resolve import Entry, deck_text, parameter_table
 
-__all__ = ["Dropped", "Origin", "State", "Store"]
-
 Array = NDArray[np.float64]
 
 

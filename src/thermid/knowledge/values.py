@@ -19,8 +19,6 @@ from thermid.knowledge.values_file import load_store, rooted, save_store
 from thermid.model.parts.parameter import Parameter, exact
 from thermid.units import unit
 
-__all__ = ["FittedValue", "FittedValues", "as_store", "load_values", "values_of", "view"]
-
 Array = NDArray[np.float64]
 
 

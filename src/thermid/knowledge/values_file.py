@@ -19,10 +19,9 @@ from thermid.files import VALUES, parse_toml, read_text, write_text
 from thermid.knowledge import laws
 from thermid.knowledge.sources import LeftOut, Source
 from thermid.knowledge.standing import UNJUDGED, Standing
-from thermid.knowledge.store import Dropped, Origin, State, Store
+from thermid.knowledge.store import Origin, State, Store
+from thermid.model.tree.replacement import Dropped
 from thermid.units import unit
-
-__all__ = ["OLD", "load_store", "read_values", "rooted", "save_store"]
 
 Array = NDArray[np.float64]
 SCHEMA = 2

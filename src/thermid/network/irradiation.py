@@ -18,8 +18,6 @@ from thermid.model.tree.flat import Flat, FlatLoad, FlatSurface
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.units import TEMPERATURE
 
-__all__ = ["HOTTEST", "Irradiation", "Sky", "absorbers"]
-
 Array = NDArray[np.float64]
 Given = Mapping[str, Signal]
 

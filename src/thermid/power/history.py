@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from thermid.power.laws import PowerLaw
     from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["PowerHistory"]
-
 Array = NDArray[np.float64]
 
 

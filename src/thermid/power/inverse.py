@@ -28,8 +28,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from thermid.units import unit
 
-__all__ = ["power_history", "with_load"]
-
 Array = NDArray[np.float64]
 PRIORS = ("auto", "walk", "integrated walk")
 KNOTS = 120

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from thermid.model.tree.model import Model
     from thermid.power.history import PowerHistory
 
-__all__ = ["PowerLaw", "fitted_laws"]
-
 Array = NDArray[np.float64]
 STARTS = 12
 TURN = 0.05

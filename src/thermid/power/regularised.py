@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from thermid.fit.problem.residuals import Problem
 
-__all__ = ["ROUNDS", "Pins", "Solved", "solved"]
-
 Array = NDArray[np.float64]
 ROUNDS = 12
 

@@ -23,8 +23,6 @@ from thermid.prediction.setting import Setting
 from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["WITHOUT_GAS", "Before", "before_fit", "before_model"]
-
 Array = NDArray[np.float64]
 WITHOUT_GAS = " without gas"
 """After the name of a value that is another one without gas."""

@@ -37,8 +37,6 @@ from thermid.prediction.structural import (
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 
-__all__ = ["Budget", "Stated", "Target", "budget_of", "combined"]
-
 Array = NDArray[np.float64]
 Stated = Mapping[str, Any] | Spread
 Groups = Sequence[tuple[Sequence[str], Any]]

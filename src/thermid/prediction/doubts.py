@@ -15,8 +15,6 @@ from thermid.network.network import compile_network
 from thermid.physics.finishes import finish
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["doubted", "doubts_without_gas"]
-
 THIN = 1e4
 """Pressure below which gas no longer does what it did in the room. [Pa]"""
 EMISSIVITY = 0.15

@@ -23,8 +23,6 @@ from thermid.simulation.solution import Solution
 from thermid.simulation.solver.engine import Options
 from thermid.simulation.transient import simulate
 
-__all__ = ["IN_TESTS", "Foresight", "foresee", "widened"]
-
 Array = NDArray[np.float64]
 Given = Mapping[str, Any]
 FURTHEST = 3

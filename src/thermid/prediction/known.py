@@ -20,8 +20,6 @@ from thermid.knowledge.store import Store
 from thermid.knowledge.values import FittedValue, FittedValues, as_store
 from thermid.model.tree.model import Model
 
-__all__ = ["Known", "Rows", "instruments_of", "known_of", "rows_of"]
-
 Array = NDArray[np.float64]
 
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from thermid.prediction.budget import Budget
     from thermid.prediction.known import Known
 
-__all__ = ["SILENT", "UNFITTED", "Assumed", "assumed_left_out", "assumed_values", "first_line", "in_order", "left_out_of"]
-
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
 UNFITTED = "the model's own error: nothing was fitted, so no log says it"

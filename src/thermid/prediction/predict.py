@@ -25,8 +25,6 @@ from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Options
 
-__all__ = ["predict", "predicted"]
-
 Array = NDArray[np.float64]
 GUESSED = 0.25
 """Shift by radiation that nobody has stated, from which it is spoken of. [K]"""

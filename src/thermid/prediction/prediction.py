@@ -19,8 +19,6 @@ from thermid.measure.amounts import short
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.omitted import first_line
 
-__all__ = ["Band", "Estimate", "Prediction"]
-
 Array = NDArray[np.float64]
 EXACT = 1e-9
 """Scatter of members below which they are one temperature, and rounding. [K]"""

@@ -27,8 +27,6 @@ from thermid.prediction.split_priors import Part, parts_of
 from thermid.prediction.split_surface import Split, SplitSurface
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["split", "split_needed", "split_values"]
-
 Array = NDArray[np.float64]
 
 CORRELATION_SD = 0.25

@@ -20,8 +20,6 @@ from thermid.physics.radiation import linearised_htc
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.steady import steady
 
-__all__ = ["Part", "Prior", "parts_of"]
-
 SMALLEST_RISE = 0.2
 """Difference below which a test says nothing of a coefficient. [K]"""
 

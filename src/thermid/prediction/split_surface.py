@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from thermid.knowledge.values import FittedValues
 from thermid.model.tree.model import Model
 
-__all__ = ["Split", "SplitSurface"]
-
 Array = NDArray[np.float64]
 
 

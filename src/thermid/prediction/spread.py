@@ -12,8 +12,6 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.knowledge.values import FittedValues
 
-__all__ = ["Spread"]
-
 Array = NDArray[np.float64]
 
 

@@ -12,8 +12,6 @@ from thermid.model.tree.resolve import parameter_table
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare
 
-__all__ = ["check_moves", "check_variants", "expanded"]
-
 
 def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], Any]]:
     """Return names that share one value, and how it is spread; patterns reach every number of the model that they match.

@@ -19,8 +19,6 @@ from thermid.prediction.known import Known, Rows, normal_sources
 from thermid.prediction.split import split_needed, split_values
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["CONSTANT", "GAS_IN_JOINTS", "MISFIT", "SPLIT", "Mode", "law_of_mode", "misfit_of", "modes_of", "open_contacts", "split_rows"]
-
 Array = NDArray[np.float64]
 CONSTANT, MISFIT, SPLIT, GAS_IN_JOINTS = "constant coefficients", "misfit", "split of effective coefficients", "gas in joints"
 """Causes, as a reader is told them."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
 from thermid.extensions import extension
-from thermid.measure.stability import StabilityRule, rule_of
+from thermid.measure.record.stability import StabilityRule, rule_of
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
@@ -23,8 +23,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solver.engine import Options
 from thermid.simulation.transient import simulate
-
-__all__ = ["bench_of", "node_of", "run_profile", "watched"]
 
 
 def bench_of(

@@ -10,14 +10,12 @@ from typing import Any, Final
 
 from thermid.errors import ScenarioError, ThermidError, nearest
 from thermid.files import PROFILE, write_text
-from thermid.measure.stability import rule_of
+from thermid.measure.record.stability import rule_of
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.profiles.cycles import Equivalence, equivalent_cycles
 from thermid.sourced.number import MARKS, SLOTS, WORDS, Number, number, weakest
 from thermid.units import TEMPERATURE
-
-__all__ = ["KINDS", "STEP_KEYS", "ProfileStep", "ThermalProfile", "as_text", "as_toml", "pair_of", "remarks", "steps_of"]
 
 STEP_KEYS = ("name", "cycle", "to", "over", "ramp", "pressure", "humidity", "wait", "dwell", "power", "mark")
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from thermid.explain.diagnosis import Diagnosis
 from thermid.judge.correlation import Correlation
-from thermid.judge.heaters import HeaterDuty
-from thermid.judge.limit_checks import LimitCheck
-from thermid.judge.limits import Limits
+from thermid.judge.limits import LimitCheck, Limits
+from thermid.judge.margins import HeaterDuty
 from thermid.prediction.foresight import Foresight
 from thermid.prediction.known import Known
 from thermid.profile_runs.profile_run import ProfileRun
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
     from thermid.qualify.plan_schema import TestTable
     from thermid.steadiness.stabilisation import Stability
-
-__all__ = ["Trial"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,6 @@ from thermid.site.atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmos
 from thermid.site.exposure import molecular_heating
 from thermid.units import TEMPERATURE
 
-__all__ = ["SPACE", "Trajectory", "ascent_scenario", "read_trajectory"]
-
 Array = NDArray[np.float64]
 
 SPACE = 2.725

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from thermid.errors import ScenarioError, nearest
-from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import Scenario
@@ -14,9 +13,8 @@ from thermid.site.ascent import ascent_scenario, read_trajectory
 from thermid.site.pad import pad_scenario
 from thermid.site.site import Site
 from thermid.site.weather import read_weather
+from thermid.toml_files import resolve_inside
 from thermid.units import TEMPERATURE
-
-__all__ = ["KEYS", "surrounded"]
 
 KEYS: Mapping[str, tuple[str, ...]] = {
     "site": ("name", "latitude", "longitude", "altitude", "timezone"),

@@ -33,8 +33,6 @@ from thermid.site.moist import (
     vapour_pressure,
 )
 
-__all__ = ["CLOSED", "Followed", "Volume", "WaterBalance", "follow"]
-
 Array = NDArray[np.float64]
 
 CLOSED: Final = 1e-6

@@ -14,8 +14,8 @@ from thermid.arguments import takes_objects
 from thermid.errors import MissingDataError, NameNotFoundError, RecordError, nearest
 from thermid.expression import parse
 from thermid.files import was_read
-from thermid.measure.channel import FloatArray
-from thermid.measure.plain import read_plain
+from thermid.measure.readers.plain import read_plain
+from thermid.measure.record.channel import FloatArray
 from thermid.units import TEMPERATURE, require
 
 if TYPE_CHECKING:

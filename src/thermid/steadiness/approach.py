@@ -16,11 +16,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.measure.steady import correlation_factor
+from thermid.measure.record.steady import correlation_factor
 from thermid.memo import Memo
 from thermid.steadiness.mixture import Mixture
-
-__all__ = ["Approach", "approach"]
 
 Array = NDArray[np.float64]
 BINS: Final = 120

@@ -9,12 +9,10 @@ import numpy as np
 
 from thermid.errors import RecordError
 from thermid.measure.amounts import duration_text, seconds
-from thermid.measure.stability import StabilityRule
+from thermid.measure.record.stability import StabilityRule
 from thermid.physics.constants import ICE_POINT
 from thermid.steadiness.approach import Approach
 from thermid.steadiness.mixture import Mixture
-
-__all__ = ["REACH", "Forecast", "IntervalEstimate", "estimate", "with_step"]
 
 REACH: Final = 10.0
 """Without better knowledge a part may be this many times slower than the time that was watched."""

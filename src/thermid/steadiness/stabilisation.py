@@ -12,17 +12,15 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError
 from thermid.measure.amounts import duration_text, positive_seconds
-from thermid.measure.prepare import stretch, within_log
-from thermid.measure.record import Record
-from thermid.measure.stability import SURE, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
+from thermid.measure.record.prepare import stretch, within_log
+from thermid.measure.record.record import Record
+from thermid.measure.record.stability import SURE, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.profile_runs.profile_run import ProfileRun
 from thermid.simulation.solution import Solution
 from thermid.steadiness.approach import approach
 from thermid.steadiness.forecast import FEWEST, GUARD
 from thermid.steadiness.foretold import REACH
 from thermid.steadiness.stored import Stored, stored_in_log, stored_in_run
-
-__all__ = ["Remaining", "Stability", "stability"]
 
 Array = NDArray[np.float64]
 TAU_ERROR: Final = 0.2

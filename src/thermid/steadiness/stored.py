@@ -14,12 +14,10 @@ import numpy as np
 from thermid.dual import value_of
 from thermid.errors import RecordError
 from thermid.measure.amounts import duration_text
-from thermid.measure.record import Record
-from thermid.measure.stability import SHORTEST, SURE, ChannelStability, StabilityRule, channel_drift
-from thermid.measure.steady import FEWEST
+from thermid.measure.record.record import Record
+from thermid.measure.record.stability import SHORTEST, SURE, ChannelStability, StabilityRule, channel_drift
+from thermid.measure.record.steady import FEWEST
 from thermid.simulation.solution import Solution
-
-__all__ = ["Stored", "stored_in_log", "stored_in_run"]
 
 SHORT: Final = 60.0
 """Window on a simulated run. [s]"""

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError
-from thermid.judge.limit_checks import LimitCheck, check_limits, spans
-from thermid.judge.limits import Limits
+from thermid.judge.limits import LimitCheck, Limits, check_limits, spans
 from thermid.judge.margins import Margin, margins
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
@@ -27,8 +26,6 @@ from thermid.simulation.transient import simulate
 from thermid.studio.courses import Course, Shelf, profile_for
 from thermid.studio.curves import Window, thinned
 from thermid.studio.desk import Desk
-
-__all__ = ["Outcome", "outcome_object", "run_course"]
 
 Told = Callable[[int, int, float], None]
 SAMPLES = 3000

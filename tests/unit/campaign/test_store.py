@@ -14,10 +14,11 @@ from thermid.campaign.stages import Campaign, run_stages
 from thermid.errors import DeckError, ThermidError
 from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import Cut, Normal, Source, Uniform
-from thermid.knowledge.store import Dropped, Origin, State, Store
+from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values import load_values
 from thermid.knowledge.values_file import load_store, save_store
 from thermid.model.deck.modelfile import load_model
+from thermid.model.tree.replacement import Dropped
 from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 
 COMPONENT = leaf("component", 0.20)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.physics.convection import vertical_plate_htc
+from thermid.physics.plates import vertical_plate_htc
 from thermid.site.moist import (
     dew_point,
     humidity_ratio,

@@ -17,8 +17,6 @@ from thermid.model.tree.model import Model
 from thermid.model.tree.replacement import Replacement, Start
 from thermid.model.tree.resolve import ParameterSet
 
-__all__ = ["known_below", "placed", "starts_of"]
-
 STEP = 1e-4
 """Relative change by which the response of a joint to the number behind it is found."""
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from thermid.campaign.schema import InheritTable, StageTable
     from thermid.campaign.swap.retune_plan import RetunePlan, StagePlan
 
-__all__ = ["retuned"]
-
 START = "start after a replacement"
 CARRIED = "carried over a swap: its model has the new part, its values and statistics are those of the tests before."
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource
     from thermid.campaign.stages import Campaign
 
-__all__ = ["RetunePlan", "StagePlan", "Touch"]
-
 ICE = 273.15
 
 

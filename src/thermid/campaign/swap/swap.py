@@ -27,8 +27,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 if TYPE_CHECKING:
     from thermid.campaign.stages import Campaign
 
-__all__ = ["plan_retune"]
-
 FELT = 0.05
 """A value is worth retuning when a change of 10 % moves some sensor by this much. [K]"""
 

@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 
 from thermid.fit.problem.statistics import Sums, loss_of
 from thermid.fit.problem.unknowns import Target, Unknown
-from thermid.measure.join import SecondClock
+from thermid.measure.record.join import SecondClock
 from thermid.model.laws.signal import Signal, Table
 
 if TYPE_CHECKING:
     from thermid.fit.problem.blocks import Block
     from thermid.fit.problem.experiment import Experiment
     from thermid.fit.problem.residuals import Problem
-
-__all__ = ["OFFSET", "RATE", "Ticks", "as_triangle", "clock_at", "clock_unknowns", "compressed_in_full", "slopes_of_clock"]
 
 Array = NDArray[np.float64]
 OFFSET, RATE = "clock.offset", "clock.rate"

@@ -6,16 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from thermid.judge.limit_checks import spans
-from thermid.judge.limits import Limits
-from thermid.judge.overlay import Overlay
+from thermid.judge.correlation import Overlay
+from thermid.judge.limits import Limits, spans
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.trial import Trial
 from thermid.reporting.blocks.sections import Drawn
 from thermid.reporting.pictures.curves import Band, Curve, curves
 from thermid.reporting.pictures.figures import compared
-
-__all__ = ["course", "overlay"]
 
 
 def overlay(o: Overlay, key: str, label: str) -> Drawn:
