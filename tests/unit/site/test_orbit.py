@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from thermid.errors import DeckError, ScenarioError
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.physics.exposure import eclipse, planet_share
+from thermid.site.exposure import eclipse, planet_share
 
 ORBIT: dict[str, Any] = {"tilt": 0.0, "sun": 180.0, "albedo": 0.3, "infrared": "237 [W/m^2]"}
 

@@ -6,16 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import MissingDataError, NameNotFoundError, RecordError, nearest
 from thermid.expression import parse
+from thermid.files import was_read
+from thermid.measure.readers.plain import read_plain
 from thermid.measure.record.channel import FloatArray
-from thermid.measure.weather_files import QUANTITIES, Columns, read_columns
-from thermid.units import require
+from thermid.units import TEMPERATURE, require
+
+if TYPE_CHECKING:
+    import pandas
 
 RADIATION: Final = ("direct_normal", "diffuse", "global", "infrared")
 RANGES: Final = {
@@ -35,9 +39,55 @@ RANGES: Final = {
 """Values beyond the records of the World Meteorological Organization, or that do not exist. [SI]"""
 NIGHT: Final = -15.0
 """A radiometer at night reads down to this; what is below zero and above it is taken as zero. [W/m^2]"""
+QUANTITIES: Final = {
+    "dry_bulb": TEMPERATURE,
+    "dew_point": TEMPERATURE,
+    "humidity": "1",
+    "pressure": "Pa",
+    "wind": "m/s",
+    "wind_direction": "1",
+    "direct_normal": "W/m^2",
+    "diffuse": "W/m^2",
+    "global": "W/m^2",
+    "infrared": "W/m^2",
+    "cloud": "1",
+    "rain": "m/s",
+}
+"""Quantity -> its unit: air, wind, radiation on the horizontal (`direct_normal` on a plane that follows the sun)."""
+USUAL: Final = {"dry_bulb": "degC", "dew_point": "degC", "humidity": "%", "cloud": "%", "rain": "mm/h"}
+"""Units of a table's columns whose header names none; SI otherwise."""
+
+# column of pvlib -> quantity, factor, shift, and what the format writes where a value is missing
+_EPW: Final = {
+    "temp_air": ("dry_bulb", 1.0, 273.15, 99.9),
+    "temp_dew": ("dew_point", 1.0, 273.15, 99.9),
+    "relative_humidity": ("humidity", 0.01, 0.0, 999.0),
+    "atmospheric_pressure": ("pressure", 1.0, 0.0, 999999.0),
+    "wind_speed": ("wind", 1.0, 0.0, 999.0),
+    "wind_direction": ("wind_direction", 1.0, 0.0, 999.0),
+    "dni": ("direct_normal", 1.0, 0.0, 9999.0),
+    "dhi": ("diffuse", 1.0, 0.0, 9999.0),
+    "ghi": ("global", 1.0, 0.0, 9999.0),
+    "ghi_infrared": ("infrared", 1.0, 0.0, 9999.0),
+    "total_sky_cover": ("cloud", 0.1, 0.0, 99.0),
+    "liquid_precipitation_depth": ("rain", 1 / 3.6e6, 0.0, 999.0),
+}
+_TMY3: Final = {
+    "temp_air": ("dry_bulb", 1.0, 273.15, -9900.0),
+    "temp_dew": ("dew_point", 1.0, 273.15, -9900.0),
+    "relative_humidity": ("humidity", 0.01, 0.0, -9900.0),
+    "pressure": ("pressure", 100.0, 0.0, -9900.0),
+    "wind_speed": ("wind", 1.0, 0.0, -9900.0),
+    "wind_direction": ("wind_direction", 1.0, 0.0, -9900.0),
+    "dni": ("direct_normal", 1.0, 0.0, -9900.0),
+    "dhi": ("diffuse", 1.0, 0.0, -9900.0),
+    "ghi": ("global", 1.0, 0.0, -9900.0),
+    "TotCld (tenths)": ("cloud", 0.1, 0.0, -9900.0),
+    "Lprecip depth (mm)": ("rain", 1 / 3.6e6, 0.0, -9900.0),
+}
 
 
-class Series(NamedTuple):
+class WeatherSeries(NamedTuple):
     """One quantity over time: times (samples,) from its beginning [s], and values (samples,) [SI]."""
 
     times: FloatArray
@@ -60,12 +110,12 @@ class Weather:
 
     name: str
     begin: datetime | None
-    series: Mapping[str, Series]
+    series: Mapping[str, WeatherSeries]
     place: Mapping[str, float]
     filled: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def __getitem__(self, quantity: str) -> Series:
+    def __getitem__(self, quantity: str) -> WeatherSeries:
         """Return one quantity.
 
         Raises
@@ -102,7 +152,7 @@ class Weather:
         for name, s in later.series.items():
             inside = s.times[(s.times > 0.0) & (s.times < length)]
             times = np.concatenate(([0.0], inside, [length]))
-            cut[name] = Series(times, np.interp(times, s.times, s.values))
+            cut[name] = WeatherSeries(times, np.interp(times, s.times, s.values))
         return replace(later, series=cut)
 
     def begun(self, begin: str | float | datetime | None = None, duration: str | float | None = None) -> tuple[Weather, float]:
@@ -126,7 +176,7 @@ class Weather:
                 f"not {self._stamp(first)} and {length / 3600:.4g} h more.",
                 self.name,
             )
-        moved = {name: Series(s.times - first, s.values) for name, s in self.series.items()}
+        moved = {name: WeatherSeries(s.times - first, s.values) for name, s in self.series.items()}
         # instants are written to the second
         length = min(length, covered[1] - first)
         return replace(self, begin=None if self.begin is None else self.begin + timedelta(seconds=first), series=moved), length
@@ -204,7 +254,7 @@ def read_weather(
         raise MissingDataError(f"there is no file '{target.name}'.", target.name)
     given = read_columns(target, columns, begin, year, time)
     longest = _seconds(max_gap, target.name)
-    series: dict[str, Series] = {}
+    series: dict[str, WeatherSeries] = {}
     filled: list[str] = []
     notes = list(given.notes)
     for name, values in given.values.items():
@@ -214,13 +264,13 @@ def read_weather(
         known = _bridged(given, name, values, longest, target.name, filled)
         checked = _existing(given, name, known, target.name)
         shift = 0.5 * given.step if name in RADIATION and (averaged or given.averaged) else 0.0
-        series[name] = Series(known.times - shift, checked)
+        series[name] = WeatherSeries(known.times - shift, checked)
     if "dry_bulb" not in series and not (set(RADIATION) & set(series)):
         raise RecordError(f"it has no weather: none of {', '.join(QUANTITIES)} is a column. Say which with columns=.", target.name)
     return Weather(target.name, given.begin, series, given.place, tuple(filled), tuple(notes))
 
 
-def _bridged(given: Columns, name: str, values: FloatArray, longest: float, file: str, filled: list[str]) -> Series:
+def _bridged(given: Columns, name: str, values: FloatArray, longest: float, file: str, filled: list[str]) -> WeatherSeries:
     """Return the valid samples of a column, after its holes have been looked at."""
     valid = np.isfinite(values)
     times = given.times[valid]
@@ -239,10 +289,10 @@ def _bridged(given: Columns, name: str, values: FloatArray, longest: float, file
             say = "give max_gap = '6 [h]' or so to bridge holes by straight lines" if longest == 0.0 else "it is longer than max_gap"
             raise RecordError(f"{hole}: {say}, or mend the file.", file)
         filled.append(f"{hole}, bridged by a straight line")
-    return Series(times, values[valid])
+    return WeatherSeries(times, values[valid])
 
 
-def _existing(given: Columns, name: str, known: Series, file: str) -> FloatArray:
+def _existing(given: Columns, name: str, known: WeatherSeries, file: str) -> FloatArray:
     """Return the values, radiation just below zero at night as zero; values that do not exist are refused."""
     low, high, unit_text = RANGES[name]
     values = np.where((known.values < 0.0) & (known.values > NIGHT), 0.0, known.values) if name in RADIATION else known.values
@@ -272,3 +322,112 @@ def _seconds(value: str | float, where: str) -> float:
         raise RecordError(f"'{value}' is no time; write it as '2 [h]'.", where)
     require(literal.unit.dimension, "s", literal.unit.text, literal.unit.absolute)
     return float(literal.value)
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Columns of a weather file on one time axis, NaN where a value is missing.
+
+    Parameters
+    ----------
+    times : array (samples,)    From `begin`. [s]
+    values : dict               Quantity -> values (samples,). [SI]
+    begin : datetime or None    The instant of time zero.
+    step : float                The usual interval. [s]
+    averaged : bool             Whether radiation is a mean over the interval that ends at its stamp.
+    place : dict                latitude, longitude [deg], altitude [m], timezone [h].
+    """
+
+    times: FloatArray
+    values: Mapping[str, FloatArray]
+    begin: datetime | None
+    step: float
+    averaged: bool
+    place: Mapping[str, float]
+    notes: tuple[str, ...] = ()
+
+
+def read_columns(path: Path, columns: Mapping[str, str] | None, begin: str | None, year: int, time: str | None) -> Columns:
+    """Return the columns of a weather file; its form is told by its name and first lines."""
+    with path.open("rb") as file:
+        head = file.read(400)
+    was_read(path)
+    epw = path.suffix.lower() == ".epw" or head.startswith(b"LOCATION,")
+    if not epw and b"Date (MM/DD/YYYY)" not in head:
+        return _table(path, columns, begin, time)
+    if columns:
+        raise RecordError("an EPW or TMY3 file has its own columns; columns= belongs to a plain table.", path.name)
+    return _typical(path, year, epw)
+
+
+def _typical(path: Path, year: int, epw: bool) -> Columns:
+    """Return an EPW or TMY3 file as columns; pvlib reads it."""
+    try:
+        from pvlib import iotools
+    except ImportError:
+        raise RecordError("EPW and TMY3 files are read by pvlib: pip install 'thermid[site]'.", path.name) from None
+    try:
+        data, meta = iotools.read_epw(path) if epw else iotools.read_tmy3(path, map_variables=True)
+        mixed = len(set(data.index.year[:-1])) > 1
+        if mixed:
+            data, meta = iotools.read_epw(path, coerce_year=year) if epw else iotools.read_tmy3(path, coerce_year=year, map_variables=True)
+    except (ValueError, KeyError, IndexError, TypeError, UnicodeDecodeError) as error:
+        raise RecordError(f"this is no {'EPW' if epw else 'TMY3'} file that can be read: {error}.", path.name) from None
+    stamps = data.index
+    seconds = np.asarray((stamps - stamps[0]).total_seconds(), dtype=np.float64)
+    # EPW stamps of pvlib stand at the beginning of their hour; its values belong to the end, as those of TMY3 do
+    ahead = 3600.0 if epw else 0.0
+    first = (stamps[0] + _delta(ahead)).to_pydatetime()
+    place = {"latitude": "latitude", "longitude": "longitude", "altitude": "altitude", "timezone": "TZ"}
+    notes = (f"a typical year, put into {year}",) if mixed else ()
+    if (np.diff(seconds) <= 0).any():
+        raise RecordError(f"time does not go on after line {int(np.argmax(np.diff(seconds) <= 0)) + 1} of the data.", path.name)
+    values = _converted(data, _EPW if epw else _TMY3)
+    where = {k: float(meta[v]) for k, v in place.items() if v in meta}
+    return Columns(seconds, values, first, _step(seconds), True, where, notes)
+
+
+def _delta(seconds: float) -> Any:
+    import pandas
+
+    return pandas.Timedelta(seconds=seconds)
+
+
+def _converted(data: pandas.DataFrame, table: Mapping[str, tuple[str, float, float, float]]) -> dict[str, FloatArray]:
+    """Return quantities in SI, missing ones as NaN."""
+    out = {}
+    for column, (name, factor, shift, missing) in table.items():
+        if column in data:
+            raw = np.asarray(data[column], dtype=np.float64)
+            # codes for a missing value stand at, or beyond, the format's own
+            gone = raw <= missing if missing < 0 else raw >= missing
+            out[name] = np.where(gone, np.nan, raw * factor + shift)
+    return out
+
+
+def _table(path: Path, columns: Mapping[str, str] | None, begin: str | None, time: str | None) -> Columns:
+    """Return a plain table as columns; a quantity that the table is asked for by name must be there."""
+    table = read_plain(path, time)
+    for quantity in columns or {}:
+        if quantity not in QUANTITIES:
+            raise NameNotFoundError(f"no quantity '{quantity}'.{nearest(quantity, QUANTITIES)}", table.file)
+    wanted = dict(columns or {n: n for n in table.names if n in QUANTITIES})
+    found = {q: table.column(column, QUANTITIES[q], USUAL.get(q, "")) for q, column in wanted.items()}
+    return Columns(table.times - table.times[0], found, _instant(table.stamp, begin, table.file), _step(table.times), False, {})
+
+
+def _instant(stamp: str | None, begin: str | None, file: str) -> datetime | None:
+    """Return the instant of time zero: the first stamp, or what the caller says."""
+    if stamp is not None and begin is not None:
+        raise RecordError("its times are stamps, so its beginning is known; leave begin out.", file)
+    text = stamp or begin
+    if text is None:
+        return None
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:
+        raise RecordError(f"'{text}' is no instant with a date; write it as 2026-03-21 06:00-03:00.", file) from None
+
+
+def _step(seconds: FloatArray) -> float:
+    return float(np.median(np.diff(seconds)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -13,32 +13,24 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
-from thermid.measure import Weather
 from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, Table, literal, signal
 from thermid.model.parts.facing import Facing, degrees
 from thermid.network.environment import Environment
-from thermid.network.irradiation import OpenSky
 from thermid.physics.air import dry_air
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
-from thermid.physics.exposure import cloudless_sky, driving_rain, sky_share
-from thermid.physics.moist import dew_point, vapour_pressure
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.sites.site import Site, quiet
+from thermid.site.exposure import cloudless_sky, driving_rain, sky_share
+from thermid.site.moist import dew_point, vapour_pressure
+from thermid.site.site import Site
+from thermid.site.sky import open_sky
+from thermid.site.weather import Weather
 from thermid.units import TEMPERATURE
 
 Array = NDArray[np.float64]
 
-STEP = 600.0
-"""Interval at which the sun's path is worked out: it moves by 2.5 degrees. [s]"""
-LOW_SUN = 87.0
-"""Beyond this zenith a beam is not divided out of a horizontal reading. [deg]"""
 WIND = ("length", "calm", "rain")
 """What a coefficient in wind is given by."""
-NIGHT, TWILIGHT = 95.0, 20.0
-"""Zenith of the sun from which it is night, and radiation that nobody reads then. [deg], [W/m^2]"""
-BRIGHTEST = 1412.0
-"""Of the sun above the air, in January; no beam that is worked out from other readings is brighter. [W/m^2]"""
 WATER = 1000.0 * 4186.0
 """Heat that a cubic metre of rain takes up per kelvin. [J/(m^3 K)]"""
 
@@ -115,116 +107,6 @@ def pad_scenario(
         made = {path: _coefficient(weather, table, place.pressure, f"{title}, wind.{path}") for path, table in wind.items()}
         fields["schedule"] = {**made, **others.pop("schedule", {})}
     return Scenario(**fields, **others)
-
-
-def open_sky(
-    site: Site,
-    begin: str | datetime,
-    duration: float,
-    weather: Weather | None = None,
-    downward: Signal | None = None,
-    air: str = "ambient",
-    albedo: float = 0.2,
-    turbidity: float | None = None,
-    sun: bool = True,
-) -> OpenSky:
-    """Return sun and sky over a site for a time; without radiation in the weather, a sky without clouds.
-
-    Parameters
-    ----------
-    site, begin, weather, air, albedo, turbidity, sun    As in `pad_scenario`.
-    duration : float    [s]
-    downward : Signal   Long-wave radiation from the sky on the horizontal; None where none is counted. [W/m^2]
-
-    Raises
-    ------
-    ScenarioError   When the weather has no radiation although it is weather: half a day of clouds is not to be guessed.
-    """
-    times = np.linspace(0.0, duration, max(int(np.ceil(duration / STEP)), 1) + 1)
-    path = site.sun(begin, times)
-    again = Overhead(site, site.instant(begin), duration, weather, downward, air, albedo, turbidity, sun)
-    if not sun:
-        none = np.zeros(times.shape)
-        return OpenSky(times, none, none, none, path.zenith, path.azimuth, downward, air, albedo, again)
-    if weather is None:
-        clear = site.clear_sky(begin, times, turbidity)
-        beam, diffuse, total = clear["direct_normal"], clear["diffuse"], clear["global"]
-    else:
-        beam, diffuse, total = _radiation(weather, site, begin, times, path.zenith)
-    return OpenSky(times, beam, diffuse, total, path.zenith, path.azimuth, downward, air, albedo, again)
-
-
-@dataclass(frozen=True, eq=False)
-class Overhead:
-    """What an open sky was made of, so that it can be worked out for a run that begins later; fields as in `open_sky`."""
-
-    site: Site
-    begin: datetime
-    duration: float
-    weather: Weather | None
-    downward: Signal | None
-    air: str
-    albedo: float
-    turbidity: float | None
-    sun: bool
-
-    def sky(self, seconds: float) -> OpenSky:
-        """Return the sky of a run that begins later. [s]
-
-        Raises
-        ------
-        RecordError   When the weather does not cover it.
-        """
-        weather = None if self.weather is None else self.weather.begun(seconds, self.duration)[0]
-        downward = None if self.downward is None else self.downward.shifted(seconds)
-        later = self.begin + timedelta(seconds=seconds)
-        return open_sky(self.site, later, self.duration, weather, downward, self.air, self.albedo, self.turbidity, self.sun)
-
-
-def _radiation(weather: Weather, site: Site, begin: Any, times: Array, zenith: Array) -> tuple[Array, Array, Array]:
-    """Return beam, diffuse and global (samples,) from what the weather has of them. [W/m^2]"""
-    _check_night(weather, site, begin, float(times[-1]))
-    have = {k: Table(*weather[k]).within(times, f"{weather.name}, {k}") for k in ("direct_normal", "diffuse", "global") if k in weather}
-    up = np.maximum(np.cos(np.radians(zenith)), 0.0)
-    if {"direct_normal", "diffuse"} <= set(have):
-        return have["direct_normal"], have["diffuse"], have.get("global", have["diffuse"] + have["direct_normal"] * up)
-    if {"global", "diffuse"} <= set(have):
-        beam = np.maximum(have["global"] - have["diffuse"], 0.0) / np.maximum(up, np.cos(np.radians(LOW_SUN)))
-        return np.where(zenith < 90.0, np.minimum(beam, BRIGHTEST), 0.0), have["diffuse"], have["global"]
-    if {"global", "direct_normal"} <= set(have):
-        return have["direct_normal"], np.maximum(have["global"] - have["direct_normal"] * up, 0.0), have["global"]
-    if "global" in have:
-        from pvlib import irradiance
-
-        with quiet():
-            parts = irradiance.erbs(have["global"], zenith, site.instants(begin, times), max_zenith=LOW_SUN)
-        return np.minimum(np.asarray(parts["dni"], dtype=float), BRIGHTEST), np.asarray(parts["dhi"], dtype=float), have["global"]
-    raise ScenarioError(
-        "the weather has no global radiation, nor beam and diffuse: give such a column, or sun = false.",
-        weather.name,
-    )
-
-
-def _check_night(weather: Weather, site: Site, begin: Any, duration: float) -> None:
-    """Refuse weather with more sun than there is, at night above all: its clock, or the site, is another."""
-    for name in ("direct_normal", "diffuse", "global"):
-        if name in weather:
-            inside = (weather[name].times > 0.0) & (weather[name].times < duration)
-            times, values = (column[inside] for column in weather[name])
-            zenith = site.sun(begin, times).zenith
-            above = np.maximum(np.cos(np.radians(zenith)), 0.0) if name != "direct_normal" else np.ones(zenith.shape)
-            # clouds at the sun's rim may throw a third more on a place than comes from above the air
-            most = np.where(zenith > NIGHT, TWILIGHT, 5.0 * TWILIGHT + 1.3 * BRIGHTEST * above)
-            wrong = np.flatnonzero(values > most)
-            if wrong.size:
-                k = wrong[0]
-                height = 90.0 - zenith[k]
-                stands = f"{abs(height):.0f} degrees {'above' if height > 0 else 'below'} the horizon"
-                raise ScenarioError(
-                    f"{name} is {values[k]:.0f} W/m^2 {times[k] / 3600:.4g} h after {begin}, when the sun stands {stands}. "
-                    "Look at the time zone, and at latitude and longitude.",
-                    weather.name,
-                )
 
 
 def _downward(weather: Weather | None, air: Signal) -> Signal:

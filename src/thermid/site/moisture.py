@@ -22,7 +22,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
-from thermid.simulation.water.vapour import Followed, Volume, WaterBalance, follow
+from thermid.site.vapour import Followed, Volume, WaterBalance, follow
 
 Array = NDArray[np.float64]
 

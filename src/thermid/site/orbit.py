@@ -10,7 +10,7 @@ from thermid.errors import ScenarioError
 from thermid.model.laws.signal import Constant, Signal, Table, joined, literal, signal
 from thermid.model.parts.facing import degrees
 from thermid.network.irradiation import Irradiation
-from thermid.physics.exposure import SOLAR_CONSTANT, eclipse, planet_share
+from thermid.site.exposure import SOLAR_CONSTANT, eclipse, planet_share
 
 
 def orbit_irradiation(

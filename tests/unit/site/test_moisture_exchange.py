@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 
 import thermid as td
 from thermid.model.laws.signal import Constant
-from thermid.physics.moist import mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
-from thermid.simulation.water.moisture import Moisture
-from thermid.simulation.water.vapour import follow
+from thermid.site.moist import mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
+from thermid.site.moisture import Moisture
+from thermid.site.vapour import follow
 
 PAIR = td.model_from_dict(
     {

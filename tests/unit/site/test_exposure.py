@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thermid.errors import ScenarioError
-from thermid.physics.exposure import (
+from thermid.site.exposure import (
     cloudless_sky,
     driving_rain,
     facing_sun,

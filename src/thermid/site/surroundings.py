@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from thermid.errors import ScenarioError, nearest
-from thermid.measure import read_weather
 from thermid.model.laws.signal import literal
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.sites.ascent import ascent_scenario, read_trajectory
-from thermid.simulation.sites.pad import pad_scenario
-from thermid.simulation.sites.site import Site
+from thermid.site.ascent import ascent_scenario, read_trajectory
+from thermid.site.pad import pad_scenario
+from thermid.site.site import Site
+from thermid.site.weather import read_weather
 from thermid.toml_files import resolve_inside
 from thermid.units import TEMPERATURE
 

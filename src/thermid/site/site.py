@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from thermid.errors import ScenarioError, ThermidError
 from thermid.model.laws.signal import literal
 from thermid.model.parts.facing import degrees
-from thermid.physics.atmosphere import standard_atmosphere
+from thermid.site.atmosphere import standard_atmosphere
 
 if TYPE_CHECKING:
     import pandas

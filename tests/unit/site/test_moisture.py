@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermid as td
-from thermid.physics.moist import dew_point, latent_heat, mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
+from thermid.site.moist import dew_point, latent_heat, mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
 
 BOX = td.model_from_dict(
     {

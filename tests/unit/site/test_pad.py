@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from thermid.errors import DeckError, RecordError, ScenarioError
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.simulation.sites.pad import wind_htc
+from thermid.site.pad import wind_htc
 
 pytest.importorskip("pvlib")
 

@@ -1,4 +1,4 @@
-"""One node: its closed forms; `biot` says whether one node is enough and is offered here too.
+"""One node: its closed forms.
 
 C dT/dt = Q - G (T - T_ambient), with G in W/K. A conductance of exactly zero is allowed: the vacuum of the source document.
 """
@@ -11,9 +11,6 @@ import numpy as np
 
 from thermid.errors import ThermidError
 from thermid.physics._number import Number, plain
-from thermid.physics.biot import BIOT_LIMIT as BIOT_LIMIT
-from thermid.physics.biot import biot_number as biot_number
-from thermid.physics.biot import biot_warning as biot_warning
 
 
 def time_constant(capacitance: Number, conductance: Number) -> Number:

@@ -17,9 +17,9 @@ from thermid.measure import read_plain
 from thermid.model.laws.signal import Constant, Signal, Table, joined, literal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import HOTTEST, Irradiation
-from thermid.physics.atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
-from thermid.physics.exposure import molecular_heating
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.site.atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
+from thermid.site.exposure import molecular_heating
 from thermid.units import TEMPERATURE
 
 Array = NDArray[np.float64]

@@ -22,7 +22,8 @@ from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import FlatConductor
 from thermid.network.medium import VACUUM_LIMIT
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
-from thermid.physics.moist import (
+from thermid.simulation.solution import Solution
+from thermid.site.moist import (
     VAPOUR_CONSTANT,
     dew_point,
     latent_heat,
@@ -31,7 +32,6 @@ from thermid.physics.moist import (
     vapour_density,
     vapour_pressure,
 )
-from thermid.simulation.solution import Solution
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
-from thermid.simulation.water.moisture import Moisture, moisture
-from thermid.simulation.water.vapour import follow
+from thermid.site.moisture import Moisture, moisture
+from thermid.site.vapour import follow
 
 LEFT_OUT = (
     "the heat of settling and drying water found no balance with the temperatures and was left out: while water settles the "
