@@ -14,7 +14,8 @@ from thermid.fit.least_squares.solve import covariances, ended
 from thermid.fit.problem.sensor_parts import attached
 from thermid.judge.validate import Criteria, validate
 from thermid.measure import Channel, Record
-from thermid.measure.record.sensor import SensorCertificate, SensorPart, worn
+from thermid.measure.record.channel import with_sensor
+from thermid.measure.record.sensor import SensorCertificate, SensorPart
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
@@ -149,7 +150,7 @@ def test_certificate_narrows_the_interval_and_moves_the_value() -> None:
         seen = readings(SensorPart()) + bias + NOISE * rng.standard_normal(TIMES.size)
         raw = record(seen, None, accuracy=0.5)
         certificate = SensorCertificate(bias + u * rng.standard_normal(), u, date="2026-05-04")
-        channel, _ = worn(raw["T"], None, certificate, "T")
+        channel, _ = with_sensor(raw["T"], None, certificate, "T")
         found = calibrate(part_model(), raw.with_channels(channel), FREE, scenario=unknown, search="local")
         scores.append(score(found))
         if k < BLIND:
@@ -163,7 +164,7 @@ def test_readings_beyond_the_range_are_not_fitted() -> None:
     seen = readings(SensorPart()) + NOISE * np.random.default_rng(16).standard_normal(TIMES.size)
     stuck = np.minimum(seen, ICE + 36.0)
     raw = record(stuck, None)
-    channel, (said,) = worn(raw["T"], SensorPart(low=ICE - 55.0, high=ICE + 36.0), None, "T")
+    channel, (said,) = with_sensor(raw["T"], SensorPart(low=ICE - 55.0, high=ICE + 36.0), None, "T")
     assert "readings at or beyond its range -55 [degC] to 36 [degC]" in said
     assert channel.flags == {"out of range": int(np.count_nonzero(seen >= ICE + 36.0))}
     found = calibrate(part_model(), raw.with_channels(channel), FREE, scenario=BENCH)

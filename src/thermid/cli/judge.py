@@ -11,7 +11,7 @@ from thermid.errors import RecordError
 from thermid.measure.record.channel import Channel
 from thermid.measure.record.record import Record
 from thermid.measure.record.sensor import ICE
-from thermid.measure.record.stability import SHORTEST, StabilityRule, channel_stability, rule_of
+from thermid.measure.record.steadiness import SHORTEST, StabilityRule, channel_stability, rule_of
 
 if TYPE_CHECKING:
     from types import TracebackType

@@ -89,7 +89,7 @@ def _object(stable: dict[str, Any], told: dict[str, Forecast | str], times: Text
 
 def _run(rule: str, model: Path | None, scenario: Path | None) -> Solution | None:
     """Return the run of a model for a rule on stored heat."""
-    from thermid.measure.record.stability import rule_of
+    from thermid.measure.record.steadiness import rule_of
     from thermid.model.deck.modelfile import load_model
     from thermid.simulation.scenario_file import load_scenario
     from thermid.simulation.transient import simulate

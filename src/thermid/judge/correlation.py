@@ -17,7 +17,7 @@ from thermid.judge.criteria import CRITERIA, CriteriaSet, Deviation, Gate, judge
 from thermid.judge.overlay import Overlay, overlays, paired
 from thermid.knowledge.standing import UNJUDGED, Standing, of_model
 from thermid.measure import Record
-from thermid.measure.record.windows import usual_step
+from thermid.measure.record.channel import usual_step
 
 Window = tuple[float, float]
 ENDS = 2.0

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
-from thermid.measure.record.stability import rule_of
+from thermid.measure.record.steadiness import rule_of
 from thermid.model.deck.modelfile import read_toml
 from thermid.profiles.profile import KINDS, ThermalProfile, pair_of
 from thermid.sourced.number import SLOTS, WORDS, Number, number

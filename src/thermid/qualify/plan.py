@@ -19,7 +19,7 @@ from thermid.files import read_bytes
 from thermid.fit.uncertainty.grouping import listed
 from thermid.judge.criteria import CRITERIA, CriteriaSet, read_criteria
 from thermid.judge.limits import Limits, load_limits, read_limits
-from thermid.measure.record.stability import rule_of
+from thermid.measure.record.steadiness import rule_of
 from thermid.model.deck.faults import deck_error
 from thermid.model.deck.modelfile import load_model, project_root, read_toml, refuse_another_kind, resolve_inside
 from thermid.model.laws.signal import literal

@@ -20,7 +20,7 @@ from thermid.judge.limits import Limits
 from thermid.judge.overlay import Overlay, overlays, paired
 from thermid.measure import Record, read_record
 from thermid.measure.amounts import duration_text
-from thermid.measure.record.stability import rule_of
+from thermid.measure.record.steadiness import rule_of
 from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.model.tree.flat import flatten

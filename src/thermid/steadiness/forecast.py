@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError
 from thermid.measure.amounts import amount, duration_text, positive_seconds
-from thermid.measure.record.prepare import stretch, within_log
-from thermid.measure.record.stability import StabilityRule, resolution_of, rule_of
+from thermid.measure.record.channel import stretch, within_log
+from thermid.measure.record.steadiness import StabilityRule, resolution_of, rule_of
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.transient import simulate
 from thermid.steadiness.approach import Approach, approach

@@ -19,7 +19,7 @@ from thermid.cli.judge import Judge
 from thermid.cli.live import live_table, plain_line
 from thermid.errors import RecordError
 from thermid.measure.record.sensor import ICE, SensorCertificate
-from thermid.measure.record.stability import channel_stability, rule_of
+from thermid.measure.record.steadiness import channel_stability, rule_of
 from thermid.steadiness.forecast import forecast
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a log is locked by posix means")
