@@ -1,6 +1,6 @@
 """The formats of logs: each is recognised by what stands in the file, never by its name, and read into cells.
 
-One line of `FORMATS` is one format; what reads text ends in `textfile`, what reads numbers in `series`.
+One line of `FORMATS` is one format; what reads text ends in `textfile.cells_of_text`, what reads numbers in `textfile.merged`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from thermid.errors import MissingDataError
-from thermid.measure.readers import binary, capture, labview, longform
+from thermid.measure.readers import binary, layouts
 from thermid.measure.readers.textfile import Cells, Layout, cells_of_text, decoded, read_bytes
 
 BENCH: Final = "thermid.acquire.benchlog"
@@ -52,7 +52,7 @@ def _text(read: Callable[[str, str], Cells]) -> Callable[[bytes, str, str | None
 
 def _plain(data: bytes, file: str, separator: str | None) -> Cells:
     text, notes = decoded(data, file)
-    return longform.pivoted(longform.with_units_of_cells(cells_of_text(text, file, separator, notes)))
+    return layouts.pivoted(layouts.with_units_of_cells(cells_of_text(text, file, separator, notes)))
 
 
 def _head(data: bytes) -> str:
@@ -92,9 +92,9 @@ FORMATS: Final = (
     Format("MATLAB 7.3", "MATLAB 7.3 in its first line", lambda d: d[:10] == b"MATLAB 7.3", binary.hdf5, "h5py"),
     Format("workbook", "a zip archive with xl/ or content.xml", binary.is_workbook, binary.workbook, "python-calamine"),
     Format("workbook of old Excel", "its signature", lambda d: d[:8] == binary.OLD_OFFICE, binary.workbook, "python-calamine"),
-    Format("LabVIEW measurement", "LabVIEW Measurement in its first line", lambda d: labview.is_labview(_head(d)), _text(labview.read)),
-    Format("InfluxDB annotated CSV", "#datatype or #group before a header", lambda d: longform.is_influx(_head(d)), _text(longform.influx)),
-    Format("serial capture", "stamps with -> before each line", lambda d: capture.is_capture(_head(d)), _text(capture.read)),
+    Format("LabVIEW measurement", "LabVIEW Measurement in its first line", lambda d: layouts.is_labview(_head(d)), _text(layouts.labview)),
+    Format("InfluxDB annotated CSV", "#datatype or #group before a header", lambda d: layouts.is_influx(_head(d)), _text(layouts.influx)),
+    Format("serial capture", "stamps with -> before each line", lambda d: layouts.is_capture(_head(d)), _text(layouts.serial_capture)),
     Format("text", "anything else that is text: columns divided by commas, semicolons or tabs", lambda d: True, _plain),
 )
 """In the order in which they are tried."""
