@@ -11,7 +11,7 @@ import typer
 if TYPE_CHECKING:
     from thermid.measure.record.record import Record
     from thermid.simulation.solution import Solution
-    from thermid.steadiness.foretold import Forecast
+    from thermid.steadiness.forecast import Forecast
 
 Texts = list[str]
 
