@@ -16,7 +16,7 @@ import thermid
 
 from .source import Module, room_of, within
 
-FOUNDATION = {"arguments", "errors", "files", "seals", "memo", "_units_table", "units", "expression", "dual"}
+FOUNDATION = {"arguments", "errors", "files", "toml_files", "grammar", "seals", "memo", "_units_table", "units", "expression", "dual"}
 
 MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck", "model.blocks"}
 SIMULATION = {"simulation", "simulation.scenarios", "simulation.solver"}
@@ -31,6 +31,8 @@ ARROWS: dict[str, set[str]] = {
     "arguments": {"errors"},
     "seals": set(),
     "files": {"errors", "seals"},
+    "toml_files": {"errors", "files"},
+    "grammar": {"errors"},
     "memo": set(),
     "_units_table": set(),
     "dual": set(),
@@ -80,7 +82,7 @@ ARROWS |= {
     "inference": LOW | FIT | {"design"},
     "campaign": LOW | FIT | {"judge", "inference"},
     "campaign.swap": LOW | FIT | {"campaign"},
-    "campaign.study": LOW | FIT | {"campaign"},
+    "campaign.study": LOW | FIT | {"campaign", "judge"},
     "monte_carlo": LOW | FIT | {"prediction", "campaign", "reduction"},
     "qualify": LOW | FIT | {"judge", "explain", "prediction", "campaign"} | TESTED,
     "reporting": set(),

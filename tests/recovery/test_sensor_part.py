@@ -12,7 +12,8 @@ from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
 from thermid.fit.least_squares.solve import covariances, ended
 from thermid.fit.problem.sensor_parts import attached
-from thermid.judge.validate import Criteria, validate
+from thermid.judge.criteria import Criteria
+from thermid.judge.verdict import validate
 from thermid.measure import Channel, Record
 from thermid.measure.record.channel import with_sensor
 from thermid.measure.record.sensor import SensorCertificate, SensorPart

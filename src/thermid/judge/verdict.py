@@ -1,95 +1,105 @@
-"""`validate`: a calibrated model against a record that no fit has seen, with stated criteria, and a verdict."""
+"""Validation: a calibrated model against a record that no fit has seen, by stated criteria; and a comparison that judges nothing.
+
+A results folder remembers the verdicts on held-out records: one that failed before its model was fitted anew is no longer independent.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError, nearest
+from thermid.errors import DeckError, IdentificationError, nearest
+from thermid.files import OWN, write_text
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import Block
 from thermid.fit.problem.sensor_parts import as_found
 from thermid.fit.problem.statistics import SensorStatistics
-from thermid.judge.looks import RecordedLook
+from thermid.judge.criteria import Check, Criteria, Deviation, judge_sensors
+from thermid.judge.metrics import Residuals
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
-from thermid.model.laws.signal import literal
+from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.sourced.marks import VERDICTS, weigh
 from thermid.units import counted
 
-LIMITS = ("rmse", "max_error", "mean_error")
+FILE = "looks.json"
 
 
 @dataclass(frozen=True)
-class Criteria:
-    """What a model must meet at every sensor; a text with unit each.
+class RecordedLook:
+    """One verdict on a record.
 
     Parameters
     ----------
-    rmse : str          Largest root mean square of measured less predicted. [K]
-    max_error : str     Largest single error. [K]
-    mean_error : str    Largest mean error, by size. [K]
-    sensors : dict      Sensor -> table of the same, in place of the above.
+    record : str    Its name.
+    sha256 : str    Checksum of its samples.
+    stage : str     The stage whose values were judged.
+    key : str       Hash of everything that these values depend on.
+    passed : bool   Whether every criterion was met.
+    date : str      The day.
     """
 
-    rmse: str = ""
-    max_error: str = ""
-    mean_error: str = ""
-    sensors: Mapping[str, Mapping[str, str]] | None = None
-
-    @classmethod
-    @takes_objects
-    def read(cls, table: Mapping[str, Any], where: str) -> Criteria:
-        """Return criteria from a table of a campaign."""
-        _known(table, cls.__dataclass_fields__, where)
-        for sensor, own in table.get("sensors", {}).items():
-            if not isinstance(own, Mapping):
-                raise IdentificationError("the criteria of a sensor are a table such as { rmse = '1 [K]' }.", f"{where}.sensors.{sensor}")
-            _known(own, LIMITS, f"{where}.sensors.{sensor}")
-        return cls(**table)
-
-    def limits(self, sensor: str) -> dict[str, float]:
-        """Return criterion -> limit for a sensor. [K]
-
-        Raises
-        ------
-        IdentificationError   When nothing is asked of it.
-        """
-        own = {k: getattr(self, k) for k in LIMITS} | dict((self.sensors or {}).get(sensor, {}))
-        limits = {k: literal(v, "K", f"criteria.{k}") for k, v in own.items() if v}
-        if not limits:
-            raise IdentificationError(
-                f"no criterion is given for '{sensor}'. A verdict needs at least one limit: rmse, max_error or mean_error."
-            )
-        if any(not math.isfinite(v) or v <= 0 for v in limits.values()):
-            raise IdentificationError("a limit must be above zero.", "criteria")
-        return limits
+    record: str
+    sha256: str
+    stage: str
+    key: str
+    passed: bool
+    date: str
 
 
-def _known(given: Mapping[str, Any], known: Iterable[str], where: str) -> None:
-    for key in given:
-        if key not in known:
-            raise IdentificationError(f"there is no criterion '{key}'.{nearest(key, known)}", where)
+def looks_at(folder: Path | None, sha256: str) -> tuple[RecordedLook, ...]:
+    """Return the verdicts on a record that a results folder remembers, oldest first.
+
+    Raises
+    ------
+    DeckError   When its file of verdicts is damaged.
+    """
+    return tuple(one for one in _read(folder) if one.sha256 == sha256)
 
 
-@dataclass(frozen=True)
-class Check:
-    """One criterion at one sensor."""
+def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, passed: bool) -> tuple[RecordedLook, ...]:
+    """Return the earlier failed verdicts on a record by other values than these, and note this one.
 
-    sensor: str
-    criterion: str
-    found: float
-    limit: float
+    The same values judged again are no new look.
 
-    @property
-    def passed(self) -> bool:
-        """Whether what was found is within the limit."""
-        return self.found <= self.limit
+    Raises
+    ------
+    DeckError   When the folder's file of verdicts is damaged: a new one would forget those that failed.
+    """
+    if folder is None:
+        return ()
+    known = _read(folder)
+    earlier = tuple(one for one in known if one.sha256 == sha256 and not one.passed and one.key != key)
+    now = RecordedLook(record, sha256, stage, key, passed, datetime.now(UTC).date().isoformat())
+    if all((one.sha256, one.key, one.passed) != (sha256, key, passed) for one in known):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / FILE, json.dumps([asdict(one) for one in (*known, now)], indent=1), OWN)
+    return earlier
+
+
+def _read(folder: Path | None) -> tuple[RecordedLook, ...]:
+    path = folder / FILE if folder is not None else None
+    if path is None or not path.is_file():
+        return ()
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(content, list):
+            raise TypeError
+        return tuple(RecordedLook(**one) for one in content)
+    except (ValueError, TypeError):
+        raise DeckError(
+            "the file is damaged. It says which records failed a verdict before; without it they would pass for independent ones. "
+            "Restore it from the version control or a backup. Remove it only if no record of this folder ever failed.",
+            str(path),
+        ) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +132,7 @@ class Verdict:
     @property
     def passed(self) -> bool | None:
         """Whether every criterion is met; None where the values were not judged, because they are not credible."""
-        return all(c.passed for c in self.checks) if self.prediction is not None else None
+        return weigh([c.passed for c in self.checks]) if self.prediction is not None else None
 
     @property
     def blocks(self) -> Sequence[Block]:
@@ -154,9 +164,7 @@ class Verdict:
                 f"{first.date}, and a new fit since; what passes now may have been made to. Judge on another record."
             )
         for c in self.checks:
-            lines.append(
-                f"  {c.sensor}: {c.criterion.replace('_', ' ')} {c.found:.3g} K, limit {c.limit:.3g} K: {'met' if c.passed else 'NOT met'}"
-            )
+            lines.append(f"  {c.sensor}: {c.words}: {VERDICTS[c.passed]}")
         return "\n".join(lines)
 
 
@@ -218,14 +226,37 @@ def validate(
             raise IdentificationError(
                 f"criteria are given for '{sensor}', which is no sensor of {record.name}.{nearest(sensor, statistics)}"
             )
-    checks = []
-    for sensor, s in statistics.items():
-        found = {"rmse": s.rmse, "max_error": abs(s.largest), "mean_error": abs(s.mean)}
-        checks += [Check(sensor, k, found[k], limit) for k, limit in criteria.limits(sensor).items()]
+    checks = tuple(judge_sensors(criteria, [_deviation(b) for b in prediction.blocks]))
     locally = tuple(dict.fromkeys(i.name for i in prediction.local))
-    return Verdict(calibration.stage, record.name, tuple(checks), statistics, locally, prediction, title, standing=calibration.standing)
+    return Verdict(calibration.stage, record.name, checks, statistics, locally, prediction, title, standing=calibration.standing)
 
 
 def not_judged(calibration: Calibration, record: str, title: str = "") -> Verdict:
     """Return that values are not credible, so that the record was not opened for them."""
     return Verdict(calibration.stage, record, (), {}, (), None, title, standing=calibration.standing)
+
+
+def _deviation(block: Block) -> Deviation:
+    """Every reading of one sensor of a record, beside what the model says of it."""
+    residuals = Residuals.of(block.times, block.residuals)
+    means = (float(block.measured.mean()), float(block.predicted.mean()))
+    return Deviation(block.record, block.sensor, "transient", residuals, *means)
+
+
+@takes_objects
+def compare(model: Model, record: Record, *, scenario: Scenario | None = None, window: float = 0.0) -> Calibration:
+    """Return measured and predicted readings of a record, with statistics per sensor; no value is changed.
+
+    Parameters
+    ----------
+    model : Model           What the hardware is.
+    record : Record         The log.
+    scenario : Scenario     What the log does not say.
+    window : float          First readings, at which observed nodes start, are medians over this time. [s]
+
+    Raises
+    ------
+    ThermidError   When the record does not fit the model.
+    """
+    request = Request(model, (record,), scenarios={"*": scenario} if scenario else {}, held_errors={}, window=window, fit_start=False)
+    return fit(request)

@@ -1,29 +1,47 @@
-"""What pydantic finds wrong with a deck, in the words of a deck: one line per fault, each with its place and the nearest name."""
+"""Grammars of TOML files as pydantic models, and their faults: one line per fault, each with its place and the nearest name.
+
+Loaded only when a file is read: pydantic takes a tenth of a second.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from thermid.errors import DeckError, nearest
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel, ValidationError
 
 BRANCHES = ("str", "float", "ValueTable", "PowerLaw", "Correlated")
 """What a value may be; pydantic reports a fault once for each."""
 
 
-def deck_error(error: ValidationError, data: Mapping[str, Any], place: Callable[[str], str], grammar: type[BaseModel]) -> DeckError:
-    """Return one error that lists every fault.
+class StrictTable(BaseModel):
+    """Base of every table of a grammar: a key that it does not know is refused."""
 
-    Parameters
-    ----------
-    error : ValidationError     What pydantic found.
-    data : dict                 The deck as read.
-    place : callable            Key path -> file, line and key path.
-    grammar : model class       What the file was checked against.
-    """
+    model_config = ConfigDict(extra="forbid")
+
+    @classmethod
+    def from_file(cls, data: Mapping[str, Any], where: Callable[[str], str]) -> Self:
+        """Return the content of a file, checked against its grammar.
+
+        Parameters
+        ----------
+        data : dict         The file as read.
+        where : callable    Key path -> file, line and key path, such as `toml_files.Places`.
+
+        Raises
+        ------
+        DeckError   With every fault.
+        """
+        try:
+            return cls.model_validate(dict(data))
+        except ValidationError as error:
+            raise _listed(error, data, where, cls) from None
+
+
+def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[str], str], grammar: type[BaseModel]) -> DeckError:
+    """Return one error that lists every fault."""
     faults: dict[str, str] = {}
     for fault in error.errors():
         path, branch, given = _located(fault["loc"], data)
@@ -35,8 +53,8 @@ def deck_error(error: ValidationError, data: Mapping[str, Any], place: Callable[
             )
         elif not branch or branch == _meant(error, fault["loc"], given):
             faults.setdefault(".".join(path), _text(fault, path, branch, grammar))
-    (first, message), *rest = ((place(key), text) for key, text in faults.items())
-    return DeckError("\n  ".join([message, *(f"{where}: {text}" for where, text in rest)]), first)
+    (first, message), *rest = ((where(key), text) for key, text in faults.items())
+    return DeckError("\n  ".join([message, *(f"{place}: {text}" for place, text in rest)]), first)
 
 
 def _located(location: tuple[int | str, ...], data: Any) -> tuple[list[str], str, Any]:
