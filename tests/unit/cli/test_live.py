@@ -14,8 +14,7 @@ import thermid as td
 from thermid.acquire.board import made_up_rom
 from thermid.acquire.logger import Logger
 from thermid.acquire.sensormap import Sensor
-from thermid.cli.judge import Judge
-from thermid.cli.live import live_table, plain_line
+from thermid.cli.bench import Judge, live_table, plain_line
 from thermid.errors import RecordError
 from thermid.measure.part import ICE, SensorCertificate
 from thermid.measure.stability import channel_stability, rule_of
