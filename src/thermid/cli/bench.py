@@ -28,10 +28,10 @@ from thermid.acquire.sensormap import load_sensors
 from thermid.acquire.settings import Settings
 from thermid.errors import RecordError
 from thermid.measure.amounts import amount, duration_text, positive_seconds
-from thermid.measure.channel import Channel
-from thermid.measure.part import ICE
-from thermid.measure.record import Record
-from thermid.measure.stability import SHORTEST, StabilityRule, channel_stability, rule_of
+from thermid.measure.record.channel import Channel
+from thermid.measure.record.record import Record
+from thermid.measure.record.sensor import ICE
+from thermid.measure.record.stability import SHORTEST, StabilityRule, channel_stability, rule_of
 from thermid.physics.constants import ICE_POINT
 from thermid.steadiness.forecast import FEWEST, forecast
 from thermid.steadiness.foretold import Forecast

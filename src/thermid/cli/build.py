@@ -39,7 +39,7 @@ from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, 
 from thermid.files import NETCDF, PICTURE, TABLE, write_text
 from thermid.fit.inputs import InputTable
 from thermid.knowledge.standing import of_model
-from thermid.model.deck.modelfile import load_model, read_toml
+from thermid.model.deck.modelfile import load_model
 from thermid.model.deck.schema import json_schema as deck_schema
 from thermid.physics.htc import compare_htc
 from thermid.reporting.diagrams.diagram import diagram as drawn
@@ -47,6 +47,7 @@ from thermid.reporting.pages.views import comparison_object, solution_object
 from thermid.simulation import transient
 from thermid.simulation.simulator import output_times
 from thermid.simulation.steady import steady
+from thermid.toml_files import read_toml
 
 
 def check(deck: Deck, data: Data = None, as_json: Json = False) -> None:

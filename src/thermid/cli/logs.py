@@ -12,9 +12,9 @@ from thermid.cli.options import Force, Json, say, with_unit
 from thermid.errors import RecordError
 from thermid.files import PICTURE, write_text
 from thermid.measure.amounts import amount
-from thermid.measure.readers import read_record, temperature_columns
-from thermid.measure.record import Record
-from thermid.measure.stability import rule_of
+from thermid.measure.readers.log_reader import read_record, temperature_columns
+from thermid.measure.record.record import Record
+from thermid.measure.record.stability import rule_of
 from thermid.model.deck.modelfile import load_model
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.pictures import look as picture

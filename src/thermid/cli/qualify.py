@@ -13,7 +13,7 @@ from thermid.cli.inputs import say_first
 from thermid.cli.options import Accept, Data, Force, Json, KeepValues, Page, Pdf, leave, ready, say, written
 from thermid.errors import DeckError, ScenarioError
 from thermid.judge import correlation
-from thermid.judge.twologs import read_two
+from thermid.judge.correlation import read_two
 from thermid.knowledge.standing import of_model
 from thermid.model.deck.modelfile import load_model
 from thermid.qualify import deliver as delivery

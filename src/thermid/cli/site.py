@@ -10,11 +10,11 @@ import typer
 from thermid.cli.inputs import fitted_model, scenario_of
 from thermid.cli.options import Accept, Boundaries, Deck, Duration, Json, KeepValues, Start, ValuesPath, leave, pairs, say, with_unit
 from thermid.knowledge.standing import of_model
-from thermid.model.deck.modelfile import read_toml
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.water import moisture as water
 from thermid.simulation.water.moisture import Moisture
+from thermid.toml_files import read_toml
 
 
 def moisture(
