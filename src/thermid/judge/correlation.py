@@ -19,10 +19,9 @@ from thermid.judge.criteria import CRITERIA, Check, Criteria, Deviation, judge
 from thermid.judge.metrics import Residuals
 from thermid.knowledge.standing import UNJUDGED, Standing, of_model
 from thermid.measure import Record, read_record
-from thermid.measure.columns import name_and_unit
-from thermid.measure.formats import log_cells
-from thermid.measure.record.windows import usual_step
-from thermid.measure.windows import gap_from
+from thermid.measure.readers.columns import name_and_unit
+from thermid.measure.readers.formats import log_cells
+from thermid.measure.record.windows import gap_from, usual_step
 from thermid.sourced.marks import weigh
 
 Array = NDArray[np.float64]
