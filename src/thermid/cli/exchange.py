@@ -10,6 +10,7 @@ import typer
 
 from thermid.cli.pages import Force
 from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
+from thermid.errors import OutputError
 from thermid.files import DECK, EQUATIONS, EXPORT, Kind, may_write, write_text
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
@@ -50,9 +51,9 @@ def import_script(
 ) -> None:
     """Read the parameters of an InitFcn script and write them as a deck."""
     from thermid.cli.output import clean
-    from thermid.errors import OutputError
     from thermid.interop.initfcn import read_initfcn
-    from thermid.model.deck.modelfile import load_model, model_from_dict, save_model
+    from thermid.model.deck.modelfile import load_model, model_from_dict
+    from thermid.model.deck.save import save_model
 
     found = read_initfcn(script)
     title = (to or script).stem

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from thermid.measure.amounts import short
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.tree import parameter_table
 from thermid.units import unit
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.standing import CREDIBLE, Standing, worst
 from thermid.knowledge.values import FittedValues
 from thermid.measure.amounts import short
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.tree import parameter_table
 from thermid.units import counted
 
 if TYPE_CHECKING:

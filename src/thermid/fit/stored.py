@@ -14,7 +14,7 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.uncertainty.responses import Responses
 from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.model.tree.resolve import deck_text, parameter_table
+from thermid.model.tree.tree import deck_text, parameter_table
 
 Array = NDArray[np.float64]
 

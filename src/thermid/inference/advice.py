@@ -16,6 +16,7 @@ from thermid.fit.uncertainty.information import Information
 from thermid.model.laws.signal import Table
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.parts.parameter import parameter
+from thermid.model.tree.model import Model
 
 Array = NDArray[np.float64]
 KNOWN = 0.05
@@ -127,6 +128,7 @@ def _stepped(experiment: Experiment) -> tuple[Experiment, str, float] | None:
         return None
     node, watts = powers[name]
     model = network.flat.names.model
+    assert isinstance(model, Model)  # laid flat was one
     heater = HeatLoad(node, {"power": parameter("1 [W]", HEATER)})
     grown = replace(model, loads={**model.loads, HEATER: heater})
     half = 0.5 * experiment.scenario.seconds

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 from thermid.units import NAMES, describe, unit
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.knowledge.sources import read_spread
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 from thermid.units import unit
 
 RANGE = "range"

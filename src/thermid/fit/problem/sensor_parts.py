@@ -13,8 +13,8 @@ from thermid.fit.problem.unknowns import Prior, Target, Unknown
 from thermid.measure import Channel, Record
 from thermid.measure.part import SensorPart
 from thermid.model.deck.modelfile import model_from_dict
-from thermid.model.tree.model import Model, Submodel
-from thermid.model.tree.names import Names
+from thermid.model.tree.model import Model
+from thermid.model.tree.tree import Names, Submodel
 
 if TYPE_CHECKING:
     from thermid.fit.problem.experiment import Experiment

@@ -16,7 +16,7 @@ from thermid.fit.problem.residuals import Problem
 
 if TYPE_CHECKING:
     from thermid.fit.problem.request import Request
-    from thermid.model.tree.resolve import ParameterSet
+    from thermid.model.tree.tree import ParameterSet
 
 Array = NDArray[np.float64]
 
