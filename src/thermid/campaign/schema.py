@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, WithJsonSchema
 
 from thermid.grammar import StrictTable
-from thermid.measure.bindings import channel_schema
+from thermid.measure.readers.bindings import channel_schema
 
 
 class LocalTable(StrictTable):

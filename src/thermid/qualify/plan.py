@@ -17,9 +17,9 @@ from thermid.campaign.stages import run_stages
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.files import read_bytes
 from thermid.fit.uncertainty.grouping import listed
-from thermid.judge.criteria import CRITERIA, CriteriaSet, read_criteria
+from thermid.judge.criteria import CRITERIA, Criteria
 from thermid.judge.limits import Limits, load_limits, read_limits
-from thermid.measure.stability import rule_of
+from thermid.measure.record.stability import rule_of
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.prediction.known import Known
@@ -51,7 +51,7 @@ class Plan:
     path: Path
     content: PlanFile
     limits: tuple[Limits, ...]
-    criteria: Mapping[str, CriteriaSet]
+    criteria: Mapping[str, Criteria]
     files: Mapping[str, str] = field(repr=False)
     data: Path | None = None
 
@@ -157,7 +157,7 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
             "the model is a deck, with a values file if there is one, or a stage of a campaign: campaign and stage.", where("model")
         )
     limits = _limits(content.limits, target.parent, where("limits"))
-    own = {name: read_criteria(name, table, where(f"criteria.{name}")) for name, table in content.criteria.items()}
+    own = {name: Criteria.read(table, where(f"criteria.{name}"), name) for name, table in content.criteria.items()}
     criteria = CRITERIA | own
     check_parts(content, where)
     for k, test in enumerate(content.tests):
@@ -310,7 +310,7 @@ def check_parts(content: PlanFile, where: Where) -> None:
             raise DeckError(f"where the model was calibrated is a pair, lowest first, not {given}.", where(f"validity.{key}"))
 
 
-def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, CriteriaSet], where: Where) -> None:
+def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criteria], where: Where) -> None:
     """Refuse a test without a name or course of its own, and names and stretches that do not fit.
 
     Raises

@@ -12,6 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.campaign.file import read_campaign
 from thermid.campaign.study.study import Action, Component, SensorSpec, Study
 from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.judge.metrics import metric
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.model.tree.boxes import part_boxes
@@ -49,6 +50,8 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     components = {name: _component(model, name, table, where(f"components.{name}")) for name, table in content.components.items()}
     _all_belong(model, components, where("components"))
     sensors = {name: _sensor(table, where(f"sensors.{name}")) for name, table in content.sensors.items()}
+    for k, key in enumerate(content.procedure.metrics):
+        metric(key, where(f"procedure.metrics.{k}"))
     campaign = resolve_inside(target.parent, content.procedure.campaign, where("procedure.campaign"))
     _campaign_fits(campaign, content, where)
     theory = content.theory

@@ -68,7 +68,7 @@ class ProcedureTable(StrictTable):
 
     campaign: str
     rules: list[str] = []
-    metrics: list[Literal["rmse", "max_error", "final_error"]] = ["rmse", "max_error", "final_error"]
+    metrics: list[str] = ["rmse", "max_error", "final_error"]
 
 
 class ActionTable(StrictTable):
