@@ -199,7 +199,8 @@ def unheaded() -> set[str]:
     return out
 
 
-def words_of_the_code() -> set[str]:
+@cache
+def words_of_the_code() -> frozenset[str]:
     """Every class, function, field and file key that a row of the page may use."""
     out: set[str] = {name for names in by_heading().values() for name in names} | {s for k in KINDS.values() for s in k.slots} | set(KINDS)
     for path in (ROOT / "src" / "thermid").rglob("*.py"):
