@@ -54,21 +54,21 @@ if TYPE_CHECKING:
     from thermid.interop.initfcn import read_initfcn as read_initfcn
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
-    from thermid.judge.compare import compare as compare
     from thermid.judge.correlation import Correlation as Correlation
     from thermid.judge.correlation import correlate as correlate
+    from thermid.judge.criteria import Criteria as Criteria
     from thermid.judge.criteria import CriteriaSet as CriteriaSet
     from thermid.judge.difference import Difference as Difference
     from thermid.judge.difference import difference as difference
-    from thermid.judge.heaters import heater_duty as heater_duty
-    from thermid.judge.limit_checks import check_limits as check_limits
     from thermid.judge.limits import Limits as Limits
+    from thermid.judge.limits import check_limits as check_limits
     from thermid.judge.limits import load_limits as load_limits
     from thermid.judge.margins import Margin as Margin
+    from thermid.judge.margins import heater_duty as heater_duty
     from thermid.judge.margins import margins as margins
-    from thermid.judge.validate import Criteria as Criteria
-    from thermid.judge.validate import Verdict as Verdict
-    from thermid.judge.validate import validate as validate
+    from thermid.judge.verdict import Verdict as Verdict
+    from thermid.judge.verdict import compare as compare
+    from thermid.judge.verdict import validate as validate
     from thermid.knowledge.standing import Standing as Standing
     from thermid.knowledge.values import load_values as load_values
     from thermid.measure import Channel as Channel
@@ -90,9 +90,9 @@ if TYPE_CHECKING:
     from thermid.model.tree.replacement import Replacement as Replacement
     from thermid.monte_carlo.drivers import sobol_of as sobol_of
     from thermid.monte_carlo.hold import Hold as Hold
+    from thermid.monte_carlo.hold import HoldQuestion as HoldQuestion
     from thermid.monte_carlo.hold import hold as hold
-    from thermid.monte_carlo.holdfile import HoldQuestion as HoldQuestion
-    from thermid.monte_carlo.holdfile import load_hold as load_hold
+    from thermid.monte_carlo.hold import load_hold as load_hold
     from thermid.monte_carlo.uncertain import UncertainRuns as UncertainRuns
     from thermid.monte_carlo.uncertain import uncertain_runs as uncertain_runs
     from thermid.network.environment import Environment as Environment
@@ -118,8 +118,8 @@ if TYPE_CHECKING:
     from thermid.profile_runs.ascent import ascent_checks as ascent_checks
     from thermid.profile_runs.conduct import run_profile as run_profile
     from thermid.profile_runs.profile_run import ProfileRun as ProfileRun
-    from thermid.profiles.cycles import equivalent_cycles as equivalent_cycles
     from thermid.profiles.profile import ThermalProfile as ThermalProfile
+    from thermid.profiles.profile import equivalent_cycles as equivalent_cycles
     from thermid.profiles.standards import load_profile as load_profile
     from thermid.profiles.standards import profile_names as profile_names
     from thermid.profiles.standards import profile_of as profile_of
@@ -228,7 +228,7 @@ _PUBLIC = {
     "look": "reporting.pictures.look",
     "Look": "reporting.pictures.look",
     "read_record": "measure",
-    "compare": "judge.compare",
+    "compare": "judge.verdict",
     "align": "fit.clocks.alignment",
     "Alignment": "fit.clocks.alignment",
     "calibrate": "fit.calibrate",
@@ -273,10 +273,10 @@ _PUBLIC = {
     "CredibilityRecord": "campaign.credibility",
     "difference": "judge.difference",
     "Difference": "judge.difference",
-    "Criteria": "judge.validate",
+    "Criteria": "judge.criteria",
     "Standing": "knowledge.standing",
-    "validate": "judge.validate",
-    "Verdict": "judge.validate",
+    "validate": "judge.verdict",
+    "Verdict": "judge.verdict",
     "load_study": "campaign.study.file",
     "Study": "campaign.study.study",
     "macro_model": "reduction.macro",
@@ -287,14 +287,14 @@ _PUBLIC = {
     "ThermalProfile": "profiles.profile",
     "run_profile": "profile_runs.conduct",
     "ProfileRun": "profile_runs.profile_run",
-    "equivalent_cycles": "profiles.cycles",
+    "equivalent_cycles": "profiles.profile",
     "uncertain_runs": "monte_carlo.uncertain",
     "UncertainRuns": "monte_carlo.uncertain",
     "sobol_of": "monte_carlo.drivers",
     "hold": "monte_carlo.hold",
     "Hold": "monte_carlo.hold",
-    "load_hold": "monte_carlo.holdfile",
-    "HoldQuestion": "monte_carlo.holdfile",
+    "load_hold": "monte_carlo.hold",
+    "HoldQuestion": "monte_carlo.hold",
     "reduce": "reduction.reduce",
     "Reduction": "reduction.reduce",
     "deliver": "qualify.deliver",
@@ -305,13 +305,13 @@ _PUBLIC = {
     "Forecast": "steadiness.foretold",
     "Limits": "judge.limits",
     "load_limits": "judge.limits",
-    "check_limits": "judge.limit_checks",
+    "check_limits": "judge.limits",
     "Known": "prediction.known",
     "Foresight": "prediction.foresight",
     "foresee": "prediction.foresight",
     "margins": "judge.margins",
     "Margin": "judge.margins",
-    "heater_duty": "judge.heaters",
+    "heater_duty": "judge.margins",
     "CriteriaSet": "judge.criteria",
     "correlate": "judge.correlation",
     "Correlation": "judge.correlation",

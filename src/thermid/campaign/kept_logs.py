@@ -16,8 +16,8 @@ from thermid.campaign.cache import code_digest, file_name
 from thermid.errors import ThermidError
 from thermid.files import OWN, read_bytes, replacing
 from thermid.measure import Channel, Record
-from thermid.measure.channel import Origin
-from thermid.measure.part import SensorPart
+from thermid.measure.record.channel import Origin
+from thermid.measure.record.sensor import SensorPart
 
 _ARRAYS = ("values", "valid", "masks")
 _ABOUT = "about"

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema
+from pydantic import Field, WithJsonSchema
 
-from thermid.measure.bindings import channel_schema
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+from thermid.grammar import StrictTable
+from thermid.measure.readers.bindings import channel_schema
 
 
-class LocalTable(_Strict):
+class LocalTable(StrictTable):
     """A value that each record has for itself."""
 
     start: str
     sd: str | None = None
 
 
-class JoinedTable(_Strict):
+class JoinedTable(StrictTable):
     """Another log of the same test, on a clock of its own; pairs are ranges in which the fit finds offset and rate."""
 
     record: str
@@ -28,7 +25,7 @@ class JoinedTable(_Strict):
     rate: float | tuple[float, float] = 1.0
 
 
-class RecordTable(_Strict):
+class RecordTable(StrictTable):
     """A log, or a pattern of logs, with what its columns are."""
 
     file: str | None = None
@@ -45,7 +42,7 @@ class RecordTable(_Strict):
     get: str = ""
 
 
-class ScenarioTable(_Strict):
+class ScenarioTable(StrictTable):
     """What the logs do not say."""
 
     boundaries: dict[str, Any] = {}
@@ -58,14 +55,14 @@ class ScenarioTable(_Strict):
     initial: dict[str, str] = {}
 
 
-class ReadingTable(_Strict):
+class ReadingTable(StrictTable):
     """A channel whose first reading stands for a temperature, and a parameter [K] that is added to it."""
 
     channel: str
     offset: str = ""
 
 
-class InheritTable(_Strict):
+class InheritTable(StrictTable):
     """Values of a stage below, at every depth, handed to a submodel; ``fixed`` or with their covariance as ``prior``."""
 
     stage: str | list[str]
@@ -80,14 +77,14 @@ class InheritTable(_Strict):
         return [self.stage] if isinstance(self.stage, str) else self.stage
 
 
-class PriorTable(_Strict):
+class PriorTable(StrictTable):
     """A normal prior."""
 
     mean: str = ""
     sd: str
 
 
-class SteadyTable(_Strict):
+class SteadyTable(StrictTable):
     """A settled stretch of a log, fitted as a steady point."""
 
     record: str
@@ -97,7 +94,7 @@ class SteadyTable(_Strict):
     limit: str = "1 [K/h]"
 
 
-class StageTable(_Strict):
+class StageTable(StrictTable):
     """One level of aggregation."""
 
     name: str
@@ -124,7 +121,7 @@ class StageTable(_Strict):
     note: str = ""
 
 
-class VerdictTable(_Strict):
+class VerdictTable(StrictTable):
     """A judgement of a stage on a record that no stage used."""
 
     name: str = ""
@@ -137,7 +134,7 @@ class VerdictTable(_Strict):
     values: Literal["stage", "joint"] = "stage"
 
 
-class JointTable(_Strict):
+class JointTable(StrictTable):
     """A last fit over the records of all levels at once."""
 
     stages: list[str] = []
@@ -148,7 +145,7 @@ class JointTable(_Strict):
     note: str = ""
 
 
-class CampaignFile(_Strict):
+class CampaignFile(StrictTable):
     """What is asked of the data."""
 
     title: str

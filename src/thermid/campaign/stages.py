@@ -19,8 +19,8 @@ from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
-from thermid.judge.looks import look
-from thermid.judge.validate import Criteria, Verdict, not_judged, validate
+from thermid.judge.criteria import Criteria
+from thermid.judge.verdict import Verdict, look, not_judged, validate
 from thermid.knowledge.standing import Standing, worst
 from thermid.model.laws.signal import literal
 from thermid.model.tree.resolve import parameter_table
@@ -302,5 +302,5 @@ def _verdict_standing(failed: list[Verdict], accepted: bool) -> Standing | None:
     missed = [c for v in failed for c in v.checks if not c.passed]
     first = max(missed, key=lambda c: c.found / c.limit)
     records = ", ".join(dict.fromkeys(v.record for v in failed))
-    words = f"verdict on {records}: {first.sensor} {first.criterion.replace('_', ' ')} {first.found:.3g} K, limit {first.limit:.3g} K"
+    words = f"verdict on {records}: {first.sensor} {first.words}"
     return Standing("failed", words, failed[0].model, accepted)

@@ -17,9 +17,9 @@ from thermid.fit.problem.selection import freed, priors_of
 from thermid.knowledge.graft import graft
 from thermid.knowledge.store import Store
 from thermid.measure import Record
-from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
+from thermid.toml_files import resolve_inside
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import InheritTable, StageTable

@@ -132,8 +132,8 @@ def correlate(
     from thermid.cli.output import clean
     from thermid.errors import ScenarioError
     from thermid.judge.correlation import correlate as compare
-    from thermid.judge.twologs import read_two
-    from thermid.sourced.marks import weigh
+    from thermid.judge.correlation import read_two
+    from thermid.sourced import weigh
 
     ready(to, pdf)
     windows = []

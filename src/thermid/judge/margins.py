@@ -1,4 +1,7 @@
-"""From a predicted temperature to a limit: model uncertainty, acceptance and qualification margin in one table, beside the flat rule."""
+"""From a predicted temperature to a limit: model uncertainty, acceptance and qualification margin in one table, beside the flat rule.
+
+The power margin of controlled heaters too.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,67 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
-from thermid.judge.limit_checks import times_in_state
-from thermid.judge.limits import Limits
+from thermid.judge.limits import Limits, times_in_state
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.foresight import Foresight
-from thermid.sourced.marks import Figure, weakest
-from thermid.sourced.policies import POLICIES, SMC, Policy, flat_margin
+from thermid.sourced import Figure, weakest
+
+SMC = "SMC-S-016"
+COLDER = ((-70, 11), (-87, 10), (-105, 9), (-123, 8), (-141, 7), (-159, 6), (-177, 5), (-195, 4), (-213, 3), (-232, 2))
+"""Lowest temperature [degC] down to which a flat margin [K] holds: SMC-S-016, Table 4.4-2."""
+
+
+HEATER = Figure(0.25, "read", f"{SMC}, 4.4.2.2")
+
+
+@dataclass(frozen=True)
+class Policy:
+    """What is added to a predicted temperature.
+
+    Parameters
+    ----------
+    name : str
+    acceptance, qualification : Figure      Margins beyond predicted and uncertainty. [K]
+    level : float                           Probability that the model's uncertainty stands for, both sides. [-]
+    heater : Figure                         Power margin of an actively controlled heater. [-]
+    """
+
+    name: str
+    acceptance: Figure
+    qualification: Figure
+    level: float = 0.95
+    heater: Figure = HEATER
+
+
+POLICIES = {
+    p.name: p
+    for p in (
+        Policy(SMC, Figure(0.0, "read", f"{SMC}, 6.3.8.3"), Figure(10.0, "read", f"{SMC}, 6.3.8.3: qualification 10 C beyond acceptance")),
+        Policy(
+            f"{SMC}, protoqualification",
+            Figure(0.0, "read", f"{SMC}, 6.3.8.3"),
+            Figure(5.0, "read", f"{SMC}, 6.3.8.3: protoqualification 5 C"),
+        ),
+        Policy("ECSS", Figure(5.0, "memory", "ECSS-E-ST-31C"), Figure(5.0, "memory", "ECSS-E-ST-31C")),
+    )
+}
+"""Named rules; a project may give its own."""
+
+
+def flat_margin(kelvin: float, tested: bool) -> Figure:
+    """Return the flat thermal uncertainty margin of passive hardware. [K]
+
+    SMC-S-016, 4.4.2.1 and Table 4.4-2: 11 C where a balance test correlated the model, 17 C where none did; less for colder hardware.
+
+    >>> flat_margin(300.0, True).value, flat_margin(300.0, False).value, flat_margin(153.0, True).value
+    (11.0, 17.0, 8.0)
+    """
+    if not tested:
+        return Figure(17.0, "read", f"{SMC}, 4.4.2.1")
+    celsius = kelvin - ICE_POINT
+    found = next((m for low, m in COLDER if celsius >= low), 1)
+    return Figure(float(found), "read", f"{SMC}, 4.4.2.1, Table 4.4-2")
 
 
 @dataclass(frozen=True)
@@ -113,7 +170,7 @@ class Margin:
     @property
     def mark(self) -> str:
         """The least sure of the marks that the margin rests on."""
-        return weakest(self.limit_mark, self.policy.acceptance.mark, self.policy.qualification.mark, self.course_mark)
+        return weakest((self.limit_mark, self.policy.acceptance.mark, self.policy.qualification.mark, self.course_mark))
 
     @property
     def with_assumed(self) -> float:
@@ -210,3 +267,76 @@ def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Po
         figures = (float(band.times[at]), float(band.kelvin[at]), float(error[at]), float(before[at]) if before is not None else np.nan)
         out.append(Margin(one.point, side, own, name, *figures, shares, ends[k], one.mark, policy, tested, standing=run.standing))
     return out
+
+
+@dataclass(frozen=True)
+class HeaterDuty:
+    """How busy a controlled heater is, and whether its power margin is left.
+
+    Parameters
+    ----------
+    load, run : str
+    duty : float        Mean power over full power in the window. [-]
+    full : float        Full power. [W]
+    window : (begin, end)   [s]
+    rule : Figure       The power margin. [-]
+    """
+
+    load: str
+    run: str
+    duty: float
+    full: float
+    window: tuple[float, float]
+    rule: Figure
+
+    @property
+    def most(self) -> float:
+        """The largest duty that leaves the margin: 80 % for a margin of 25 %. [-]"""
+        return 1.0 / (1.0 + self.rule.value)
+
+    @property
+    def margin(self) -> float:
+        """Power at full duty over the power needed, less one. [-]"""
+        return np.inf if self.duty <= 0 else 1.0 / self.duty - 1.0
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether the margin is left; None where the rule is from memory."""
+        return self.duty <= self.most + 1e-12 if self.rule.decides else None
+
+
+@takes_objects
+def heater_duty(
+    run: Foresight, load: str, full: float, *, window: tuple[float, float] | None = None, name: str = "", policy: Policy | str = SMC
+) -> HeaterDuty:
+    """Return the duty of a heater: its mean power over its full power, at the lowest bus voltage of the coldest case.
+
+    Parameters
+    ----------
+    run : Foresight     The coldest run.
+    load : str          The heater.
+    full : float        Its power when it is on, at that voltage. [W]
+    window : (begin, end)   Over which it is averaged, several of its cycles; the second half of the run by default. [s]
+    name : str          Of the run.
+    policy : Policy, str    Holds the power margin.
+
+    Raises
+    ------
+    NameNotFoundError   When there is no such load.
+    ScenarioError       When the full power is not above zero, or the window lies outside the run.
+    """
+    rule = (POLICIES[policy] if isinstance(policy, str) else policy).heater
+    powers, times = run.solution.load_powers, run.solution.times
+    if load not in powers:
+        raise NameNotFoundError(f"no load '{load}'.{nearest(load, powers)}", run.solution.title)
+    if full <= 0:
+        raise ScenarioError(f"the full power of heater '{load}' must be above zero.", run.solution.title)
+    begin, end = window or (0.5 * float(times[-1]), float(times[-1]))
+    inside = (times >= begin) & (times <= end)
+    if np.count_nonzero(inside) < 2:
+        raise ScenarioError(
+            f"the window of heater '{load}', {begin:g} s to {end:g} s, holds fewer than two stored times.", run.solution.title
+        )
+    watts = np.broadcast_to(powers[load], times.shape)[inside]
+    mean = float(np.trapezoid(watts, times[inside]) / (times[inside][-1] - times[inside][0]))
+    return HeaterDuty(load, name or run.scenario.title, mean / full, full, (begin, end), rule)

@@ -12,12 +12,14 @@ from thermid.arguments import takes_objects
 from thermid.campaign.file import read_campaign
 from thermid.campaign.study.study import Action, Component, SensorSpec, Study
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.deck.modelfile import load_model, read_toml, resolve_inside
+from thermid.judge.metrics import metric
+from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.model.tree.boxes import part_boxes
 from thermid.model.tree.model import Model
 from thermid.model.tree.names import Names
 from thermid.simulation.solver.engine import Options
+from thermid.toml_files import Places, read_toml, resolve_inside
 from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:
@@ -34,23 +36,12 @@ def load_study(path: str | os.PathLike[str]) -> Study:
                         or a channel has no sensor behind it.
     NameNotFoundError   When a component is not in the model.
     """
-    from pydantic import ValidationError
-
     from thermid.campaign.study.schema import StudyFile
-    from thermid.model.deck.faults import deck_error
 
     target = Path(path)
     data, lines = read_toml(target)
-
-    def where(key: str) -> str:
-        steps = key.split(".")
-        line = next((lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in lines), None)
-        return f"{target.name}:{line}, {key}" if line else f"{target.name}, {key}"
-
-    try:
-        content = StudyFile.model_validate(data)
-    except ValidationError as error:
-        raise deck_error(error, data, where, StudyFile) from None
+    where = Places(target.name, lines)
+    content = StudyFile.from_file(data, where)
     if not content.knowledge.use.strip():
         raise DeckError("a study needs the intended use of its model; it decides the box colours and the criteria.", where("knowledge.use"))
     if not content.components:
@@ -59,6 +50,8 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     components = {name: _component(model, name, table, where(f"components.{name}")) for name, table in content.components.items()}
     _all_belong(model, components, where("components"))
     sensors = {name: _sensor(table, where(f"sensors.{name}")) for name, table in content.sensors.items()}
+    for k, key in enumerate(content.procedure.metrics):
+        metric(key, where(f"procedure.metrics.{k}"))
     campaign = resolve_inside(target.parent, content.procedure.campaign, where("procedure.campaign"))
     _campaign_fits(campaign, content, where)
     theory = content.theory

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from thermid.grammar import StrictTable
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class KnowledgeTable(_Strict):
+class KnowledgeTable(StrictTable):
     """Step 1: what is modelled, what for, and what is known of it."""
 
     subject: str = ""
@@ -21,7 +19,7 @@ class KnowledgeTable(_Strict):
     facts: list[str] = []
 
 
-class ComponentTable(_Strict):
+class ComponentTable(StrictTable):
     """A physical item: where it stands in the model, and the limits at its reference point."""
 
     at: str
@@ -31,13 +29,13 @@ class ComponentTable(_Strict):
     basis: str = ""
 
 
-class BoxTable(_Strict):
+class BoxTable(StrictTable):
     """Step 2: why the parts have the box colours that their decks say."""
 
     reason: str = ""
 
 
-class TheoryTable(_Strict):
+class TheoryTable(StrictTable):
     """Step 3, theory: what solves the equations, and how closely."""
 
     solver: str = ""
@@ -46,14 +44,14 @@ class TheoryTable(_Strict):
     notes: list[str] = []
 
 
-class ExperimentTable(_Strict):
+class ExperimentTable(StrictTable):
     """Step 3, experiment: the bench."""
 
     platform: str = ""
     notes: list[str] = []
 
 
-class SensorTable(_Strict):
+class SensorTable(StrictTable):
     """Step 3, experiment: what a kind of sensor is said to do."""
 
     accuracy: str
@@ -65,15 +63,15 @@ class SensorTable(_Strict):
     basis: str = ""
 
 
-class ProcedureTable(_Strict):
+class ProcedureTable(StrictTable):
     """Step 4: the campaign, its rules and its metrics."""
 
     campaign: str
     rules: list[str] = []
-    metrics: list[Literal["rmse", "max_error", "final_error"]] = ["rmse", "max_error", "final_error"]
+    metrics: list[str] = ["rmse", "max_error", "final_error"]
 
 
-class ActionTable(_Strict):
+class ActionTable(StrictTable):
     """One action of the procedure, with the stages of the campaign that do it."""
 
     name: str
@@ -82,7 +80,7 @@ class ActionTable(_Strict):
     note: str = ""
 
 
-class StudyFile(_Strict):
+class StudyFile(StrictTable):
     """The four steps of a study."""
 
     title: str

@@ -8,21 +8,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from thermid.arguments import takes_objects
 from thermid.campaign.stages import Campaign
 from thermid.errors import NameNotFoundError, nearest
 from thermid.files import STUDY, write_text
 from thermid.fit.problem.residuals import Block
+from thermid.judge.metrics import Residuals, metric
 from thermid.model.tree.boxes import node_boxes, part_boxes
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution
 from thermid.simulation.solver.engine import Options
-
-SETTLED = 0.05
-"""Share of a record, at its end, over which the final error is the mean, so that noise does not decide it. [-]"""
 
 
 @dataclass(frozen=True)
@@ -82,7 +78,7 @@ class Action:
     note: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Step:
     """One line of the log: how one sensor was met in one record of one stage or verdict.
 
@@ -90,8 +86,7 @@ class Step:
     ----------
     action : str                            The action that the stage belongs to.
     stage, record, sensor : str
-    rmse, max_error, final_error : float    Of measured less simulated, the sensor's constant error taken off; the largest by size; the mean
-                                            over the last 5 % of the record. [K]
+    residuals : Residuals                   Measured less simulated, the sensor's constant error taken off. [K]
     held_out : bool                         Whether no stage has seen the record.
     """
 
@@ -99,10 +94,12 @@ class Step:
     stage: str
     record: str
     sensor: str
-    rmse: float
-    max_error: float
-    final_error: float
+    residuals: Residuals
     held_out: bool = False
+
+    def __getitem__(self, key: str) -> float:
+        """A metric of the residuals, by its key or an alias. [K]"""
+        return metric(key).of(self.residuals)
 
 
 @dataclass(frozen=True)
@@ -248,7 +245,4 @@ def _passed(name: str, component: Component, solution: Solution, node: str) -> l
 
 
 def _step(action: str, stage: str, block: Block, held_out: bool = False) -> Step:
-    r = block.residuals
-    end = block.times >= block.times[-1] - SETTLED * (block.times[-1] - block.times[0])
-    largest = float(r[np.argmax(np.abs(r))])
-    return Step(action, stage, block.record, block.sensor, float(np.sqrt(np.mean(r**2))), largest, float(np.mean(r[end])), held_out)
+    return Step(action, stage, block.record, block.sensor, Residuals.of(block.times, block.residuals), held_out)
