@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.judge.overlay import Overlay
+from thermid.judge.correlation import Overlay
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
 from thermid.qualify.assumptions import extrapolations, uncounted
