@@ -13,7 +13,7 @@ from thermid.errors import IdentificationError
 from thermid.judge.correlation import Overlay, correlate
 from thermid.judge.criteria import Criteria
 from thermid.judge.limits import Limits
-from thermid.judge.margins import heater_duty, margins
+from thermid.judge.margins import flat_margin, heater_duty, margins
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
 from unit.qualify.things import soak, unit
@@ -98,3 +98,16 @@ def test_readings_may_begin_two_intervals_after_a_settled_stretch(late: float, c
     else:
         with pytest.raises(IdentificationError, match="has readings of 'T0'"):
             correlate(seen(0.1), ["ECSS"], steady=settled)
+
+
+@pytest.mark.parametrize("step", range(10))
+def test_the_flat_margin_shrinks_by_a_kelvin_every_32_fahrenheit(step: int) -> None:
+    """SMC-S-016, Table 4.4-2: 11 K down to -70 degC, and a kelvin less for every 17.9 K below."""
+    edge = 273.15 - 70.0 - 17.9 * step
+    assert flat_margin(edge + 1.0, True).value == 11.0 - step
+    assert flat_margin(edge - 1.0, True).value == (10.0 - step if step < 9 else 1.0)
+
+
+def test_a_model_that_no_balance_test_correlated_needs_17_kelvin() -> None:
+    """SMC-S-016, 4.4.2.1: 11 K and the 6 K that a balance test is worth."""
+    assert flat_margin(300.0, False).value - flat_margin(300.0, True).value == 6.0
