@@ -12,15 +12,13 @@ from scipy import stats
 
 import thermid as td
 from thermid.fit.calibrate import fit as fitted_by
-from thermid.fit.contradicted import contradicted, far_from_sheet
-from thermid.fit.mistakes import mistakes
+from thermid.fit.calibration import contradicted, far_from_sheet, sensor_shares
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.statistics import SensorStatistics, loss_of
-from thermid.fit.sensors import sensor_shares
-from thermid.fit.uncertainty.grouping import percent
-from thermid.fit.uncertainty.moves import Move
-from thermid.fit.uncertainty.shifts import Test as Asked
-from thermid.fit.uncertainty.shifts import normal_shifts, shifts
+from thermid.fit.problem.residuals import SensorStatistics, loss_of
+from thermid.fit.refusals import mistakes, strange_powers
+from thermid.fit.uncertainty.groups import percent
+from thermid.fit.uncertainty.moved import Move, normal_shifts, shifts
+from thermid.fit.uncertainty.moved import Test as Asked
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from unit.fit.bench import HTC, MASS, box, log, pair, room
@@ -175,7 +173,6 @@ class TestWhatIsQuestioned:
     @pytest.mark.parametrize(("watts", "asked"), [(4.0 * 295, False), (4.0 * 305, True), (4.0 / 295, False), (4.0 / 305, True)])
     def test_powers_in_another_unit(self, watts: float, asked: bool) -> None:
         """Three hundred times: between a slip of 1000 and what a load can differ from its deck by."""
-        from thermid.fit.mistakes import strange_powers
         from thermid.fit.problem.gather import problem_for
 
         data = log(box(), {}, {"T": "case"})
