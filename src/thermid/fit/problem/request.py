@@ -15,7 +15,7 @@ from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.identity import local_identities
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 from thermid.units import TEMPERATURE
 
 FITTING = Options(tolerance=1e-4, relative=1e-6, input_tolerance=1e-3)

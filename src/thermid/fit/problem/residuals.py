@@ -18,8 +18,8 @@ from thermid.fit.problem.ticks import OFFSET, RATE, clock_at, compressed_in_full
 from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.fit.problem.wired import Bench
 from thermid.memo import Memo
-from thermid.simulation.solver.engine import Options
-from thermid.simulation.solver.squares import Weighing
+from thermid.simulation.solver.engine import Weighing
+from thermid.simulation.solver.problem import Options
 
 Array = NDArray[np.float64]
 FAILED = 1e4

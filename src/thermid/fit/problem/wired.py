@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.fit.problem.experiment import Experiment
 from thermid.memo import Memo
-from thermid.simulation.solver.engine import Engine, Options
-from thermid.simulation.solver.squares import Squares, Weighing
+from thermid.simulation.solver.engine import Engine, Squares, Weighing
+from thermid.simulation.solver.problem import Options
 from thermid.simulation.solver.traces import Traces, kept_for
 from thermid.simulation.solver.wiring import Wiring
 

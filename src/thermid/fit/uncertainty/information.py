@@ -12,7 +12,7 @@ from thermid.errors import SolverError
 from thermid.fit.least_squares.solve import at_least_square
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 
 Array = NDArray[np.float64]
 RANK_TOLERANCE = 1e-6
