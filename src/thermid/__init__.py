@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from thermid.explain.plausibility import plausibility as plausibility
     from thermid.fit.calibrate import calibrate as calibrate
     from thermid.fit.calibration import Calibration as Calibration
-    from thermid.fit.clocks.alignment import Alignment as Alignment
-    from thermid.fit.clocks.alignment import align as align
     from thermid.fit.discrepancy import Discrepancy as Discrepancy
     from thermid.fit.discrepancy import discrepancy as discrepancy
+    from thermid.fit.second_clocks import Alignment as Alignment
+    from thermid.fit.second_clocks import align as align
     from thermid.inference.identifiability import Identifiability as Identifiability
     from thermid.inference.identifiability import identifiability as identifiability
     from thermid.inference.posterior import Evidence as Evidence
@@ -88,9 +88,9 @@ if TYPE_CHECKING:
     from thermid.model.tree.replacement import Replacement as Replacement
     from thermid.monte_carlo.drivers import sobol_of as sobol_of
     from thermid.monte_carlo.hold import Hold as Hold
+    from thermid.monte_carlo.hold import HoldQuestion as HoldQuestion
     from thermid.monte_carlo.hold import hold as hold
-    from thermid.monte_carlo.holdfile import HoldQuestion as HoldQuestion
-    from thermid.monte_carlo.holdfile import load_hold as load_hold
+    from thermid.monte_carlo.hold import load_hold as load_hold
     from thermid.monte_carlo.uncertain import UncertainRuns as UncertainRuns
     from thermid.monte_carlo.uncertain import uncertain_runs as uncertain_runs
     from thermid.network.environment import Environment as Environment
@@ -113,8 +113,8 @@ if TYPE_CHECKING:
     from thermid.prediction.spread import Spread as Spread
     from thermid.profile_runs.conduct import run_profile as run_profile
     from thermid.profile_runs.profile_run import ProfileRun as ProfileRun
-    from thermid.profiles.cycles import equivalent_cycles as equivalent_cycles
     from thermid.profiles.profile import ThermalProfile as ThermalProfile
+    from thermid.profiles.profile import equivalent_cycles as equivalent_cycles
     from thermid.profiles.standards import load_profile as load_profile
     from thermid.profiles.standards import profile_names as profile_names
     from thermid.profiles.standards import profile_of as profile_of
@@ -169,8 +169,8 @@ if TYPE_CHECKING:
     from thermid.site.vapour import WaterBalance as WaterBalance
     from thermid.site.weather import Weather as Weather
     from thermid.site.weather import read_weather as read_weather
+    from thermid.steadiness.forecast import Forecast as Forecast
     from thermid.steadiness.forecast import forecast as forecast
-    from thermid.steadiness.foretold import Forecast as Forecast
     from thermid.steadiness.stabilisation import Stability as Stability
     from thermid.steadiness.stabilisation import stability as stability
 
@@ -229,8 +229,8 @@ _PUBLIC = {
     "Look": "reporting.pictures.look",
     "read_record": "measure",
     "compare": "judge.verdict",
-    "align": "fit.clocks.alignment",
-    "Alignment": "fit.clocks.alignment",
+    "align": "fit.second_clocks",
+    "Alignment": "fit.second_clocks",
     "calibrate": "fit.calibrate",
     "Calibration": "fit.calibration",
     "split": "prediction.split",
@@ -287,14 +287,14 @@ _PUBLIC = {
     "ThermalProfile": "profiles.profile",
     "run_profile": "profile_runs.conduct",
     "ProfileRun": "profile_runs.profile_run",
-    "equivalent_cycles": "profiles.cycles",
+    "equivalent_cycles": "profiles.profile",
     "uncertain_runs": "monte_carlo.uncertain",
     "UncertainRuns": "monte_carlo.uncertain",
     "sobol_of": "monte_carlo.drivers",
     "hold": "monte_carlo.hold",
     "Hold": "monte_carlo.hold",
-    "load_hold": "monte_carlo.holdfile",
-    "HoldQuestion": "monte_carlo.holdfile",
+    "load_hold": "monte_carlo.hold",
+    "HoldQuestion": "monte_carlo.hold",
     "reduce": "reduction.reduce",
     "Reduction": "reduction.reduce",
     "deliver": "qualify.deliver",
@@ -302,7 +302,7 @@ _PUBLIC = {
     "stability": "steadiness.stabilisation",
     "Stability": "steadiness.stabilisation",
     "forecast": "steadiness.forecast",
-    "Forecast": "steadiness.foretold",
+    "Forecast": "steadiness.forecast",
     "Limits": "judge.limits",
     "load_limits": "judge.limits",
     "check_limits": "judge.limits",

@@ -17,7 +17,19 @@ import thermid
 from .source import Module, room_of, within
 
 FOUNDATION = {
-    *("arguments", "errors", "extensions", "files", "toml_files", "grammar", "seals", "memo", "_units_table", "units", "expression", "dual")
+    "arguments",
+    "errors",
+    "extensions",
+    "files",
+    "toml_files",
+    "grammar",
+    "seals",
+    "memo",
+    "_units_table",
+    "units",
+    "expression",
+    "dual",
+    "linear_algebra",
 }
 
 MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck", "model.blocks"}
@@ -39,6 +51,7 @@ ARROWS: dict[str, set[str]] = {
     "memo": set(),
     "_units_table": set(),
     "dual": set(),
+    "linear_algebra": set(),
     "units": {"errors", "_units_table"},
     "expression": {"errors", "units", "dual"},
     "physics": FOUNDATION,
@@ -59,7 +72,7 @@ ARROWS: dict[str, set[str]] = {
     "simulation": FOUNDATION | MODEL | SIMULATION | {"physics", "network", "knowledge", "_kernel"},
 }
 LOW = FOUNDATION | MODEL | SIMULATION | MEASURE | {"physics", "network", "knowledge"}
-FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
+FIT = {"fit", "fit.problem", "fit.minimisation", "fit.uncertainty", "fit.second_clocks"}
 CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
 REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages", "reporting.qualification"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
@@ -71,9 +84,9 @@ ARROWS |= {
     "steadiness": LOW | {"profile_runs"},
     "reduction": LOW,
     "fit.problem": LOW,
-    "fit.least_squares": LOW | {"fit.problem"},
-    "fit.uncertainty": LOW | {"fit.problem", "fit.least_squares"},
-    "fit.clocks": LOW | {"fit.problem", "fit.least_squares", "fit.uncertainty"},
+    "fit.minimisation": LOW | {"fit.problem"},
+    "fit.uncertainty": LOW | {"fit.problem", "fit.minimisation"},
+    "fit.second_clocks": LOW | {"fit.problem", "fit.minimisation", "fit.uncertainty"},
     "fit": LOW | FIT - {"fit"},
     "power": LOW | FIT,
     "explain": LOW | FIT,

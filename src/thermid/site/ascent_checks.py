@@ -12,7 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.model.laws.signal import Signal
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.sourced.marks import Figure
+from thermid.sourced import Figure
 
 Array = NDArray[np.float64]
 

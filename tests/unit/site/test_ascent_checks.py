@@ -9,7 +9,7 @@ import pytest
 import thermid as td
 from thermid.errors import ScenarioError
 from thermid.site.ascent_checks import ASCENT_LIMITS
-from thermid.sourced.marks import Figure
+from thermid.sourced import Figure
 
 
 def curve(*points: tuple[float, float], **more: Any) -> td.Scenario:
