@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from thermid.errors import RecordError
-from thermid.measure.readers.bindings import Binding, bindings, find_column, full_scale, sd, unit_and_quantity
-from thermid.measure.readers.columns import decimal_sign, name_and_unit, numbers
+from thermid.measure.readers.bindings import Binding, bindings, full_scale, sd, unit_and_quantity
+from thermid.measure.readers.columns import decimal_sign, find_column, name_and_unit, numbers
 from thermid.measure.readers.formats import log_cells
 from thermid.measure.readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure.readers.textfile import Cells

@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.errors import NameNotFoundError, RecordError, ThermidError
 from thermid.measure.amounts import duration_text
-from thermid.measure.readers.columns import name_and_unit, numbers
+from thermid.measure.readers.columns import find_column, name_and_unit, numbers
 from thermid.measure.readers.textfile import MISSING, Cells
 from thermid.measure.record.channel import FloatArray
 from thermid.units import require, unit
@@ -115,7 +115,7 @@ def clock_column(cells: Cells, wanted: str | None) -> Clock:
     names = [name_and_unit(header)[0] for header in cells.header]
     dates, clocks = _kinds(cells)
     if wanted is not None:
-        at = _place(cells.header, names, wanted, f"{cells.file}, time")
+        at = find_column(cells.header, wanted, f"{cells.file}, time")
     elif cells.time:
         at = names.index(cells.time)
     else:
@@ -125,15 +125,6 @@ def clock_column(cells: Cells, wanted: str | None) -> Clock:
     if at in dates and len(clocks) == 1:
         return _joined(cells, names, at, clocks[0])
     return Clock((at,), names[at], cells.header[at], cells.columns[at], name_and_unit(cells.header[at])[1])
-
-
-def _place(header: tuple[str, ...], names: list[str], wanted: str, where: str) -> int:
-    hits = [at for at, name in enumerate(header) if name == wanted] or [at for at, name in enumerate(names) if name == wanted]
-    if not hits:
-        raise NameNotFoundError(f"no column '{wanted}'; there are {', '.join(header)}.{nearest(wanted, header)}", where)
-    if len(hits) > 1:
-        raise RecordError(f"{len(hits)} columns are called '{wanted}'. Rename them.", where)
-    return hits[0]
 
 
 def _joined(cells: Cells, names: list[str], date: int, clock: int) -> Clock:
