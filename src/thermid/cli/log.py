@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
-    from thermid.acquire.boardport import BoardPort
+    from thermid.acquire.board import BoardPort
     from thermid.acquire.logger import Logger
     from thermid.cli.judge import Judge
 
@@ -72,7 +72,7 @@ def log(
         find: Callable[[], str | BoardPort] = find_port
         clock, wall = time.monotonic, time.time
         if simulate:
-            from thermid.acquire.demo import simulated
+            from thermid.acquire.board import simulated
 
             board = simulated()
             find, clock, wall = lambda: board, board.clock, board.wall

@@ -105,8 +105,7 @@ def _beginning(groups: Iterator[Mapping[str, Any]]) -> datetime | None:
 
 def _moment(value: Any) -> datetime:
     """Return an instant of numpy or of a TDMS property. [UTC]"""
-    plain: datetime = np.datetime64(value, "us").astype(datetime)
-    return plain
+    return cast("datetime", np.datetime64(value, "us").astype(datetime))
 
 
 def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None, file: str) -> list[ChannelSeries]:

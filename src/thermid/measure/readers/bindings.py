@@ -181,11 +181,6 @@ def _known(text: str) -> bool:
     return True
 
 
-def sd(given: str | float | None, of_unit: str, quantity: str, what: str) -> float | None:
-    """Return a standard deviation or resolution of a channel; a difference where the channel is a temperature [SI]."""
-    return None if given is None else amount(given, "K" if quantity == "temperature" else of_unit, what)
-
-
 def channel_schema() -> dict[str, Any]:
     """Return the JSON Schema of a channel's table, for editors; values are texts with units, or numbers in SI."""
     text, amount_ = {"type": "string"}, {"type": ["string", "number"]}

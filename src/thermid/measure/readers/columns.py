@@ -190,3 +190,8 @@ def numbers(cells: tuple[str, ...], decimal: str) -> FloatArray | int:
         elif word.lower() not in MISSING and word.lower().lstrip("+-") != "nan":
             return row
     return out
+
+
+def kelvin_sized(values: FloatArray) -> bool:
+    """Whether readings (samples,) would all be hot in degC and usual in kelvin: -50 to 127 degC."""
+    return bool(values.size and values.min() >= 223.0 and values.max() <= 400.0)
