@@ -24,7 +24,7 @@ from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
 
 if TYPE_CHECKING:
-    from thermid.fit.problem.residuals import Block
+    from thermid.fit.problem.residuals import SensorTrace
     from thermid.model.tree.model import Model
     from thermid.simulation.solution import Solution
 
@@ -36,7 +36,7 @@ FEW = 4
 class Trace:
     """One trace that is drawn, what marks it (best, median or worst), and the model where several stand together."""
 
-    block: Block
+    block: SensorTrace
     mark: str
     model: str
     drawn: Drawn
@@ -169,7 +169,7 @@ def _stage(key: str, c: Calibration, campaign: Campaign) -> StagePart:
     return StagePart(key, c.stage, c.model, facts, c.warnings, picture, _traces(c.blocks, f"{key}-trace"), shown, trust(campaign, c))
 
 
-def _traces(blocks: Sequence[Block], key: str, models: Mapping[int, str] | None = None) -> Traces:
+def _traces(blocks: Sequence[SensorTrace], key: str, models: Mapping[int, str] | None = None) -> Traces:
     """Return the traces to draw; `models` names the model of each block by its identity."""
     chosen = figures.choose(blocks)
     text = f"All {len(blocks)} traces." if len(blocks) > 1 else ""
@@ -230,7 +230,7 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
 
 def _models_of(solution: Solution, campaign: Campaign) -> Iterator[Model]:
     """Yield the campaign's model that a solution is of, if it is one of them."""
-    from thermid.model.tree.names import Names
+    from thermid.model.tree.tree import Names
 
     for c in reversed(list(campaign.stages.values())):
         if c.model.title == solution.title:

@@ -8,15 +8,14 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from thermid.campaign.stages import Campaign
-from thermid.fit.calibration import Calibration
-from thermid.fit.sensors import instrument_shares, sensor_shares
+from thermid.fit.calibration import Calibration, instrument_shares, sensor_shares
 from thermid.judge.criteria import Check
 from thermid.judge.metrics import largest, metric
 from thermid.judge.verdict import Verdict
 from thermid.knowledge.values import FittedValue
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet, parameter_table
+from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
 from thermid.units import unit
