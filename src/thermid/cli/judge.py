@@ -11,13 +11,13 @@ from thermid.errors import RecordError
 from thermid.measure.record.channel import Channel
 from thermid.measure.record.record import Record
 from thermid.measure.record.sensor import ICE
-from thermid.measure.record.stability import SHORTEST, StabilityRule, channel_stability, rule_of
+from thermid.measure.record.steadiness import SHORTEST, StabilityRule, channel_stability, rule_of
 
 if TYPE_CHECKING:
     from types import TracebackType
 
     from thermid.acquire.logger import Logger
-    from thermid.steadiness.foretold import Forecast
+    from thermid.steadiness.forecast import Forecast
 
 _SHARE = 0.1
 """Share of a processor that it takes: the logger comes first."""

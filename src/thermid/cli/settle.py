@@ -11,7 +11,7 @@ import typer
 if TYPE_CHECKING:
     from thermid.measure.record.record import Record
     from thermid.simulation.solution import Solution
-    from thermid.steadiness.foretold import Forecast
+    from thermid.steadiness.forecast import Forecast
 
 Texts = list[str]
 
@@ -89,7 +89,7 @@ def _object(stable: dict[str, Any], told: dict[str, Forecast | str], times: Text
 
 def _run(rule: str, model: Path | None, scenario: Path | None) -> Solution | None:
     """Return the run of a model for a rule on stored heat."""
-    from thermid.measure.record.stability import rule_of
+    from thermid.measure.record.steadiness import rule_of
     from thermid.model.deck.modelfile import load_model
     from thermid.simulation.scenario_file import load_scenario
     from thermid.simulation.transient import simulate

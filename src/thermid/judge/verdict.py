@@ -26,7 +26,7 @@ from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.sourced.marks import VERDICTS, weigh
+from thermid.sourced import VERDICTS, weigh
 from thermid.units import counted
 
 FILE = "looks.json"
