@@ -42,7 +42,7 @@ NO_INPUT = {
     "thermid.campaign.cache": "results of its own, and the code",
     "thermid.judge.verdict": "verdicts of its own",
     "thermid.model.deck.save": "a deck may be changed in its place",
-    "thermid.cli.deliver": "the delivery of this command",
+    "thermid.cli.qualify": "the delivery of this command",
     "thermid.qualify.deliver": "the delivery of this command, or one that is checked",
     "thermid.qualify.lock": "the lock is carried on",
     "thermid.reporting.blocks.extras": "templates of the package",

@@ -15,8 +15,7 @@ from thermid.acquire.board import made_up_rom
 from thermid.acquire.logger import Logger
 from thermid.acquire.sensormap import MappedSensor
 from thermid.acquire.wire import sealed
-from thermid.cli.judge import Judge
-from thermid.cli.live import live_table, plain_line
+from thermid.cli.bench import Judge, live_table, plain_line
 from thermid.errors import RecordError
 from thermid.measure.record.sensor import ICE, SensorCertificate
 from thermid.measure.record.steadiness import channel_stability, rule_of
