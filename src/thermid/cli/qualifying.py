@@ -40,7 +40,7 @@ def plan(
     from thermid.cli.output import clean
     from thermid.qualify.lock import lock_plan, lock_status
     from thermid.qualify.plan import load_plan
-    from thermid.qualify.predictions import pre_test
+    from thermid.qualify.trial import pre_test
     from thermid.units import counted
 
     given = load_plan(file, data)

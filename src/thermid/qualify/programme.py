@@ -3,30 +3,54 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from thermid.arguments import takes_objects
+from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.judge.limits import Limits
 from thermid.judge.margins import Margin, margins
-from thermid.prediction.foresight import IN_TESTS, widened
-from thermid.prediction.omitted import SILENT, UNFITTED
-from thermid.qualify.assumptions import Assumption, effects, ranked, uncounted
+from thermid.knowledge.standing import Standing
+from thermid.model.tree.resolve import parameter_table
+from thermid.prediction.foresight import IN_TESTS, Foresight, widened
+from thermid.prediction.known import Known
+from thermid.prediction.omitted import SILENT, UNFITTED, assumed_values
 from thermid.qualify.lock import LockStatus, lock_status, note_look
 from thermid.qualify.plan import Plan, load_plan
-from thermid.qualify.trial import Trial
-from thermid.qualify.trying import tried
+from thermid.qualify.trial import Trial, run_test
+from thermid.simulation.simulator import prepare
 from thermid.sourced import weigh
 from thermid.units import counted
 
-if TYPE_CHECKING:
-    from thermid.knowledge.standing import Standing
-    from thermid.prediction.known import Known
+
+@dataclass(frozen=True)
+class Assumption:
+    """An assumed value and what it does.
+
+    Parameters
+    ----------
+    path, text, basis : str     In the model; as written; what the deck says that it rests on.
+    spread : float              Standard deviation over the value, by its range or a tenth. [-]
+    effect : float              What that does to the point that it moves most, everything else held. [K]
+    point, run : str            Where and in which run.
+    ranged : bool               Whether the deck gave the range.
+    fitted_around : bool        Whether values of the same part were fitted with it; then they take up most of a change.
+    """
+
+    path: str
+    text: str
+    basis: str
+    spread: float
+    effect: float
+    point: str
+    run: str
+    ranged: bool
+    fitted_around: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +223,7 @@ def run_plan(
         if notice is not None:
             notice(test.name)
         try:
-            trial = tried(given, test)
+            trial = run_test(given, test)
         except ThermidError as error:
             raise error.within(f"{given.path.name}, test '{test.name}'") from None
         if trial.log_sha256:
@@ -285,3 +309,58 @@ def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
     if moved >= 0.05:
         out.append(f"assumed values that no spread names, up to {moved:.1f} K")
     return tuple(out)
+
+
+def ranked(effects_: Sequence[Assumption]) -> tuple[Assumption, ...]:
+    """Return every assumed value once, where it moves a reference point most, the largest effect first."""
+    best: dict[str, Assumption] = {}
+    for a in effects_:
+        if a.path not in best or a.effect > best[a.path].effect:
+            best[a.path] = a
+    return tuple(sorted(best.values(), key=lambda a: (a.fitted_around, -a.effect)))
+
+
+def effects(known: Known, name: str, run: Foresight, nodes: Mapping[str, str]) -> list[Assumption]:
+    """Every assumed value at every reference point in one run; a value that a fit was made around moves less, for the fitted take up most.
+
+    Parameters
+    ----------
+    known : Known       The model.
+    name : str          Of the run.
+    run : Foresight     What is expected of it.
+    nodes : dict        Node -> name of its reference point.
+    """
+    model = known.model
+    ahead = f"{known.at}." if known.at else ""
+    fitted = {ahead + p for v in known.values for p in (*v, *(q for w in v.values() for q in w.also))}
+    table = parameter_table(model)
+    loose = assumed_values(model, run.scenario, fitted)
+    if not loose:
+        return []
+    times = run.solution.times[:: max(1, run.solution.times.size // 60)]
+    ready = prepare(model, run.scenario, [a.path for a in loose], times=times)
+    found = ready.run(sensitivities=True)
+    slopes = {n: np.abs(found.slopes(n)).max(axis=0) for n in nodes}
+    out = []
+    numbers = ready.wiring.network.numbers().values
+    for k, one in enumerate(loose):
+        path, given, value = one.path, table[one.path].parameter, abs(float(value_of(numbers[one.path])))
+        key, around = path.removeprefix(ahead), bool(fitted) and path.startswith(ahead)
+        for node, point in nodes.items():
+            effect = float(slopes[node][k]) * one.size
+            out.append(Assumption(key, given.text, given.basis, one.size / value, effect, point, name, one.ranged, around))
+    return out
+
+
+def uncounted(found: Sequence[Assumption], point: str, run: str, stated: Sequence[str]) -> float:
+    """Return what assumed values that no fit was made around, and that no spread names, may move a point by: 95 %, together. [K]
+
+    Parameters
+    ----------
+    found : sequence    Of `effects`.
+    point, run : str    Reference point and run.
+    stated : sequence   Names that are spread in that run, as in the model; ``scale.<load>`` stands for the load's power.
+    """
+    names = {*stated, *(f"{n.removeprefix('scale.')}.power" for n in stated if n.startswith("scale."))}
+    own = [a.effect for a in found if (a.point, a.run) == (point, run) and not a.fitted_around and a.path not in names]
+    return 1.96 * float(np.sqrt(np.sum(np.square(own))))
