@@ -16,9 +16,8 @@ from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.profile_runs.humid import humid
-from thermid.profile_runs.legs import ChamberConditions, ChamberSetup, Leg, Timeline, memory_of
+from thermid.profile_runs.legs import ChamberConditions, ChamberSetup, Leg, Timeline, Wanted, memory_of, wait
 from thermid.profile_runs.profile_run import Phase, ProfileRun
-from thermid.profile_runs.waiting import Wanted, wait
 from thermid.profiles.profile import ProfileStep, ThermalProfile, ordered
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for

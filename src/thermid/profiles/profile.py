@@ -112,25 +112,6 @@ class ProfileStep:
     mark: str = "read"
 
 
-def steps_of(profile: ThermalProfile) -> tuple[ProfileStep, ...]:
-    """Return the steps of a profile, every cycle written out.
-
-    Raises
-    ------
-    ScenarioError   When a number that the steps need is missing.
-    """
-    count = int(profile.value("cycles"))
-    if count < 1 or count != profile.value("cycles"):
-        raise ScenarioError(f"a profile has a whole number of cycles, at least one, not {profile['cycles'].text}.", profile.title)
-    if not profile.plan:
-        return tuple(_cycling(profile, count))
-    out: list[ProfileStep] = []
-    for k in range(1, count + 1):
-        written = (_read(profile, row, f"{profile.title}, step {n}") for n, row in enumerate(profile.plan, 1))
-        out += [replace(s, cycle=s.cycle or k) for s in written]
-    return tuple(out)
-
-
 def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> ProfileStep:
     """Return a step as a file writes it; a value may be the name of a number of the profile."""
     for key in row:
@@ -303,8 +284,22 @@ class ThermalProfile:
 
     @property
     def steps(self) -> tuple[ProfileStep, ...]:
-        """What is done, one step after the other, every cycle written out."""
-        return steps_of(self)
+        """What is done, one step after the other, every cycle written out.
+
+        Raises
+        ------
+        ScenarioError   When a number that the steps need is missing.
+        """
+        count = int(self.value("cycles"))
+        if count < 1 or count != self.value("cycles"):
+            raise ScenarioError(f"a profile has a whole number of cycles, at least one, not {self['cycles'].text}.", self.title)
+        if not self.plan:
+            return tuple(_cycling(self, count))
+        out: list[ProfileStep] = []
+        for k in range(1, count + 1):
+            written = (_read(self, row, f"{self.title}, step {n}") for n, row in enumerate(self.plan, 1))
+            out += [replace(s, cycle=s.cycle or k) for s in written]
+        return tuple(out)
 
     @property
     def used(self) -> Mapping[str, Number]:
@@ -351,8 +346,14 @@ class ThermalProfile:
         Parameters
         ----------
         beside : float  Cycles over the same range that other tests of the unit run.
+
+        Raises
+        ------
+        ScenarioError   When its levels stand in the wrong order.
         """
-        return remarks(self, beside)
+        if "hot" in self.used or "cold" in self.used:
+            ordered(self)
+        return (*_condensation(self), *_count(self, beside), *([] if self.decides else [self.trust]))
 
     def with_(
         self, *, predicted: Any = None, steps: Sequence[Mapping[str, Any]] | None = None, title: str = "", **numbers: Any
@@ -475,18 +476,6 @@ def _table(row: Mapping[str, Any]) -> str:
     return "{ " + ", ".join(f"{k} = {one(v)}" for k, v in row.items()) + " }"
 
 
-def remarks(profile: ThermalProfile, beside: float = 0.0) -> tuple[str, ...]:
-    """Return the remarks about a profile; `beside` is how many cycles over its range other tests of the same unit run.
-
-    Raises
-    ------
-    ScenarioError   When its levels stand in the wrong order.
-    """
-    if "hot" in profile.used or "cold" in profile.used:
-        ordered(profile)
-    return (*_condensation(profile), *_count(profile, beside), *_trust(profile))
-
-
 def ordered(profile: ThermalProfile) -> None:
     """Check that cold lies below hot.
 
@@ -534,8 +523,3 @@ def _count(profile: ThermalProfile, beside: float) -> Iterator[str]:
             + (f" and other tests of the plan {beside:g}" if beside else "")
             + (f": {missing:g} are missing" if missing > 0 else "")
         )
-
-
-def _trust(profile: ThermalProfile) -> Iterator[str]:
-    if not profile.decides:
-        yield profile.trust
