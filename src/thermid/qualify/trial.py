@@ -114,18 +114,18 @@ class Trial:
     @property
     def within(self) -> bool | None:
         """Whether no limit is passed, by what is expected and by what was measured; None where that is not decided."""
-        found = [c.passed for c in self.checks] + [h.passed for h in self.heaters]
+        outcomes = [c.passed for c in self.checks] + [h.passed for h in self.heaters]
         if not self.checks or (self.course is not None and not self.course.decides):
-            found.append(None)
-        return weigh(found)
+            outcomes.append(None)
+        return weigh(outcomes)
 
     @property
     def correlated(self) -> bool | None:
         """Whether every set of criteria is met; None without a log, without criteria, or where the log does not show it."""
         if self.correlation is None:
             return None
-        found = list(self.correlation.verdicts.values())
-        return weigh([*found, *([None] if self.doubts or not found else [])])
+        outcomes = list(self.correlation.verdicts.values())
+        return weigh([*outcomes, *([None] if self.doubts or not outcomes else [])])
 
     @property
     def passed(self) -> bool | None:
@@ -149,9 +149,9 @@ class Trial:
         if self._judged and self.correlation is None:
             out.append(f"no log has come back, so {', '.join(self.test.criteria)} could not be judged")
         if self.correlation is not None:
-            found = self.correlation.verdicts
-            out += [] if found else ["a log has come back, and no criteria judge it"]
-            out += [f"the criteria {name} are from memory" for name, passed in found.items() if passed is None]
+            verdicts = self.correlation.verdicts
+            out += [] if verdicts else ["a log has come back, and no criteria judge it"]
+            out += [f"the criteria {name} are from memory" for name, passed in verdicts.items() if passed is None]
         return (*out, *self.doubts)
 
     @property
@@ -206,10 +206,10 @@ class Trial:
         return "\n".join(lines)
 
 
-def run_test(plan: Plan, test: TestTable, told: Callable[[int, int, float], None] | None = None) -> Trial:
+def run_test(plan: Plan, test: TestTable, progress: Callable[[int, int, float], None] | None = None) -> Trial:
     """Return a test of a plan: predicted, held against limits, and judged where its log is there; `told` as in `run_profile`."""
     known, limits = plan.hosted(test.host), plan.limits_on(test.host)
-    scenario, course = _course(plan, test, known, told)
+    scenario, course = _course(plan, test, known, progress)
     sensors = sensors_of(plan, test)
     _known_nodes(plan, known, limits, sensors)
     points = list(dict.fromkeys([x.node for x in limits] + [n for n, _ in sensors.values()]))
@@ -243,14 +243,14 @@ def _known_nodes(plan: Plan, known: Known, limits: Sequence[Limits], sensors: Ma
 
 
 def _course(
-    plan: Plan, test: TestTable, known: Known, told: Callable[[int, int, float], None] | None
+    plan: Plan, test: TestTable, known: Known, progress: Callable[[int, int, float], None] | None
 ) -> tuple[Scenario, ProfileRun | None]:
     """Return what is done to the model, and the phases where a profile says so."""
-    given: Scenario | None = None
+    scenario: Scenario | None = None
     if isinstance(test.scenario, str):
-        given = load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}"))
+        scenario = load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}"))
     elif test.scenario is not None or test.profile is None:
-        given = Scenario(**({"title": test.name} | dict(test.scenario or {})))
+        scenario = Scenario(**({"title": test.name} | dict(test.scenario or {})))
     if test.profile is not None:
         run = run_profile(
             known.model,
@@ -259,32 +259,32 @@ def _course(
             base=test.base,
             watch=test.watch,
             equipment=test.equipment,
-            scenario=_beside(given, test, known),
+            scenario=_beside(scenario, test, known),
             every=literal(test.every, "s", f"{test.name}, every"),
-            told=told,
+            told=progress,
         )
         return replace(run.scenario, title=test.name), replace(run, cycles_beside=_cycles_beside(plan, test, run.profile))
-    assert given is not None
-    return given, None
+    assert scenario is not None
+    return scenario, None
 
 
-def _beside(given: Scenario | None, test: TestTable, known: Known) -> Scenario | None:
+def _beside(scenario: Scenario | None, test: TestTable, known: Known) -> Scenario | None:
     """Return what is done beside a profile: loads, commands, other boundaries.
 
     Raises
     ------
     ScenarioError   When it says what the profile says: a time, or the temperature of the chamber.
     """
-    if given is None:
+    if scenario is None:
         return None
     chamber = {known.model.canonical(n) for n in ([test.chamber] if isinstance(test.chamber, str) else test.chamber)}
-    both = [n for n in given.boundaries if known.model.canonical(n) in chamber]
-    if both or given.seconds > 0.0:
+    both = [n for n in scenario.boundaries if known.model.canonical(n) in chamber]
+    if both or scenario.seconds > 0.0:
         what = f"boundary '{both[0]}' is the chamber" if both else "its duration follows from the unit"
         raise ScenarioError(
             f"{what}: the profile says it. A scenario beside a profile gives what else is done. Leave it out there.", "scenario"
         )
-    return given
+    return scenario
 
 
 def _cycles_beside(plan: Plan, test: TestTable, profile: ThermalProfile) -> float:
@@ -299,9 +299,9 @@ def _cycles_beside(plan: Plan, test: TestTable, profile: ThermalProfile) -> floa
 
 def sensors_of(plan: Plan, test: TestTable) -> dict[str, tuple[str, Any]]:
     """Return sensor -> its node in the model of the test, and its table."""
-    at = f"{plan.content.hosts[test.host].unit}." if test.host else ""
+    ahead = f"{plan.content.hosts[test.host].unit}." if test.host else ""
     wanted = test.sensors or list(plan.content.sensors)
-    return {s: (at + plan.content.sensors[s].node, plan.content.sensors[s]) for s in wanted}
+    return {s: (ahead + plan.content.sensors[s].node, plan.content.sensors[s]) for s in wanted}
 
 
 def _state(test: TestTable) -> str:
@@ -317,17 +317,17 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     record = _record(plan, test, log.file, sensors, log.boundaries, log.loads)
     windows = [(literal(a, "s", f"{test.name}, steady"), literal(b, "s", f"{test.name}, steady")) for a, b in test.steady]
     windows = windows or dwells(trial, [n for n, _ in sensors.values()], record.duration)
-    told: Calibration | None = None
+    comparison: Calibration | None = None
     if log.simulated:
         other = _record(plan, test, log.simulated, sensors, {}, {})
         seen = paired(record, other, test.name)
     else:
         base = replace(scenario, start=log.start) if log.start else scenario
-        told = compare(trial.known.model, record, scenario=_without(base, log.boundaries.values(), log.loads.values()))
-        seen = overlays(told, test.name)
+        comparison = compare(trial.known.model, record, scenario=_without(base, log.boundaries.values(), log.loads.values()))
+        seen = overlays(comparison, test.name)
     excluded = plan.content.exclusions
     left_out = Exclusions({s: r for s, r in excluded.reasons.items() if s in {o.sensor for o in seen}}, excluded.cap)
-    found = correlate(
+    correlation = correlate(
         seen,
         [plan.criteria[n] for n in test.criteria],
         steady={test.name: windows} if windows else None,
@@ -335,18 +335,18 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         exclusions=left_out,
         title=test.name,
     )
-    diagnosis = diagnose(told) if told is not None and found.failed and len({o.sensor for o in seen}) > 1 else None
+    diagnosis = diagnose(comparison) if comparison is not None and correlation.failed and len({o.sensor for o in seen}) > 1 else None
     counted = [o for o in seen if o.sensor not in left_out.reasons]
     settled, unsure = settled_by(trial, record, windows, [o.sensor for o in counted])
     steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
-    made = record.origin
+    origin = record.origin
     return replace(
         trial,
-        told=told,
-        correlation=found,
+        told=comparison,
+        correlation=correlation,
         diagnosis=diagnosis,
-        log_sha256=made.sha256,
-        synthetic=made.synthetic,
+        log_sha256=origin.sha256,
+        synthetic=origin.synthetic,
         checks=(*trial.checks, *_measured(trial, counted, sensors)),
         doubts=(*_doubts(trial, record, counted, windows), *(unsettled(settled) if steady else ())),
         remarks=(*trial.remarks, *_state_remarks(test), *exchanged(counted), *unsure),
@@ -433,13 +433,13 @@ def settled_by(
     unsure: dict[str, list[str]] = {}
     for begin, end in windows if sensors else ():
         try:
-            found = stability(record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.known.at)
+            verdict = stability(record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.known.at)
         except RecordError as error:
             unsure.setdefault(f"that it is settled cannot be told: {error}", []).append(_span(begin, end))
             continue
-        out.append(found)
-        if found.verdict == "cannot tell":
-            unsure.setdefault(f"the readings cannot tell whether '{found.rule.name}' holds at {found.slowest}", []).append(
+        out.append(verdict)
+        if verdict.verdict == "cannot tell":
+            unsure.setdefault(f"the readings cannot tell whether '{verdict.rule.name}' holds at {verdict.slowest}", []).append(
                 _span(begin, end)
             )
     more = {why: f" and {len(spans) - 1} more" if len(spans) > 1 else "" for why, spans in unsure.items()}
@@ -491,10 +491,10 @@ def not_covered(seen: Sequence[Overlay], begin: float, end: float, windows: Sequ
     """
     lacks: dict[str, list[str]] = {}
     for o in seen:
-        missing, longest, at = _missing(o.times, begin, end)
+        missing, longest, start = _missing(o.times, begin, end)
         if missing > MISSING * (end - begin):
             text = f"for {duration_text(missing)} of {duration_text(end - begin)}; the longest gap, {duration_text(longest)}, is at "
-            lacks.setdefault(f"{text}{at / 3600.0:.2f} h", []).append(o.sensor)
+            lacks.setdefault(f"{text}{start / 3600.0:.2f} h", []).append(o.sensor)
         for a, b in windows:
             lost, _, _ = _missing(o.times, a, b)
             if lost > (1.0 - THERE) * (b - a):
@@ -512,8 +512,8 @@ def _missing(times: Array, begin: float, end: float) -> tuple[float, float, floa
     usual = float(np.median(np.diff(inside)))
     points = np.concatenate([[begin], inside, [end]])
     gaps = [(b - a, a) for a, b in pairwise(points.tolist()) if b - a > GAP * usual]
-    longest, at = max(gaps, default=(0.0, begin))
-    return float(sum(g for g, _ in gaps)), float(longest), float(at)
+    longest, start = max(gaps, default=(0.0, begin))
+    return float(sum(g for g, _ in gaps)), float(longest), float(start)
 
 
 def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str], tolerance: float = LEVEL) -> Iterator[str]:
@@ -535,12 +535,12 @@ def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str]
         for word, sign in (("hot", 1.0), ("cold", -1.0)):
             level = float((sign * trace.kelvin).max())
             wanted = _time_above(trace.times, sign * trace.kelvin, level - tolerance)
-            found = _time_above(times[inside], sign * values[inside], level - tolerance)
-            if found < THERE * wanted:
+            spent = _time_above(times[inside], sign * values[inside], level - tolerance)
+            if spent < THERE * wanted:
                 furthest = sign * float((sign * values).max()) - ICE_POINT
                 yield (
                     f"the {word} level of '{boundary}', {sign * level - ICE_POINT:.1f} degC for {duration_text(wanted)}, was not applied: "
-                    f"{column} goes to {furthest:.1f} degC and is within {tolerance:g} K of it for {duration_text(found)}"
+                    f"{column} goes to {furthest:.1f} degC and is within {tolerance:g} K of it for {duration_text(spent)}"
                 )
 
 
@@ -559,12 +559,12 @@ def exchanged(seen: Sequence[Overlay]) -> Iterator[str]:
         for b in seen[k + 1 :]:
             if a.times.size != b.times.size or not np.array_equal(a.times, b.times):
                 continue
-            own = float(np.sqrt(np.mean((a.measured - a.simulated) ** 2 + (b.measured - b.simulated) ** 2)))
+            as_wired = float(np.sqrt(np.mean((a.measured - a.simulated) ** 2 + (b.measured - b.simulated) ** 2)))
             other = float(np.sqrt(np.mean((a.measured - b.simulated) ** 2 + (b.measured - a.simulated) ** 2)))
-            if own > CLEAR and other < own / 3.0:
+            if as_wired > CLEAR and other < as_wired / 3.0:
                 yield (
-                    f"{a.sensor} and {b.sensor} look exchanged: their readings lie {own:.1f} K from the model, and {other:.1f} K with the "
-                    "columns changed over. Check the wiring and the header of the log"
+                    f"{a.sensor} and {b.sensor} look exchanged: their readings lie {as_wired:.1f} K from the model, and {other:.1f} K with "
+                    "the columns changed over. Check the wiring and the header of the log"
                 )
 
 
@@ -599,8 +599,8 @@ def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nod
             out.append(f"pressure {least:.3g} .. {most:.3g} Pa; calibrated {low:.3g} .. {high:.3g} Pa")
     if validity.power:
         low, high = (literal(t, "W", "validity.power") for t in validity.power)
-        own = [np.broadcast_to(w, run.solution.times.shape) for load, w in run.solution.load_powers.items() if load.startswith(ahead)]
-        total = np.sum(own, axis=0) if own else np.zeros(1)
+        powers = [np.broadcast_to(w, run.solution.times.shape) for load, w in run.solution.load_powers.items() if load.startswith(ahead)]
+        total = np.sum(powers, axis=0) if powers else np.zeros(1)
         if float(total.min()) < low - 0.001 * high or float(total.max()) > 1.001 * high:
             out.append(f"power {float(total.min()):.3g} .. {float(total.max()):.3g} W; calibrated {low:.3g} .. {high:.3g} W")
     if validity.gravity and test.gravity:
@@ -616,8 +616,8 @@ def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nod
 def _pressures(run: Foresight) -> tuple[float, float]:
     """Return the lowest and highest pressure of a run's gases. [Pa]"""
     times = run.solution.times
-    found = [np.asarray(e.pressure.at(times), dtype=float) for e in run.scenario.environment.values()]
-    every = [float(x) for p in found for x in (np.min(p), np.max(p))] or [ATMOSPHERE]
+    pressures = [np.asarray(e.pressure.at(times), dtype=float) for e in run.scenario.environment.values()]
+    every = [float(x) for p in pressures for x in (np.min(p), np.max(p))] or [ATMOSPHERE]
     return min(every), max(every)
 
 
@@ -625,10 +625,10 @@ def pre_test(plan: Plan) -> dict[str, dict[str, dict[str, Any]]]:
     """Return test -> sensor -> lowest, highest and last expected temperature, each with its standard error; no log is read."""
     out: dict[str, dict[str, dict[str, Any]]] = {}
     for test in plan.tests:
-        told = run_test(plan, test.model_copy(update={"log": None})).foresight.prediction
+        prediction = run_test(plan, test.model_copy(update={"log": None})).foresight.prediction
         out[test.name] = {}
         for sensor, (node, _) in sensors_of(plan, test).items():
-            band = told[node]
+            band = prediction[node]
             error, kelvin = band.error, band.kelvin
             places = {"lowest": int(kelvin.argmin()), "highest": int(kelvin.argmax()), "last": -1}
             out[test.name][sensor] = {f"{word}_C": round(float(kelvin[k]) - ICE_POINT, 3) for word, k in places.items()}
