@@ -32,7 +32,7 @@ from thermid.profiles.number import SLOTS, WORDS
 from thermid.profiles.profile import STEP_KEYS
 from thermid.profiles.standards import KEYS
 from thermid.qualify import plan_schema
-from thermid.simulation.sites import pad, surroundings
+from thermid.site import pad, surroundings
 from thermid.units import TEMPERATURE
 
 from .pages import ROOT, codes, tables

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.uncertainty.grouping import listed
+from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Check, Criteria, Deviation, judge
 from thermid.judge.metrics import Residuals
 from thermid.knowledge.standing import UNJUDGED, Standing, of_model

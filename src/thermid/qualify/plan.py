@@ -16,7 +16,7 @@ from thermid.campaign.filed import filed
 from thermid.campaign.stages import run_stages
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.files import read_bytes
-from thermid.fit.uncertainty.grouping import listed
+from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Criteria
 from thermid.judge.limits import Limits, load_limits, read_limits
 from thermid.judge.margins import POLICIES
