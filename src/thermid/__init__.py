@@ -169,8 +169,8 @@ if TYPE_CHECKING:
     from thermid.site.vapour import WaterBalance as WaterBalance
     from thermid.site.weather import Weather as Weather
     from thermid.site.weather import read_weather as read_weather
+    from thermid.steadiness.forecast import Forecast as Forecast
     from thermid.steadiness.forecast import forecast as forecast
-    from thermid.steadiness.foretold import Forecast as Forecast
     from thermid.steadiness.stabilisation import Stability as Stability
     from thermid.steadiness.stabilisation import stability as stability
 
@@ -302,7 +302,7 @@ _PUBLIC = {
     "stability": "steadiness.stabilisation",
     "Stability": "steadiness.stabilisation",
     "forecast": "steadiness.forecast",
-    "Forecast": "steadiness.foretold",
+    "Forecast": "steadiness.forecast",
     "Limits": "judge.limits",
     "load_limits": "judge.limits",
     "check_limits": "judge.limits",

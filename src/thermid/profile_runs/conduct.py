@@ -18,7 +18,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, SolverError, nearest
 from thermid.extensions import extension
 from thermid.measure.amounts import duration_text
-from thermid.measure.record.stability import StabilityRule, rule_of
+from thermid.measure.record.steadiness import StabilityRule, rule_of
 from thermid.memo import Memo
 from thermid.model.laws.signal import Constant, Signal, Table, literal, multiplied
 from thermid.model.tree.model import Model

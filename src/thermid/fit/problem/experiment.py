@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.knowledge.values import FittedValue
 from thermid.measure import Channel, Record
-from thermid.measure.record.join import SecondClock
+from thermid.measure.record.channel import SecondClock
 from thermid.measure.record.sensor import SensorPart
 from thermid.memo import Memo
 from thermid.model.deck.modelfile import model_from_dict
