@@ -16,7 +16,7 @@ from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.judge.limits import Limits
 from thermid.judge.margins import Margin, margins
 from thermid.knowledge.standing import Standing
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.tree import parameter_table
 from thermid.prediction.foresight import IN_TESTS, Foresight, widened
 from thermid.prediction.known import Known
 from thermid.prediction.omitted import SILENT, UNFITTED, assumed_values
