@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from thermid.errors import DeckError, nearest
 
-BRANCHES = ("str", "float", "ValueTable", "PowerLaw", "Correlated")
+BRANCHES = ("str", "float", "ValueTable", "PowerLawTable", "Correlated")
 """What a value may be; pydantic reports a fault once for each."""
 
 
@@ -75,9 +75,9 @@ def _located(location: tuple[int | str, ...], data: Any) -> tuple[list[str], str
 def _meant(error: ValidationError, location: tuple[int | str, ...], given: Any) -> str:
     """Return which form of a value its author meant, by its fields; a power law or a correlation only where they may stand."""
     may = {step for other in error.errors() if other["loc"][:3] == location[:3] for step in other["loc"]}
-    if "value" in given or not may & {"PowerLaw", "Correlated"}:
+    if "value" in given or not may & {"PowerLawTable", "Correlated"}:
         return "ValueTable"
-    return "Correlated" if {"length", "orientation", "correlation"} & {*given} else "PowerLaw"
+    return "Correlated" if {"length", "orientation", "correlation"} & {*given} else "PowerLawTable"
 
 
 def _text(fault: Any, path: list[str], branch: str, grammar: type[BaseModel]) -> str:

@@ -11,7 +11,7 @@ import typer
 from thermid.cli.pages import Force
 from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
 from thermid.errors import OutputError
-from thermid.files import DECK, EQUATIONS, EXPORT, Kind, may_write, write_text
+from thermid.files import DECK, EQUATIONS, EXPORT, FileKind, may_write, write_text
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
@@ -27,7 +27,7 @@ def register(app: typer.Typer) -> None:
     app.command("htc")(htc)
 
 
-def _say(text: str, to: Path | None, as_json: bool, kind: Kind, comment: str, **more: Any) -> None:
+def _say(text: str, to: Path | None, as_json: bool, kind: FileKind, comment: str, **more: Any) -> None:
     """Write a text to its file or to standard output."""
     if to is not None:
         write_text(to, text, kind, comment)

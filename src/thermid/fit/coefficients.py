@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import value_of
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.model.tree.flat import FlatConductor, FlatLoad
 from thermid.network.network import Network
 from thermid.physics.constants import STEFAN_BOLTZMANN
@@ -63,7 +63,7 @@ class Pattern:
     kind : str      'difference' (grows with a power of the difference of temperature) or 'level' (part of it is radiation).
     mean, sd : float    Of the exponent, or of the radiative share, over what is possible. [-]
     ends : (str, str)
-    watts : Table   What a unit of it adds to the heat from the first end to the second. [W]
+    watts : TableSignal   What a unit of it adds to the heat from the first end to the second. [W]
     """
 
     path: str
@@ -71,7 +71,7 @@ class Pattern:
     mean: float
     sd: float
     ends: tuple[str, str]
-    watts: Table
+    watts: TableSignal
 
     def names(self, boundaries: Sequence[str]) -> list[str]:
         """Return the loads that stand for it, one per end that is no boundary."""
@@ -163,10 +163,10 @@ def patterns_of(
         # of a coefficient that is part radiation only the rest grows with the difference
         rest, square = 1.0 - share, (1.0 - share) ** 2 + spread**2
         sd = float(np.sqrt(EXPONENT**2 * square / 3.0 - (EXPONENT * rest / 2.0) ** 2))
-        out.append(Pattern(path, "difference", EXPONENT * rest / 2.0, sd, c.ends, Table(times, course.heat * grown, False)))
+        out.append(Pattern(path, "difference", EXPONENT * rest / 2.0, sd, c.ends, TableSignal(times, course.heat * grown, False)))
         if share > 0.0:
             warmer = (course.first**2 + course.second**2) * (course.first + course.second) / (4.0 * at.level**3) - 1.0
-            out.append(Pattern(path, "level", share, spread, c.ends, Table(times, course.heat * warmer, False)))
+            out.append(Pattern(path, "level", share, spread, c.ends, TableSignal(times, course.heat * warmer, False)))
     return out
 
 

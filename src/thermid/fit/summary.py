@@ -23,7 +23,7 @@ from thermid.fit.uncertainty.responses import Responses
 from thermid.knowledge.standing import worst
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure.amounts import short
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 
 if TYPE_CHECKING:
     from thermid.fit.problem.request import Request
@@ -172,7 +172,7 @@ def _taken_as_instants(problem: Problem) -> list[str]:
     for e in problem.experiments:
         noise = min((o.noise for o in e.observations if o.noise is not None), default=UNSAID_NOISE)
         for name, given in e.scenario.boundaries.items():
-            if isinstance(given, Table) and not given.held and not given.samples:
+            if isinstance(given, TableSignal) and not given.held and not given.samples:
                 half = 0.5 * float(np.sqrt(np.mean(np.diff(given.levels) ** 2)))
                 if half > noise:
                     apart[name] = max(half, apart.get(name, 0.0))

@@ -13,7 +13,7 @@ from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.uncertainty.grouping import Group, listed, percent
 from thermid.fit.uncertainty.information import Information
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
@@ -132,7 +132,7 @@ def _stepped(experiment: Experiment) -> tuple[Experiment, str, float] | None:
     heater = HeatLoad(node, {"power": parameter("1 [W]", HEATER)})
     grown = replace(model, loads={**model.loads, HEATER: heater})
     half = 0.5 * experiment.scenario.seconds
-    scenario = experiment.scenario.with_(loads={HEATER: Table(np.array([0.0, half]), np.array([0.0, watts]), True)})
+    scenario = experiment.scenario.with_(loads={HEATER: TableSignal(np.array([0.0, half]), np.array([0.0, watts]), True)})
     again = compile_network(grown, media=scenario.media(), prescribed=network.prescribed)
     return replace(experiment, network=again, scenario=scenario), name, watts
 

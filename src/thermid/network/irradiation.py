@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError, nearest
-from thermid.model.laws.signal import Constant, Mixed, Signal, Table, added, signal
+from thermid.model.laws.signal import Constant, Mixed, Signal, TableSignal, added, signal
 from thermid.model.parts.facing import Facing
 from thermid.model.tree.flat import Flat, FlatLoad, FlatSurface
 from thermid.physics.constants import STEFAN_BOLTZMANN
@@ -126,7 +126,7 @@ class OpenSky:
 
     def signals(self) -> dict[str, Signal]:
         """Return what changes, or may change, by name."""
-        beam = Table(self.times, self.direct_normal)
+        beam = TableSignal(self.times, self.direct_normal)
         return {"sun": beam} | ({"downward": self.downward} if self.downward is not None else {})
 
     def mapped(self, law: Callable[[Signal], Signal]) -> OpenSky:
@@ -143,7 +143,7 @@ class OpenSky:
         """Return the solar radiation on a surface. [W/m^2]"""
         where = facing or Facing(0.0)
         parts = (self.zenith, self.azimuth, self.direct_normal, self.diffuse, self.total)
-        return Table(self.times, on_plane(where.tilt, where.azimuth, *parts, self.albedo))
+        return TableSignal(self.times, on_plane(where.tilt, where.azimuth, *parts, self.albedo))
 
     def longwave(self, facing: Facing | None, around: Signal | None) -> Signal | None:
         """Return what the sky sends less than surroundings as warm as the air. [W/m^2]"""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, SolverError
 from thermid.memo import Memo
-from thermid.model.laws.signal import Constant, Signal, Table, multiplied
+from thermid.model.laws.signal import Constant, Signal, TableSignal, multiplied
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.simulation.scenarios.scenario import Scenario
@@ -89,7 +89,7 @@ def _straight(times: tuple[float, ...], values: list[float]) -> Signal:
         return Constant(values[0])
     t, v = np.array(times), np.array(values)
     keep = np.append(np.diff(t) > 0.0, True)
-    return Table(t[keep], v[keep], after="hold")
+    return TableSignal(t[keep], v[keep], after="hold")
 
 
 def _steps(times: tuple[float, ...], values: list[float]) -> Signal:
@@ -99,7 +99,7 @@ def _steps(times: tuple[float, ...], values: list[float]) -> Signal:
     keep = np.append(np.diff(t) > 0.0, True)
     t, v = t[keep], v[keep]
     change = np.append(True, np.diff(v) != 0.0)
-    return Table(t[change], v[change], hold=True)
+    return TableSignal(t[change], v[change], hold=True)
 
 
 def _by_factors(times: tuple[float, ...], values: list[float], ground: float) -> Signal:
@@ -113,7 +113,7 @@ def _by_factors(times: tuple[float, ...], values: list[float], ground: float) ->
         share = np.arange(1, points + 1) / points
         t += (times[k - 1] + share * (times[k] - times[k - 1])).tolist()
         p += (values[k - 1] * (values[k] / values[k - 1]) ** share).tolist()
-    return Table(np.array([*t, times[-1] + 2.0 * TAIL, times[-1] + 3.0 * TAIL]), np.array([*p, values[-1], ground]))
+    return TableSignal(np.array([*t, times[-1] + 2.0 * TAIL, times[-1] + 3.0 * TAIL]), np.array([*p, values[-1], ground]))
 
 
 @dataclass(frozen=True)

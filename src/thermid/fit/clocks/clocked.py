@@ -19,7 +19,7 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.wander import BINS, Binned
 from thermid.measure import Record
 from thermid.memo import Memo
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 
@@ -106,7 +106,7 @@ class Clocked:
             tables[name][path] = replace(table, times=moved)
         return replace(experiment, scenario=experiment.scenario.with_(**tables))
 
-    def _sampled(self, problem: Problem) -> Iterator[tuple[str, str, Table]]:
+    def _sampled(self, problem: Problem) -> Iterator[tuple[str, str, TableSignal]]:
         """Yield table of the scenario, path and signal of every power and command that was sampled, not logged when it changed."""
         experiment = problem.experiments[0]
         canonical = experiment.network.flat.names.model.canonical
@@ -115,7 +115,7 @@ class Clocked:
                 path = canonical(channel.target or channel.name)
                 for name in ("loads", "commands"):
                     signal = getattr(experiment.scenario, name).get(path)
-                    if isinstance(signal, Table) and signal.held:
+                    if isinstance(signal, TableSignal) and signal.held:
                         yield name, path, signal
 
     def changes(self, at: tuple[float, float]) -> list[tuple[float, Array]]:

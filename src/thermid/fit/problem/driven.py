@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.errors import RecordError
 from thermid.measure import Channel, Record
-from thermid.model.laws.signal import Constant, Signal, Table, conducted
+from thermid.model.laws.signal import Constant, Signal, TableSignal, conducted
 from thermid.simulation.scenarios.scenario import Scenario
 
 
@@ -50,7 +50,7 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
     """
 
     def moved(given: Any) -> Any:
-        if not isinstance(given, Table) or given.log is None or given.log[0] != record.origin.sha256:
+        if not isinstance(given, TableSignal) or given.log is None or given.log[0] != record.origin.sha256:
             return given
         again = next((step for step in record.steps if step.startswith(("shift_start", "steady point"))), "")
         if again:
@@ -95,4 +95,4 @@ def signal_of(record: Record, name: str, zero: float, held: bool) -> Signal:
     times = np.asarray(table.times) - zero
     if times.size == 1:
         return Constant(float(table.values[0]))
-    return conducted(Table(times, np.asarray(table.values), held and samples != "average"), {"samples": samples}, record.name)
+    return conducted(TableSignal(times, np.asarray(table.values), held and samples != "average"), {"samples": samples}, record.name)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.fit.problem.statistics import Sums, loss_of
 from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.measure.record.join import SecondClock
-from thermid.model.laws.signal import Signal, Table
+from thermid.model.laws.signal import Signal, TableSignal
 
 if TYPE_CHECKING:
     from thermid.fit.problem.blocks import Block
@@ -50,7 +50,7 @@ class Ticks:
         return replace(experiment, scenario=experiment.scenario.with_(**tables), ticks=replace(self, at=at))
 
     def _moved(self, signal: Signal, at: tuple[float, float]) -> Signal:
-        if not isinstance(signal, Table):
+        if not isinstance(signal, TableSignal):
             return signal
 
         def law(times: Array) -> Array:

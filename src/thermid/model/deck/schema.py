@@ -33,7 +33,7 @@ class ValueTable(StrictTable):
 Value: TypeAlias = str | Real | ValueTable
 
 
-class PowerLaw(StrictTable):
+class PowerLawTable(StrictTable):
     """h = coefficient |dT / 1 K|^exponent."""
 
     coefficient: Value
@@ -98,7 +98,7 @@ class SurfaceTable(StrictTable):
     of: str
     to: str
     area: Value
-    htc: Value | PowerLaw | Correlated | None = None
+    htc: Value | PowerLawTable | Correlated | None = None
     effective_htc: Value | None = None
     emissivity: Value | None = None
     finish: str = ""
@@ -225,7 +225,7 @@ def _conductor_table() -> type[BaseModel]:
     """Return the conductor's table with the fields of every kind, so that a new kind needs no line here."""
     names = {slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots}
     fields: dict[str, Any] = {"kind": (Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")], ...), "between": (tuple[str, str], ...)}
-    shaped: dict[str, Any] = {"htc": Value | PowerLaw | Correlated | None, "conductivity": Value | Property | None}
+    shaped: dict[str, Any] = {"htc": Value | PowerLawTable | Correlated | None, "conductivity": Value | Property | None}
     fields |= {name: (shaped.get(name, Value | None), None) for name in sorted(names)}
     return create_model(
         "ConductorTable",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ScenarioError, nearest
-from thermid.model.laws.signal import Constant, Drawn, Mixed, Signal, Sine, Table, multiplied, pulses, signal, together
+from thermid.model.laws.signal import Constant, Drawn, Mixed, Signal, Sine, TableSignal, multiplied, pulses, signal, together
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow, LoadRow
 from thermid.simulation.scenarios.scenario import Scenario
@@ -195,7 +195,9 @@ def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) 
             ratio = _ratios(mine, own, row.name, network.title)
             if ratio is not None:
                 moving = (
-                    Table(schedule.times, ratio[schedule.index], schedule.hold) if schedule.times.size > 1 else Constant(float(ratio[0]))
+                    TableSignal(schedule.times, ratio[schedule.index], schedule.hold)
+                    if schedule.times.size > 1
+                    else Constant(float(ratio[0]))
                 )
                 out[row.name, position, c] = moving
     count = len(base.conductors)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import ScenarioError, nearest
-from thermid.model.laws.signal import Constant, Drawn, Signal, Table, common_cycle, literal, multiplied
-from thermid.model.laws.stores import Store
+from thermid.model.laws.signal import Constant, Drawn, Signal, TableSignal, common_cycle, literal, multiplied
+from thermid.model.laws.stores import HeatStore
 from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
@@ -406,7 +406,7 @@ class Wiring:
         out.signals = {}
         for name, given in self.signals.items():
             # a table of one row keeps its place among the coefficients
-            still = Table(np.zeros(1), np.array([given.mean_over(0.0, span)]))
+            still = TableSignal(np.zeros(1), np.array([given.mean_over(0.0, span)]))
             out.signals[name] = given if isinstance(given, Constant) else still
         return out
 
@@ -429,7 +429,7 @@ def _shown(name: str) -> str:
     return rest if kind in ("boundary", "load", "curve", "sine", "watts") else f"the gas of {rest}" if rest else name
 
 
-def _level(store: Store, kelvin: Number) -> Number:
+def _level(store: HeatStore, kelvin: Number) -> Number:
     """Return the level of a store at an initial temperature, derivatives and members carried along. [K]"""
     many = getattr(kelvin, "values", None)
     if many is not None:
