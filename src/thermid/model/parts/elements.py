@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 from thermid.model.laws.curves import Curve
 from thermid.model.parts.facing import Facing
-from thermid.model.parts.parameter import Parameter
+from thermid.model.parts.parameter import Parameter, parameter
 from thermid.physics.constants import STANDARD_GRAVITY
+from thermid.physics.finishes import finish
 
 Fields = Mapping[str, Parameter]
 
@@ -107,6 +108,12 @@ class Surface:
     def is_effective(self) -> bool:
         """Whether its coefficient holds convection and radiation together."""
         return "effective_htc" in self.fields
+
+
+def finish_emissivity(name: str, where: str) -> Parameter:
+    """Return the emissivity of a finish."""
+    surface = finish(name, where)
+    return parameter({"value": surface.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": surface.basis}, where)
 
 
 @dataclass(frozen=True)
