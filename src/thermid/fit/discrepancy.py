@@ -27,6 +27,7 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Target, Unknown
 from thermid.fit.uncertainty.wander import binned
 from thermid.knowledge.values import FittedValues
+from thermid.model.tree.identity import identity_of
 
 if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
@@ -162,7 +163,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     assert problem is not None
     at = np.array(list(fit.fitted.values()))
     runs = _runs(problem, at)
-    own = [e.model.identity() == fit.model.identity() for e in problem.experiments]
+    own = [identity_of(e.model) == identity_of(fit.model) for e in problem.experiments]
     seen = [found for (_, found), here in zip(runs, own, strict=True) if here]
     conditions = conditions_of(seen)
     decided = _decided(problem, list(fit.values.assignments))

@@ -24,6 +24,7 @@ from thermid.knowledge.standing import worst
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure.amounts import short
 from thermid.model.laws.signal import TableSignal
+from thermid.model.tree.identity import identity_of
 
 if TYPE_CHECKING:
     from thermid.fit.problem.request import Request
@@ -43,7 +44,7 @@ def summarise(request: Request, problem: Problem, found: Fit, known: Responses, 
     provenance: dict[str, Any] = {
         "version": version("thermid"),
         "date": datetime.now(UTC).date().isoformat(),
-        "model": request.model.identity(),
+        "model": identity_of(request.model),
         "records": records,
         "synthetic": any(r.origin.synthetic for r in request.records),
     }

@@ -12,7 +12,7 @@ import numpy as np
 
 from thermid.fit.problem.request import Request
 from thermid.measure import Channel, Record
-from thermid.model.tree.identity import definition_of
+from thermid.model.tree.identity import definition_of, identity_of
 
 
 def _channel_key(c: Channel) -> list[Any]:
@@ -70,7 +70,7 @@ def key_of(request: Request, below: list[str]) -> str:
 def key_for(request: Request) -> str:
     """Return the key of a request; of one made in Python, that of all it says, of values laid over its model, and of earlier fits."""
     below = sorted({s.origin.key for s in request.store.states.values()})
-    return request.key or digest([key_of(request, below), request.model.identity()])
+    return request.key or digest([key_of(request, below), identity_of(request.model)])
 
 
 def _by_hand(request: Request) -> list[str]:

@@ -16,8 +16,7 @@ from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, fini
 from thermid.model.parts.enclosures import enclosure_to
 from thermid.model.parts.facing import facing_to
 from thermid.model.parts.kinds import KINDS
-from thermid.model.parts.parameter import Parameter, parameter
-from thermid.model.parts.standing import UNJUDGED
+from thermid.model.parts.parameter import UNJUDGED, Parameter, parameter
 from thermid.model.tree.tree import Layer, M, Tree, parameter_table
 from thermid.units import unit
 
