@@ -36,7 +36,8 @@ ROOMS = {
     "model": "What the hardware is: parts, decks, areas, laws.",
     "network": "The equations behind a model, and the gas and radiation that they stand in.",
     "simulation": "What is done to the hardware, and what comes out.",
-    "measure": "Logs, their channels and sensors; weather.",
+    "site": "A place on the ground, ascents, orbits, weather, moisture: an optional part.",
+    "measure": "Logs, their channels and sensors.",
     "knowledge": "What is known of values: how far they may be trusted, their uncertainty by source.",
     "fit": "Fits, and the alignment of clocks.",
     "inference": "What logs can tell beyond a fit: identifiability, profiles, valleys, posterior samples.",
@@ -47,7 +48,7 @@ ROOMS = {
     "prediction": "What a model leaves open in a scenario, by source; what it says before a test; coefficients taken apart.",
     "design": "The test to make next.",
     "profiles": "Profiles of environmental tests, by the numbers of the standards.",
-    "profile_runs": "Profiles and ascents run on a model.",
+    "profile_runs": "Profiles run on a model.",
     "steadiness": "Rules of stability, and forecasts of tests that still run.",
     "monte_carlo": "Many runs with all that is not known drawn anew; how long limits are kept.",
     "reduction": "Models made of models: fewer masses, a unit on its host.",
@@ -114,6 +115,7 @@ def commands() -> str:
     ]
     for name, command in group.commands.items():
         context = command.make_context(name, [], resilient_parsing=True)
+        command = context.command  # the summary of the table gives way to the command itself
         usage = context.get_usage().removeprefix("Usage: ")
         rows = [record for record in (one.get_help_record(context) for one in command.params) if record]
         lines = "\n".join(f"| `{words}` | {_clean(meaning)} |" for words, meaning in rows)

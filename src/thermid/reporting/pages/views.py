@@ -1,0 +1,223 @@
+"""What a command says: one JSON object, or text. SI units, temperatures also in Celsius, null where a thing does not exist."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from thermid.physics.constants import ICE_POINT
+
+if TYPE_CHECKING:
+    from thermid.campaign.stages import Campaign
+    from thermid.campaign.swap.retune_plan import RetunePlan
+    from thermid.fit.calibration import Calibration
+    from thermid.fit.problem.residuals import SensorStatistics
+    from thermid.fit.uncertainty.moved import Moves
+    from thermid.judge.verdict import Verdict
+    from thermid.physics.htc import HtcComparison
+    from thermid.simulation.solution import Solution
+
+SCHEMA = 1
+
+
+def clean(value: Any) -> Any:
+    """Return a value that JSON can hold: numbers that are not finite become null."""
+    if isinstance(value, Mapping):
+        return {str(k): clean(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [clean(v) for v in value]
+    if isinstance(value, bool | int | str) or value is None:
+        return value
+    number = float(value)
+    return number if math.isfinite(number) else None
+
+
+def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: list[float]) -> dict[str, Any]:
+    """Return the object of ``thermid simulate --json``.
+
+    Parameters
+    ----------
+    solution : Solution
+    steady : dict or None   Node -> steady temperature, where there is one. [K]
+    at : list               Times asked for. [s]
+    """
+    nodes = {}
+    for name in solution.nodes:
+        trace = solution[name]
+        nodes[name] = {
+            "final_C": trace.final,
+            "max_C": trace.highest,
+            "max_time_s": trace.maximum.time,
+            "min_C": trace.lowest,
+            "min_time_s": trace.minimum.time,
+            "at_C": trace.at(at).tolist() if at else [],
+            "steady_C": None if steady is None else steady[name] - ICE_POINT,
+        }
+    balance = solution.heat_balance()
+    return {
+        "title": solution.title,
+        "scenario": solution.scenario,
+        "nodes": nodes,
+        "time_constants_s": list(solution.time_constants),
+        "heat_balance": {k: getattr(balance, k) for k in ("loads", "boundaries", "stored", "residual", "relative")},
+        "steady_of": getattr(steady, "held", None),
+        "warnings": list(solution.warnings),
+    }
+
+
+def _sensor(s: SensorStatistics) -> dict[str, Any]:
+    return {"rmse_K": s.rmse, "bias_K": s.bias, "mean_K": s.mean, "max_K": abs(s.largest), "n": s.samples}
+
+
+def calibration_object(fit: Calibration) -> dict[str, Any]:
+    """Return the object of one stage."""
+    fitted = {p: v for p, v in fit.values.items() if v.kind in ("parameter", "level")}
+    return {
+        "stage": fit.stage,
+        "free": list(fitted),
+        "values": {p: v.value for p, v in fitted.items()},
+        "errors": {p: v.error_random for p, v in fitted.items()},
+        "errors_total": {p: v.error for p, v in fitted.items()},
+        "units": {p: v.unit for p, v in fitted.items()},
+        "sensors": {n: _sensor(s) for n, s in fit.sensors.items()},
+        "records": {r: {n: _sensor(s) for n, s in sensors.items()} for r, sensors in fit.statistics.items()},
+        "median_rmse_K": {n: fit.median_rmse(n) for n in fit.sensors},
+        "local": [_local(i) for i in fit.local],
+        "moved": _moved(fit.moved),
+        "reduced_chi_square": fit.reduced_chi_square,
+        "synthetic": fit.synthetic,
+        "standing": fit.standing.to_dict(fit.stage),
+        "contradicted": dict(fit.contradicted),
+        "warnings": list(fit.warnings),
+        "inputs": fit.inputs.to_dict(),
+    }
+
+
+def _local(i: Any) -> dict[str, Any]:
+    out = {"record": i.record, "name": i.name, "value": i.value, "error": i.error}
+    return out | ({"value_C": i.value - ICE_POINT} if i.unit == "degC" else {})
+
+
+def _moved(moves: Moves) -> dict[str, Any]:
+    values = {
+        m.path: {
+            "stage": m.stage,
+            "part": m.part,
+            "below": m.below,
+            "alone": m.alone,
+            "here": m.here,
+            "deviations": m.deviations,
+            "chance": m.chance,
+            "detectable": m.detectable,
+            "verdict": m.verdict,
+        }
+        for m in moves.values
+    }
+    groups = [
+        {
+            "name": g.name,
+            "parameters": list(g.paths),
+            "chi_square": g.chi_square,
+            "directions": g.directions,
+            "chance": g.chance,
+            "verdict": g.verdict,
+        }
+        for g in moves.groups
+    ]
+    return {"values": values, "groups": groups}
+
+
+def _verdict(v: Verdict) -> dict[str, Any]:
+    return {
+        "model": v.model,
+        "record": v.record,
+        "title": v.title,
+        "passed": v.passed,
+        "standing": v.standing.to_dict(v.model),
+        "conditional": v.conditional,
+        "unseen": v.unseen,
+        "fitted_locally": list(v.fitted_locally),
+        "sensors": {n: _sensor(s) for n, s in v.statistics.items()},
+        "checks": [
+            {"sensor": c.sensor, "criterion": c.criterion, "found_K": c.found, "limit_K": c.limit, "passed": c.passed} for c in v.checks
+        ],
+    }
+
+
+def campaign_standing(campaign: Campaign) -> dict[str, Any]:
+    """Return the standing of a campaign as JSON holds it."""
+    return {**campaign.standing.to_dict(), "because": campaign.standing.reason(link="stage")}
+
+
+def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
+    """Return the object of ``thermid calibrate --json``."""
+    return {
+        "title": campaign.title,
+        "standing": campaign_standing(campaign),
+        "stages": [calibration_object(fit) for fit in campaign.stages.values()],
+        **({"joint": calibration_object(campaign.joint)} if campaign.joint is not None else {}),
+        "verdicts": [_verdict(v) for v in campaign.verdicts],
+        "passed": campaign.passed,
+        "values_files": values,
+    }
+
+
+def retune_object(plan: RetunePlan) -> dict[str, Any]:
+    """Return the plan of a replacement."""
+    return {
+        "part": plan.part,
+        "old": plan.old,
+        "new": plan.new,
+        "assumes": list(plan.assumes),
+        "dropped": [{"path": d.path, "text": d.text, "origin": d.origin, "why": d.why} for d in plan.replacement.dropped],
+        "kept": list(plan.replacement.kept),
+        "untied": list(plan.replacement.untied),
+        "starts": [
+            {"path": x.path, "text": x.text, "log_sd": x.log_sd, "origin": x.origin, "twins": list(x.twins)}
+            for x in plan.replacement.starts
+        ],
+        "freed": list(plan.freed),
+        "touched": [
+            {"stage": t.stage, "path": t.path, "through": list(t.through), "kelvin": t.kelvin, "held": t.held} for t in plan.touched
+        ],
+        "stages": [
+            {
+                "name": s.name,
+                "of": s.of,
+                "action": s.action,
+                "why": s.why,
+                "free": list(s.free),
+                "records": list(s.records),
+                "before": s.identity[0],
+                "after": s.identity[1],
+            }
+            for s in plan.stages
+        ],
+        "tests": list(plan.tests),
+        "kept_tests": list(plan.kept_tests),
+        "neighbours": {n: {"exposed_before": a, "exposed_after": b, "change": dt} for n, (a, b, dt) in plan.neighbours.items()},
+        "watts": list(plan.watts),
+        "logged": plan.logged,
+        "before": dict(plan.before),
+        "as_logged": dict(plan.as_logged),
+        "after": dict(plan.after),
+    }
+
+
+def comparison_object(comparison: HtcComparison) -> dict[str, Any]:
+    """Return the object of ``thermid htc --json``."""
+    settling = comparison.settling
+    return {
+        "effective": comparison.effective,
+        "error": comparison.error,
+        "error_drift": comparison.error_drift,
+        "theoretical": comparison.theoretical,
+        "correlations": [{"name": c.name, "htc": c.htc, "rayleigh": c.rayleigh} for c in comparison.correlations],
+        "radiation": comparison.radiation,
+        "biot": {n: list(b) for n, b in comparison.biot.items()},
+        "settling": None
+        if settling is None
+        else {"from_mass_s": settling.from_mass, "from_data_s": list(settling.from_data), "differs": settling.differs},
+        "remarks": list(comparison.remarks),
+    }
