@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thermid.dual import Number
 from thermid.errors import ScenarioError
 from thermid.memo import Memo
-from thermid.model.laws.signal import Constant, Signal, Table
+from thermid.model.laws.signal import Constant, Signal, TableSignal
 from thermid.model.parts.elements import MadeIn
 from thermid.model.parts.kinds import Law
 from thermid.model.tree.flat import FlatConductor
@@ -63,7 +63,7 @@ class Media:
                 out |= {f"wind {gas} {k}": w for k, w in enumerate(shares(*self._stream(gas, p, environment)))}
             if isinstance(p, Constant):
                 continue
-            if isinstance(p, Table) and self._jumps(p):
+            if isinstance(p, TableSignal) and self._jumps(p):
                 out[f"gas {gas}"] = p.mapped(_present)
                 out[f"no gas {gas}"] = p.mapped(lambda level: 1.0 - _present(level))
             natural = sampled(p, self.seconds).mapped(environment.natural)
@@ -99,7 +99,7 @@ class Media:
 
     def _jumps(self, p: Signal) -> bool:
         """Return whether a pressure only jumps between that of the ground and vacuum."""
-        if not (isinstance(p, Table) and p.held):
+        if not (isinstance(p, TableSignal) and p.held):
             return False
         levels = p.levels
         air = (levels >= AIR_RANGE[0]) & (levels <= AIR_RANGE[1])
@@ -137,10 +137,10 @@ class Media:
             return replace(base, wind=wind.value)
         return replace(base, levels=tuple(self._stream(key, p, environment)[1].tolist()), gust=f"wind {key}")
 
-    def _stream(self, key: str, pressure: Signal, environment: Environment) -> tuple[Table, Array]:
+    def _stream(self, key: str, pressure: Signal, environment: Environment) -> tuple[TableSignal, Array]:
         """Return the wind of a gas in time, thinned as its gas is, and the levels between which it is interpolated. [m/s]"""
 
-        def made() -> tuple[Table, Array]:
+        def made() -> tuple[TableSignal, Array]:
             given = stream(environment.wind, pressure, self.seconds)
             return given, levels_of(given)
 

@@ -13,7 +13,7 @@ from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ThermidError
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
-from thermid.model.laws.stores import Store
+from thermid.model.laws.stores import HeatStore
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten, into_gas, radiates_into, unclosed
 from thermid.model.tree.tree import Tree
@@ -73,7 +73,7 @@ class Network:
     boundaries: tuple[str, ...]
     media: Media
     prescribed: tuple[str, ...] = ()
-    stores: Mapping[str, Store] = field(default_factory=dict)
+    stores: Mapping[str, HeatStore] = field(default_factory=dict)
     traced: frozenset[str] = frozenset()
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
