@@ -36,7 +36,7 @@ class Material:
 
 
 @dataclass(frozen=True)
-class Finish:
+class Emissivity:
     """Total emissivity of one surface finish near 300 K.
 
     Parameters
@@ -74,17 +74,21 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
 )
 """Materials by name."""
 
-FINISHES: Mapping[str, Finish] = MappingProxyType(
+FINISHES: Mapping[str, Emissivity] = MappingProxyType(
     {
-        "aluminium, polished": Finish(0.04, 0.04, 0.08, f"{_INCROPERA}, Table A.11; {_FORTESCUE}"),
-        "aluminium, as rolled": Finish(0.09, 0.06, 0.09, f"handbook: {_FLIR}, sheet as received and rough surface"),
-        "aluminium, anodised": Finish(0.82, 0.55, 0.95, f"{_INCROPERA}, Table A.11; {_FLIR}, sheet (0.55) and black, dull (0.95)"),
-        "stainless steel, cleaned": Finish(0.22, 0.17, 0.33, f"{_INCROPERA}, Table A.11, polished to lightly oxidised"),
-        "copper, polished": Finish(0.03, 0.02, 0.07, f"{_INCROPERA}, Table A.11; {_FLIR}, up to burnished"),
-        "copper, oxidised": Finish(0.78, 0.6, 0.88, f"handbook: {_FLIR}"),
-        "gold": Finish(0.03, 0.02, 0.04, f"{_INCROPERA}, Table A.11; {_FORTESCUE}"),
-        "black paint": Finish(0.90, 0.85, 0.98, f"handbook: {_FORTESCUE}, polyurethane and epoxy; Incropera, 6th ed., Table A.11, Parsons"),
-        "white paint": Finish(0.90, 0.83, 0.92, f"{_INCROPERA}, Table A.11, acrylic and zinc oxide; {_FORTESCUE}, silicone and silicate"),
+        "aluminium, polished": Emissivity(0.04, 0.04, 0.08, f"{_INCROPERA}, Table A.11; {_FORTESCUE}"),
+        "aluminium, as rolled": Emissivity(0.09, 0.06, 0.09, f"handbook: {_FLIR}, sheet as received and rough surface"),
+        "aluminium, anodised": Emissivity(0.82, 0.55, 0.95, f"{_INCROPERA}, Table A.11; {_FLIR}, sheet (0.55) and black, dull (0.95)"),
+        "stainless steel, cleaned": Emissivity(0.22, 0.17, 0.33, f"{_INCROPERA}, Table A.11, polished to lightly oxidised"),
+        "copper, polished": Emissivity(0.03, 0.02, 0.07, f"{_INCROPERA}, Table A.11; {_FLIR}, up to burnished"),
+        "copper, oxidised": Emissivity(0.78, 0.6, 0.88, f"handbook: {_FLIR}"),
+        "gold": Emissivity(0.03, 0.02, 0.04, f"{_INCROPERA}, Table A.11; {_FORTESCUE}"),
+        "black paint": Emissivity(
+            0.90, 0.85, 0.98, f"handbook: {_FORTESCUE}, polyurethane and epoxy; Incropera, 6th ed., Table A.11, Parsons"
+        ),
+        "white paint": Emissivity(
+            0.90, 0.83, 0.92, f"{_INCROPERA}, Table A.11, acrylic and zinc oxide; {_FORTESCUE}, silicone and silicate"
+        ),
     }
 )
 """Finishes by name."""
@@ -108,7 +112,7 @@ def material(name: str) -> Material:
     return MATERIALS[name]
 
 
-def finish(name: str) -> Finish:
+def finish(name: str) -> Emissivity:
     """Emissivity of the surface finish of that name, with its range.
 
     Raises

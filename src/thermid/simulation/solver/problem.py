@@ -14,8 +14,7 @@ from thermid import _kernel
 from thermid.dual import value_of
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, Table
-from thermid.network.eliminate import held_in
-from thermid.network.network import Network, Numbers
+from thermid.network.network import Network, Numbers, held_in
 from thermid.network.rows import CONTROLS, LOADS, KernelLaw, curve_arrays, tables_behind
 from thermid.simulation.solver.extremes import Turnings
 from thermid.simulation.solver.traces import Traces

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.dual import gradient_of, value_of
 from thermid.memo import Memo
 from thermid.model.laws.curves import evaluate, value_and_slope
-from thermid.network.eliminate import held_in
+from thermid.network.network import held_in
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
 Array = NDArray[np.float64]

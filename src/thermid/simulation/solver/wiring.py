@@ -27,8 +27,7 @@ from thermid.model.laws.signal import (
     together,
 )
 from thermid.model.laws.stores import Store
-from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
-from thermid.network.network import Network, Numbers
+from thermid.network.network import Network, Numbers, Reduced, eliminable, reduce_network, with_stores
 from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
 from thermid.simulation.scenarios.scenario import PERIODIC, STEADY, Scenario, Start
