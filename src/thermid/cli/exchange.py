@@ -34,7 +34,8 @@ from thermid.interop.initfcn import read_initfcn
 from thermid.interop.octave import to_octave
 from thermid.interop.spice import to_spice
 from thermid.knowledge.standing import of_model
-from thermid.model.deck.modelfile import load_model, model_from_dict, save_model
+from thermid.model.deck.modelfile import load_model, model_from_dict
+from thermid.model.deck.save import save_model
 
 To = Annotated[Path | None, typer.Option("--to", help="The file to write; standard output without it.")]
 

@@ -21,8 +21,7 @@ from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Mixed, Signal, Sine, Table
 from thermid.model.parts.elements import MadeIn
 from thermid.model.parts.kinds import ACCOMMODATION, Law
-from thermid.model.tree.flat import Flat, FlatConductor
-from thermid.model.tree.surroundings import bare, gas_nodes, still, surrounding
+from thermid.model.tree.flat import Flat, FlatConductor, bare, gas_nodes, still, surrounding
 from thermid.network.environment import GROUND, Environment
 from thermid.network.irradiation import Irradiation, Sky
 from thermid.network.rows import ANCHOR, ConductorRow

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, ScenarioError, SolverError, nearest
 from thermid.memo import Memo
-from thermid.model.blocks.block import FACES, Block, Exchange
-from thermid.model.blocks.block_cells import exchange_cells, links
+from thermid.model.blocks.block import FACES, Block, Exchange, exchange_cells, links
 from thermid.model.laws.signal import Constant, Drawn, literal, multiplied
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation.scenarios.scenario import STEADY, Scenario, Start

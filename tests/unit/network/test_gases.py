@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from thermid.errors import DeckError, ScenarioError
 from thermid.model.laws.signal import Constant, Table
-from thermid.model.tree.written import to_dict
+from thermid.model.tree.identity import to_dict
 from thermid.network.medium import sampled, vented
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import GASES, free_molecular_htc, gap_htc, half_pressure, knudsen_number
