@@ -20,14 +20,12 @@ from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.network.medium import gas_remarks
 from thermid.network.network import Network, compile_network, unreached
-from thermid.simulation.ensemble import Ensemble
-from thermid.simulation.members import run_members
+from thermid.simulation.ensemble import Ensemble, run_members
 from thermid.simulation.scenarios.scenario import STEADY, Scenario, sampled_logs
 from thermid.simulation.solution import Run, Solution
 from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.problem import Options
+from thermid.simulation.solver.problem import Options, Traces
 from thermid.simulation.solver.settling import settle
-from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Wiring
 from thermid.units import TEMPERATURE
 

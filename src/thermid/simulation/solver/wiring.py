@@ -280,7 +280,7 @@ def _same_course(one: Signal, other: Signal) -> bool:
 
 
 class PlacedConductor(NamedTuple):
-    """A conductor of the kernel: its row without numbers, the places of its ends among nodes and boundaries, and of its coefficients."""
+    """A conductor of the kernel: its row, whose numbers are those of the first values, the places of its ends among nodes and boundaries, and of its coefficients."""
 
     row: ConductorRow
     a: int
@@ -289,7 +289,7 @@ class PlacedConductor(NamedTuple):
 
 
 class PlacedLoad(NamedTuple):
-    """A load of the kernel: its row without numbers, the place of its node, those of its law's coefficients, and its control or -1."""
+    """A load of the kernel: its row, as of a conductor, the place of its node, those of its law's coefficients, and its control or -1."""
 
     row: LoadRow
     node: int
@@ -583,7 +583,7 @@ class Wiring:
             if row.ends[0] == row.ends[1]:
                 continue  # two needs of a part may be bound to one node; no heat flows from a node to itself
             places = [make.add(number, self._conductor_signal(row, position, c)) for c, number in enumerate(row.coefficients)]
-            out.append(PlacedConductor(replace(row, coefficients=()), index[row.ends[0]], index[row.ends[1]], places))
+            out.append(PlacedConductor(row, index[row.ends[0]], index[row.ends[1]], places))
         return tuple(out)
 
     def _conductor_signal(self, row: ConductorRow, position: int, c: int) -> str:
@@ -637,7 +637,7 @@ class Wiring:
                 continue  # heat into a given temperature changes nothing
             places = [make.add(number, signal) for number, signal in self._load_coefficients(row, position, numbers, given)]
             control = controls.index(row.name) if row.control else -1
-            out.append(PlacedLoad(replace(row, coefficients=()), index[row.node], places, control))
+            out.append(PlacedLoad(row, index[row.node], places, control))
         return tuple(out)
 
     def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, given: Mapping[str, Number]) -> list[tuple[Number, str]]:
