@@ -280,7 +280,10 @@ def _same_course(one: Signal, other: Signal) -> bool:
 
 
 class PlacedConductor(NamedTuple):
-    """A conductor of the kernel: its row, whose numbers are those of the first values, the places of its ends among nodes and boundaries, and of its coefficients."""
+    """A conductor of the kernel: its row, and the places of its ends among nodes and boundaries and of its coefficients.
+
+    The numbers in the row are those of the values that it was laid out at.
+    """
 
     row: ConductorRow
     a: int
