@@ -11,9 +11,7 @@ from thermid.campaign.hand import hand_values
 from thermid.campaign.steady_points import steady_points
 from thermid.errors import DeckError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.keys import digest, ingredients_of
-from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.selection import freed, priors_of
+from thermid.fit.problem.request import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of
 from thermid.knowledge.graft import graft
 from thermid.knowledge.store import Store
 from thermid.measure import Record

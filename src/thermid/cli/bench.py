@@ -21,20 +21,18 @@ from thermid.acquire.boardport import BoardPort
 from thermid.acquire.demo import simulated
 from thermid.acquire.guide import ice_point as guided_ice_point
 from thermid.acquire.guide import tell_apart
-from thermid.acquire.logger import Logger
+from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.port import check_port, find_port
 from thermid.acquire.programme import load_programme
 from thermid.acquire.sensormap import load_sensors
-from thermid.acquire.settings import Settings
 from thermid.errors import RecordError
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.channel import Channel
 from thermid.measure.record.record import Record
 from thermid.measure.record.sensor import ICE
-from thermid.measure.record.stability import SHORTEST, StabilityRule, channel_stability, rule_of
+from thermid.measure.record.steadiness import SHORTEST, StabilityRule, channel_stability, rule_of
 from thermid.physics.constants import ICE_POINT
-from thermid.steadiness.forecast import FEWEST, forecast
-from thermid.steadiness.foretold import Forecast
+from thermid.steadiness.forecast import FEWEST, Forecast, forecast
 from thermid.units import TEMPERATURE
 
 _SHARE = 0.1

@@ -14,14 +14,13 @@ from thermid.files import PICTURE, write_text
 from thermid.measure.amounts import amount
 from thermid.measure.readers.log_reader import read_record, temperature_columns
 from thermid.measure.record.record import Record
-from thermid.measure.record.stability import rule_of
+from thermid.measure.record.steadiness import rule_of
 from thermid.model.deck.modelfile import load_model
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.pictures import look as picture
 from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.transient import simulate
-from thermid.steadiness.forecast import forecast
-from thermid.steadiness.foretold import Forecast
+from thermid.steadiness.forecast import Forecast, forecast
 from thermid.steadiness.stabilisation import stability
 
 

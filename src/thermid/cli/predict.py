@@ -16,7 +16,7 @@ from thermid.cli.inputs import moments
 from thermid.cli.options import Accept, CampaignPath, Data, Force, Json, Moments, Results, ScenarioPath, Vacuum, leave, say, writable
 from thermid.errors import ScenarioError, SolverError
 from thermid.files import PICTURE, TABLE
-from thermid.monte_carlo.holdfile import load_hold
+from thermid.monte_carlo.hold import load_hold
 from thermid.prediction import predict as prediction
 from thermid.reporting.pictures.trust import check_ending, picture
 from thermid.simulation.scenario_file import load_scenario

@@ -23,7 +23,7 @@ from thermid.qualify.predictions import pre_test
 from thermid.qualify.programme import run_plan
 from thermid.reporting.pages.views import clean
 from thermid.reporting.qualification.page import correlation_report, qualification_report
-from thermid.sourced.marks import weigh
+from thermid.sourced import weigh
 from thermid.units import counted
 
 PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]

@@ -18,6 +18,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
+from thermid.linear_algebra import variance
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.prediction.before import WITHOUT_GAS, Before, before_fit, before_model, unknown_of
@@ -135,13 +136,7 @@ def _goal(text: str, slot: str, value: float) -> float:
 
 def _error(information: Array, gradient: Array) -> float:
     """Return the standard error of a target."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    sizes, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    part = vectors.T @ (gradient / scale)
-    weak = sizes < 1e-11 * sizes[-1]
-    if (np.abs(part[weak]) > 1e-6 * np.linalg.norm(part)).any():
-        return float("inf")
-    return float(np.sqrt(np.sum(part[~weak] ** 2 / sizes[~weak])))
+    return float(np.sqrt(variance(information, gradient)))
 
 
 def _option(known: Before, action: Action, sensors: Sequence[Sensor], every: str | float, gradient: Array, goal: float) -> Option:

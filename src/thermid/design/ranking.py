@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.fit.uncertainty.grouping import percent
+from thermid.fit.uncertainty.groups import percent
 from thermid.measure.amounts import duration_text, short
 
 Array = NDArray[np.float64]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import DeckError
 from thermid.knowledge.store import State, Store
+from thermid.linear_algebra import symmetric_inverse
 from thermid.model.tree.identity import depth
 from thermid.model.tree.model import Model
 
@@ -87,7 +88,7 @@ def _combined(states: Sequence[State], rows: Array) -> tuple[State, Array]:
         return states[0], rows[0]
     order = sorted(range(len(states)), key=lambda k: states[k].origin.stage)
     states, rows = [states[k] for k in order], rows[order]
-    scores = np.linalg.pinv(rows @ rows.T, hermitian=True).sum(axis=0)
+    scores = symmetric_inverse(rows @ rows.T).sum(axis=0)
     shares = scores / scores.sum() if scores.sum() > 0 else np.full(len(states), 1.0 / len(states))
     fitted = float(shares @ [s.fitted for s in states])
     history = tuple(dict.fromkeys(o for s in states for o in (*s.history, s.origin)))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError
-from thermid.fit.problem.residuals import Block
+from thermid.fit.problem.residuals import SensorTrace
 from thermid.model.laws.signal import literal
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class PowerHistory:
     resolution: float
     prior: str
     values: Mapping[str, tuple[float, float, str]]
-    blocks: Sequence[Block]
+    blocks: Sequence[SensorTrace]
     model: Model = field(repr=False)
     scenario: Scenario = field(repr=False)
     warnings: tuple[str, ...] = ()

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
-from thermid.fit.coefficients import Conditions
-from thermid.fit.discrepancy import misfit_kept
+from thermid.fit.discrepancy import OperatingPoint, misfit_kept
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
 from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.knowledge.values import FittedValues
@@ -89,7 +88,7 @@ class Budget:
     targets: tuple[Target, ...]
     gain: Array
     modes: tuple[Mode, ...] = ()
-    conditions: Mapping[str, Conditions] = field(default_factory=dict)
+    conditions: Mapping[str, OperatingPoint] = field(default_factory=dict)
     omitted: tuple[LeftOut, ...] = ()
     remarks: tuple[str, ...] = ()
     standing: Standing = UNJUDGED

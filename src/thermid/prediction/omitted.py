@@ -10,8 +10,7 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.errors import SolverError
-from thermid.fit.coefficients import coefficient_path, constant_coefficients
-from thermid.fit.discrepancy import kept_in, misfit_kept
+from thermid.fit.discrepancy import coefficient_path, constant_coefficients, kept_in, misfit_kept
 from thermid.knowledge.sources import LeftOut
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet, parameter_table

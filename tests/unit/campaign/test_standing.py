@@ -18,7 +18,7 @@ from thermid.campaign.file import read_campaign
 from thermid.campaign.stages import Campaign, run_stages
 from thermid.campaign.staging import request_of
 from thermid.errors import DeckError
-from thermid.fit.standings import rests_on
+from thermid.fit.calibrate import rests_on
 from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing, State, of_model, worst
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.deck.modelfile import load_model

@@ -12,7 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.campaign.stages import Campaign
 from thermid.errors import NameNotFoundError, nearest
 from thermid.files import STUDY, write_text
-from thermid.fit.problem.residuals import Block
+from thermid.fit.problem.residuals import SensorTrace
 from thermid.judge.metrics import Residuals, metric
 from thermid.model.tree.boxes import node_boxes, part_boxes
 from thermid.model.tree.model import Model
@@ -244,5 +244,5 @@ def _passed(name: str, component: Component, solution: Solution, node: str) -> l
     return out
 
 
-def _step(action: str, stage: str, block: Block, held_out: bool = False) -> Step:
+def _step(action: str, stage: str, block: SensorTrace, held_out: bool = False) -> Step:
     return Step(action, stage, block.record, block.sensor, Residuals.of(block.times, block.residuals), held_out)

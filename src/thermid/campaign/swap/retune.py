@@ -16,8 +16,7 @@ from thermid.campaign.swap.placing import known_below, placed
 from thermid.errors import MissingDataError, ThermidError
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.keys import key_of
-from thermid.fit.problem.request import Request
+from thermid.fit.problem.request import Request, key_of
 from thermid.knowledge.values import view
 from thermid.model.tree.identity import definition_of, inside, instances
 from thermid.model.tree.model import Model

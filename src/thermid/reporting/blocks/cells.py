@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from thermid.sourced.marks import MARKS
+from thermid.sourced import MARKS
 
 DASH = "\u2013"
 _POWER = re.compile(r"(?<![\w.])(-?)(\d+(?:\.\d+)?)e([+-]\d+)(?![\w])(?!\.\w)")

@@ -18,7 +18,7 @@ from thermid.errors import ThermidError
 from thermid.explain.balance import energy_balance
 from thermid.explain.criticism import criticise
 from thermid.fit.calibration import Calibration
-from thermid.fit.uncertainty.moves import MOVED, NOT_REJECTED, UNDECIDED, Group, Move
+from thermid.fit.uncertainty.moved import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
 from thermid.inference.identifiability import identifiability
 from thermid.model.tree.names import Names
 from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, significant
@@ -32,7 +32,7 @@ from thermid.reporting.pictures.figures import Dots
 from thermid.units import unit
 
 if TYPE_CHECKING:
-    from thermid.fit.problem.residuals import Block
+    from thermid.fit.problem.residuals import SensorTrace
     from thermid.model.tree.model import Model
     from thermid.simulation.solution import Solution
 
@@ -45,7 +45,7 @@ FEW = 4
 class TracePart:
     """One trace that is drawn, what marks it (best, median or worst), and the model where several stand together."""
 
-    block: Block
+    block: SensorTrace
     mark: str
     model: str
     drawn: Graphic
@@ -178,7 +178,7 @@ def _stage(key: str, c: Calibration, campaign: Campaign) -> StagePart:
     return StagePart(key, c.stage, c.model, facts, c.warnings, picture, _traces(c.blocks, f"{key}-trace"), shown, trust(campaign, c))
 
 
-def _traces(blocks: Sequence[Block], key: str, models: Mapping[int, str] | None = None) -> TraceGroup:
+def _traces(blocks: Sequence[SensorTrace], key: str, models: Mapping[int, str] | None = None) -> TraceGroup:
     """Return the traces to draw; `models` names the model of each block by its identity."""
     chosen = figures.choose(blocks)
     text = f"All {len(blocks)} traces." if len(blocks) > 1 else ""
@@ -292,7 +292,7 @@ def _line(m: Move) -> Line:
     ]  # fmt: skip
 
 
-def _group(g: Group) -> Line:
+def _group(g: MovedGroup) -> Line:
     what = Cell(g.name, ", ".join(g.paths), "main")
     square = f"χ² {number(g.chi_square, 3)} of {g.directions}" if g.directions else DASH
     return [what, "", "", "", "", "", square, number(g.chance, 2), "", _result(g.verdict)]

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from thermid.campaign.stages import Campaign
     from thermid.campaign.swap.retune_plan import RetunePlan
     from thermid.fit.calibration import Calibration
-    from thermid.fit.problem.statistics import SensorStatistics
-    from thermid.fit.uncertainty.moves import Moves
+    from thermid.fit.problem.residuals import SensorStatistics
+    from thermid.fit.uncertainty.moved import Moves
     from thermid.judge.verdict import Verdict
     from thermid.knowledge.values import FittedValue
     from thermid.physics.htc import HtcComparison

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.fit.problem.residuals import Block
+from thermid.fit.problem.residuals import SensorTrace
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.sections import Graphic, LegendEntry
 from thermid.reporting.pictures.chart import Area, Panel, Stroke, chart, nice_ticks, number_text
@@ -68,7 +68,7 @@ def time_unit(duration: float) -> tuple[float, str]:
     return (1.0, "s") if duration <= 300 else (60.0, "min") if duration <= 3 * 3600 else (3600.0, "h")
 
 
-def choose(blocks: Sequence[Block], most: int = MOST_TRACES) -> list[tuple[Block, str]]:
+def choose(blocks: Sequence[SensorTrace], most: int = MOST_TRACES) -> list[tuple[SensorTrace, str]]:
     """Return the traces to draw with what marks them: all when there are few, else best, median and worst of each sensor and some between.
 
     Parameters
@@ -131,7 +131,7 @@ def compared(
     return Graphic(markup, tuple(entries), points)
 
 
-def trace(block: Block, key: str, label: str) -> Graphic:
+def trace(block: SensorTrace, key: str, label: str) -> Graphic:
     """Return measured against simulated readings of one sensor in one record, with the residuals below.
 
     Parameters

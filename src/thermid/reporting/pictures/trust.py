@@ -19,8 +19,7 @@ from thermid.explain.whiteness import cumulated_periodogram
 from thermid.files import PICTURE, write_bytes
 from thermid.inference.profile import Profile
 from thermid.inference.valley import Valley
-from thermid.monte_carlo.hold import Hold, HoldPoint, driven_by
-from thermid.monte_carlo.hold_times import clock
+from thermid.monte_carlo.hold import Hold, HoldPoint, clock, driven_by
 from thermid.physics.constants import ICE_POINT
 from thermid.profile_runs.profile_run import Phase, ProfileRun
 from thermid.reporting.blocks.extras import extra
