@@ -19,7 +19,7 @@ from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values_file import load_store, read_values
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet, deck_text
+from thermid.model.tree.tree import ParameterSet, deck_text
 from thermid.units import TEMPERATURE
 
 UNIT = Uniform(-math.sqrt(3.0), math.sqrt(3.0))

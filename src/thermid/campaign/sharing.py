@@ -11,7 +11,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
 from thermid.model.tree.identity import definition_of, instances
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 
 if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource

@@ -23,7 +23,7 @@ from thermid.judge.criteria import Criteria
 from thermid.judge.verdict import Verdict, look, not_judged, validate
 from thermid.knowledge.standing import Standing, worst
 from thermid.model.laws.signal import literal
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.tree import parameter_table
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import VerdictTable
@@ -78,7 +78,7 @@ class Campaign:
         """Return part -> stage -> value of every parameter of a name, parts down, levels across: the document's Table 2. [SI]"""
         out: dict[str, dict[str, float]] = {}
         for stage, calibration in self.stages.items():
-            from thermid.model.tree.resolve import ParameterSet
+            from thermid.model.tree.tree import ParameterSet
 
             values = ParameterSet(calibration.fitted_model).evaluate({})
             for path in parameter_table(calibration.fitted_model):

@@ -8,7 +8,7 @@ from thermid.model.parts.standing import Standing as Standing
 from thermid.model.parts.standing import State as State
 from thermid.model.parts.standing import worst as worst
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.tree import parameter_table
 
 
 def of_model(model: Model) -> Standing:

@@ -13,7 +13,7 @@ from thermid.errors import SolverError
 from thermid.fit.discrepancy import coefficient_path, constant_coefficients, kept_in, misfit_kept
 from thermid.knowledge.sources import LeftOut
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet, parameter_table
+from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.network.network import compile_network
 from thermid.prediction.split import split_needed
 from thermid.simulation.scenarios.scenario import Scenario

@@ -8,7 +8,7 @@ from typing import Any
 
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.tree import parameter_table
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare
 

@@ -15,7 +15,7 @@ from thermid.knowledge.store import Origin, State, Store
 from thermid.model.tree.identity import inside
 from thermid.model.tree.model import Model
 from thermid.model.tree.replacement import Replacement, Start
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 
 STEP = 1e-4
 """Relative change by which the response of a joint to the number behind it is found."""

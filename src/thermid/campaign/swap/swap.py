@@ -19,9 +19,8 @@ from thermid.model.laws.signal import Constant
 from thermid.model.parts.parameter import exact
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.model import Model
-from thermid.model.tree.replacement import Start
-from thermid.model.tree.resolve import ParameterSet
-from thermid.model.tree.touching import touching
+from thermid.model.tree.replacement import Start, touching
+from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:

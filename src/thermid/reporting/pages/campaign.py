@@ -20,7 +20,7 @@ from thermid.explain.criticism import criticise
 from thermid.fit.calibration import Calibration
 from thermid.fit.uncertainty.moved import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
 from thermid.inference.identifiability import identifiability
-from thermid.model.tree.names import Names
+from thermid.model.tree.tree import Names
 from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, significant
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.blocks.sections import Graphic
