@@ -19,7 +19,7 @@ from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError, ThermidError
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
-from thermid.model.laws.stores import Store
+from thermid.model.laws.stores import HeatStore
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten, into_gas, radiates_into, unclosed
 from thermid.model.tree.tree import Tree
@@ -78,7 +78,7 @@ class Network:
     boundaries: tuple[str, ...]
     media: Media
     prescribed: tuple[str, ...] = ()
-    stores: Mapping[str, Store] = field(default_factory=dict)
+    stores: Mapping[str, HeatStore] = field(default_factory=dict)
     traced: frozenset[str] = frozenset()
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
@@ -319,7 +319,7 @@ class Reduced:
     capacitances: Mapping[str, Number | None]
     conductors: tuple[ConductorRow, ...]
     recover: tuple[tuple[str, Mapping[str, Number]], ...]
-    stored: Mapping[str, tuple[str, Store]] = field(default_factory=dict)
+    stored: Mapping[str, tuple[str, HeatStore]] = field(default_factory=dict)
 
     def states(self, temperatures: Mapping[str, Any]) -> list[Any]:
         """Return what the kernel solves for, in the order of `nodes`, from temperatures of all nodes. [K]"""
@@ -336,7 +336,7 @@ def held_in(node: str) -> str:
     return f"{node} enthalpy"
 
 
-def with_stores(reduced: Reduced, stores: Mapping[str, Store]) -> Reduced:
+def with_stores(reduced: Reduced, stores: Mapping[str, HeatStore]) -> Reduced:
     """Return a network in which nodes whose specific heat changes hold their heat in a node of constant capacitance beside them."""
     if not stores:
         return reduced

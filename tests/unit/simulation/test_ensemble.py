@@ -14,7 +14,7 @@ import thermid as td
 from thermid import _kernel
 from thermid.errors import NameNotFoundError, ScenarioError, UnitError
 from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.simulation.ensemble import assemble_members
 
 TIGHT = td.Options(tolerance=1e-9, relative=1e-10, input_tolerance=5e-8)
@@ -47,7 +47,7 @@ _GRID = np.arange(0.0, 5401.0)
 _NOISE = np.random.default_rng(3).standard_normal(_GRID.size)
 ROOM = td.Scenario(
     "room",
-    boundaries={"room": Table(_GRID, np.round((295.0 + np.sin(_GRID / 900.0) + 0.05 * _NOISE) * 16) / 16)},
+    boundaries={"room": TableSignal(_GRID, np.round((295.0 + np.sin(_GRID / 900.0) + 0.05 * _NOISE) * 16) / 16)},
     start=295.0,
     duration="1.5 [h]",
 )

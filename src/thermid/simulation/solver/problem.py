@@ -14,7 +14,7 @@ from thermid import _kernel
 from thermid.dual import gradient_of, value_of
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve, evaluate, value_and_slope
-from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, Table
+from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, TableSignal
 from thermid.network.network import Network, Numbers, held_in
 from thermid.network.rows import CONTROLS, LOADS, KernelLaw, curve_arrays, tables_behind
 from thermid.simulation.solver.extremes import Turnings
@@ -164,7 +164,7 @@ MAY_HAVE_LEFT: Final = ' A table that is refused outside its points may have bee
 
 def break_times(signals: Iterable[Signal], end: float) -> Array:
     """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
-    jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, Table) and s.hold]
+    jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, TableSignal) and s.hold]
     times = np.unique(np.concatenate(jumps)) if jumps else np.zeros(0)
     times = times[(times > 0) & (times < end)]
     return times if times.size <= 5000 else np.zeros(0)

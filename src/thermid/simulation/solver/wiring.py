@@ -18,7 +18,7 @@ from thermid.model.laws.signal import (
     Mixed,
     Signal,
     Sine,
-    Table,
+    TableSignal,
     common_cycle,
     literal,
     multiplied,
@@ -26,7 +26,7 @@ from thermid.model.laws.signal import (
     signal,
     together,
 )
-from thermid.model.laws.stores import Store
+from thermid.model.laws.stores import HeatStore
 from thermid.network.network import Network, Numbers, Reduced, eliminable, reduce_network, with_stores
 from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
@@ -216,7 +216,9 @@ def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) 
             ratio = _ratios(mine, own, row.name, network.title)
             if ratio is not None:
                 moving = (
-                    Table(schedule.times, ratio[schedule.index], schedule.hold) if schedule.times.size > 1 else Constant(float(ratio[0]))
+                    TableSignal(schedule.times, ratio[schedule.index], schedule.hold)
+                    if schedule.times.size > 1
+                    else Constant(float(ratio[0]))
                 )
                 out[row.name, position, c] = moving
     count = len(base.conductors)
@@ -706,7 +708,7 @@ class Wiring:
         out.signals = {}
         for name, given in self.signals.items():
             # a table of one row keeps its place among the coefficients
-            still = Table(np.zeros(1), np.array([given.mean_over(0.0, span)]))
+            still = TableSignal(np.zeros(1), np.array([given.mean_over(0.0, span)]))
             out.signals[name] = given if isinstance(given, Constant) else still
         return out
 
@@ -741,7 +743,7 @@ def _shown(name: str) -> str:
     return rest if kind in ("boundary", "load", "curve", "sine", "watts") else f"the gas of {rest}" if rest else name
 
 
-def _level(store: Store, kelvin: Number) -> Number:
+def _level(store: HeatStore, kelvin: Number) -> Number:
     """Return the level of a store at an initial temperature, derivatives and members carried along. [K]"""
     many = getattr(kelvin, "values", None)
     if many is not None:
