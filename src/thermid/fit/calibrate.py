@@ -32,7 +32,7 @@ from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure import Record
-from thermid.measure.amounts import short
+from thermid.measure.amounts import short, some
 from thermid.model.laws.signal import Table
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import deck_text, parameter_table
@@ -224,7 +224,7 @@ def summarise(
 ) -> Calibration:
     """Return the calibration that a fit ended with; `known` says what its errors come from, `random` is their part by noise."""
     name, total = request.name or request.model.title, known.total
-    origin = f"{name}: {_listed([r.name for r in request.records])}"
+    origin = f"{name}: {some([r.name for r in request.records], 'records')}"
     kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
     items = {u.name: _value(u, float(found.fitted[k]), total[k, k], random[k, k], origin) for k in kept for u in (problem.unknowns[k],)}
     records = {r.name: r.origin.sha256 for r in request.records}
@@ -244,7 +244,8 @@ def summarise(
     blocks = Predictions(found.sums, problem, found.fitted)
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
     freedom = round(problem.freedom)
-    moved = moves_above(request, problem, found, spread.variance_factor if spread is not None else 1.0) if request.store.states else Moves()
+    handed_on = bool(request.store.states)
+    moved = moves_above(request, problem, found, spread.variance_factor if spread is not None else 1.0) if handed_on else Moves()
     return Calibration(
         name,
         request.model,
@@ -265,7 +266,7 @@ def summarise(
             *_warnings(problem, found, total, spread),
             *found.remarks,
             *(_wandering(spread) if spread is not None else ()),
-            *(moved.warnings() if moved else ()),
+            *(moved.warnings() if handed_on else ()),
         ),
         bool(provenance["synthetic"]),
         {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
@@ -281,10 +282,6 @@ def summarise(
         rests=rests,
         store=store,
     )
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names) if len(names) <= 4 else f"{names[0]} ... {names[-1]} ({len(names)} records)"
 
 
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:

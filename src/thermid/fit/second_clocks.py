@@ -105,7 +105,7 @@ def _grid(problem: Problem, i: int, fitted: Array, ticks: Ticks) -> Iterator[Arr
 def _cost(problem: Problem, i: int, fitted: Array, loss: str, knee: float) -> float:
     """Return the loss of one record's residuals; infinite where it cannot be run."""
     try:
-        z = np.concatenate([b.residuals / b.noise for b in problem.blocks_of(i, fitted)])
+        z = np.concatenate([b.weighted for b in problem.blocks_of(i, fitted)])
     except (ScenarioError, SolverError):
         return float("inf")
     return float(loss_of(z**2, loss, knee)[0].sum())
@@ -226,7 +226,7 @@ class Clocked:
     @staticmethod
     def weighted(problem: Problem, rest: Array) -> Array:
         """Return measured less predicted in units of the noise (samples,), sensor by sensor."""
-        return np.concatenate([b.residuals / b.noise for b in problem.blocks(rest)])
+        return np.concatenate([b.weighted for b in problem.blocks(rest)])
 
     def blocks(self, fitted: Array) -> list[SensorTrace]:
         """Return measured and predicted readings of every sensor."""
@@ -284,7 +284,7 @@ class Clocked:
         slopes, at, out = self.slopes(fitted), 0, {}
         observations = self.problem(self.clock(fitted)).experiments[0].observations
         for block, o in zip(self.blocks(fitted), observations, strict=True):
-            z, own = block.residuals / block.noise, slopes[at : at + block.times.size]
+            z, own = block.weighted, slopes[at : at + block.times.size]
             at += z.size
             edges = block.times if z.size <= 2 * BINS else np.linspace(block.times[0], block.times[-1], BINS + 1)[:-1]
             place = np.searchsorted(edges, block.times, side="right") - 1

@@ -165,6 +165,11 @@ class SensorTrace:
         """Measured less predicted (samples,). [K]"""
         return self.measured - self.predicted
 
+    @property
+    def weighted(self) -> Array:
+        """Residuals in units of the noise (samples,). [-]"""
+        return self.residuals / self.noise
+
 
 @dataclass(frozen=True, eq=False)
 class Compressed:
@@ -323,7 +328,7 @@ def as_triangle(
     blocks: Sequence[SensorTrace], full: Array, loss: str, knee: float
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
     """Return rows, slopes, chi-square and sums of weighted residuals, whose derivatives (samples, unknowns) are made into a triangle."""
-    z = np.concatenate([b.residuals / b.noise for b in blocks])
+    z = np.concatenate([b.weighted for b in blocks])
     size, weight = loss_of(z**2, loss, knee)
     root = np.sqrt(weight)
     basis, triangle = np.linalg.qr(root[:, None] * full)
@@ -472,7 +477,7 @@ class Problem:
     def residuals(self, fitted: Array) -> Array:
         """Return the weighted residuals of all data in full. [-]"""
         try:
-            return np.concatenate([(b.measured - b.predicted) / b.noise for b in self.blocks(fitted)])
+            return np.concatenate([b.weighted for b in self.blocks(fitted)])
         except SolverError:
             return np.full(self.samples, FAILED)
 

@@ -280,7 +280,7 @@ def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 
         slopes = problem.slopes(i, fitted, centres)
         for k, o in enumerate(experiment.observations):
             block = next(blocks)
-            z = block.residuals / o.sigma(problem.noise)
+            z = block.weighted
             weighed = z if loss == "linear" else loss_of(z**2, loss, knee)[1] * z
             place = np.searchsorted(edges, times[o.index], side="right") - 1
             out[block.record, o.sensor] = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share)
