@@ -507,7 +507,7 @@ def _tested(request: Request, opened: Opened, known: _Inherited, at: Array, leve
     start = opened.fitted.copy()
     for k, state in zip(known.at, known.states, strict=True):
         start[k] = unknowns[k].to_fitted(state.value if state is not None else request.store[unknowns[k].name].value)
-    pieces = binned(opened.problem, at, request.loss, request.knee, STRETCHES)
+    pieces = binned(opened.problem, at, request.loss, request.loss_scale, STRETCHES)
     here = [replace(b, mean=b.mean + b.slopes @ (start - at)) for b in pieces.values()]
     priors, pulls = _beside(opened.problem, start, known.at)
     data = weighed(here, priors, pulls, level)

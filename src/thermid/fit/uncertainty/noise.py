@@ -195,7 +195,7 @@ class Binned:
     effective_share: float = 1.0
 
 
-def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0) -> Autocorrelation:
+def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", loss_scale: float = 1.0) -> Autocorrelation:
     """Return how the residuals of a fit wander, and what that does to J'r.
 
     Each trace is split into equal stretches of time. The means of its residuals there are held to be the sum of what the unknowns can
@@ -204,7 +204,7 @@ def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", knee: fl
     along directions in which this trace alone decides, its residuals say nothing; where other records or priors decide they do.
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
-    pieces = binned(problem, found.fitted, loss, knee)
+    pieces = binned(problem, found.fitted, loss, loss_scale)
     spread = autocorrelation_of_traces(pieces, found, problem.effective_samples)
     return replace(spread, score_excess=spread.score_excess + excess_of_inputs(problem, found.fitted, pieces))
 
@@ -268,7 +268,9 @@ def binned_trace(z: Array, weighed: Array, place: NDArray[np.intp], centres: Arr
     return Binned(mean[full], count[full], centres[full], slopes[full], within, spare, float(weighed @ z), effective_share)
 
 
-def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 1.0, bins: int = BINS) -> dict[tuple[str, str], Binned]:
+def binned(
+    problem: Problem, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, bins: int = BINS
+) -> dict[tuple[str, str], Binned]:
     """Return (record, sensor) -> its residuals in so many stretches of time at most; a trace of up to 160 samples as it is."""
     out: dict[tuple[str, str], Binned] = {}
     blocks = iter(problem.blocks(fitted))
@@ -281,7 +283,7 @@ def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 
         for k, o in enumerate(experiment.observations):
             block = next(blocks)
             z = block.weighted
-            weighed = z if loss == "linear" else loss_of(z**2, loss, knee)[1] * z
+            weighed = z if loss == "linear" else loss_of(z**2, loss, loss_scale)[1] * z
             place = np.searchsorted(edges, times[o.index], side="right") - 1
             out[block.record, o.sensor] = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share)
     return out
