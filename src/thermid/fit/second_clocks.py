@@ -282,7 +282,7 @@ class Clocked:
         return found.chi_square
 
     def pieces(self, fitted: Array) -> dict[tuple[str, str], Binned]:
-        """Return (record, sensor) -> its residuals in stretches of time, as `wander` looks at them."""
+        """Return (record, sensor) -> its residuals in stretches of time, as `autocorrelation` looks at them."""
         slopes, at, out = self.slopes(fitted), 0, {}
         observations = self.problem(self.clock(fitted)).experiments[0].observations
         for block, o in zip(self.blocks(fitted), observations, strict=True):

@@ -196,7 +196,7 @@ class Binned:
 
 
 def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", loss_scale: float = 1.0) -> Autocorrelation:
-    """Return how the residuals of a fit wander, and what that does to J'r.
+    """Autocorrelation of the residuals of a fit by restricted likelihood, and what it adds to the covariance of J'r.
 
     Each trace is split into equal stretches of time. The means of its residuals there are held to be the sum of what the unknowns can
     change, independent errors, and a part with correlations ``exp(-|t1 - t2| / time)``; the variances and the time have the largest
@@ -296,12 +296,12 @@ def _not_below_zero(matrix: Array) -> Array:
 
 
 def correlation(times: Array, time: float) -> Array:
-    """Return the correlations (times, times) of what wanders with a correlation time [s]."""
+    """Exponential correlations (times, times) with a correlation time [s]."""
     return np.asarray(np.exp(-np.abs(times[:, None] - times[None, :]) / time)) if time > 0 else np.eye(times.size)
 
 
 def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]]) -> tuple[float, float, float]:
-    """Return the variances of the independent and the wandering part of a trace, and the time of the latter; zeros where it is white.
+    """Return the variances of the white and the autocorrelated part of a trace, and the time of the latter; zeros where it is white.
 
     `alike` keeps the correlations that were tried on some stretches, for the next trace on the same ones.
     """
