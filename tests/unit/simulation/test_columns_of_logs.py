@@ -10,8 +10,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import ThermidError
-from thermid.fit.problem.experiment import bind
-from thermid.model.laws.signal import Table
+from thermid.fit.problem.experiment import meet
+from thermid.model.laws.signal import TableSignal
 
 LOG = """time_s,room,wall [degC],h,k [W/(m^2 K)],heat,drive,p,w,sun
 1000,20,21,5,3,4,50,101325,0,0
@@ -61,7 +61,7 @@ irradiation = {{ face = {{ total = {column("sun")}, sky = {column("room")}, sky_
         "sky": (face.sky, 273.15 + np.array([20, 20, 30, 30])),
     }
     for name, (signal, values) in signals.items():
-        assert isinstance(signal, Table), name
+        assert isinstance(signal, TableSignal), name
         assert signal.times == pytest.approx(BEGUN), name
         assert signal.values == pytest.approx(values), name
         assert signal.hold is (name == "drive")
@@ -143,10 +143,10 @@ air = {column("room")}
     record = td.read_record(tmp_path / "log.csv", {"wall": {"node": "plate"}})
     model = td.model_from_dict(deck)
     for cut, first in ((record, 101325.0), (record.trim("1120 [s]"), 50000.0)):
-        met = bind(model, cut, scenario).scenario
+        met = meet(model, cut, scenario).scenario
         assert met.environment["air"].pressure.at(np.zeros(1))[0] == first
         assert met.boundaries["air"].at(np.zeros(1))[0] == pytest.approx(293.15 if cut is record else 303.15)
     with pytest.raises(ThermidError, match=r"whose times the record no longer has \(shift_start"):
-        bind(model, record.shift_start(), scenario)
+        meet(model, record.shift_start(), scenario)
     other = made(tmp_path, text, LOG.replace("101325", "101000"))  # another log counts from its own first sample
-    assert bind(model, record.trim("1120 [s]"), other).scenario.environment["air"].pressure.at(np.zeros(1))[0] == 101000.0
+    assert meet(model, record.trim("1120 [s]"), other).scenario.environment["air"].pressure.at(np.zeros(1))[0] == 101000.0
