@@ -34,6 +34,7 @@ from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure import Record
 from thermid.measure.amounts import short, some
 from thermid.model.laws.signal import TableSignal
+from thermid.model.tree.identity import identity_of
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import deck_text, parameter_table
 from thermid.simulation.scenarios.scenario import Scenario
@@ -231,7 +232,7 @@ def summarise(
     provenance: dict[str, Any] = {
         "version": version("thermid"),
         "date": datetime.now(UTC).date().isoformat(),
-        "model": request.model.identity(),
+        "model": identity_of(request.model),
         "records": records,
         "synthetic": any(r.origin.synthetic for r in request.records),
     }
