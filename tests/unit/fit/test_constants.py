@@ -13,10 +13,12 @@ from scipy import stats
 import thermid as td
 from thermid.fit.calibrate import fit as fitted_by
 from thermid.fit.calibration import contradicted, far_from_sheet, sensor_shares
+from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import SensorStatistics, loss_of
 from thermid.fit.refusals import mistakes, strange_powers
 from thermid.fit.uncertainty.groups import percent
+from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.fit.uncertainty.moved import Move, normal_shifts, shifts
 from thermid.fit.uncertainty.moved import Test as Asked
 from thermid.knowledge.values import FittedValue, FittedValues
@@ -173,8 +175,6 @@ class TestWhatIsQuestioned:
     @pytest.mark.parametrize(("watts", "asked"), [(4.0 * 295, False), (4.0 * 305, True), (4.0 / 295, False), (4.0 / 305, True)])
     def test_powers_in_another_unit(self, watts: float, asked: bool) -> None:
         """Three hundred times: between a slip of 1000 and what a load can differ from its deck by."""
-        from thermid.fit.problem.gather import problem_for
-
         data = log(box(), {}, {"T": "case"})
         power = td.Channel.of("P", np.full(data.times.size, watts), quantity="power", role="load", target="heat")
         problem = problem_for(Request(box(), (data.with_channels(power),), (HTC,)))
@@ -262,3 +262,19 @@ def test_white_residuals_are_called_autocorrelated_in_a_few_cases_of_a_hundred()
     found = td.calibrate(box(), records, [HTC], scenario=given)
     slow = sum(s.wanders for record in found.statistics.values() for s in record.values())
     assert 150 * 0.5 * stats.chi2.sf(5.0, 1) <= slow <= 150 * 7 * 0.5 * stats.chi2.sf(5.0, 1)
+
+
+def test_five_descents_from_the_best_of_64_points_beside_that_from_the_start() -> None:
+    found = td.calibrate(box(), log(box(), {}, {"T": "case"}, samples=61), [HTC, MASS], search="multistart")
+    assert "64 points, 6 descents, 6 of which ended at the same values" in found.search
+
+
+def test_elsewhere_lies_inside_the_bounds_by_half_of_the_room() -> None:
+    """Bounds of 10 % leave less room than the usual shift, a tenth to a third of the value: half of the wider side is taken."""
+    model = box({"surfaces/skin/effective_htc": {"value": "6 [W/(m^2 K)]", "min": 5.9, "max": 6.3}})
+    problem = problem_for(Request(model, (log(model, {}, {"T": "case"}, samples=61),), (HTC,)))
+    info = Information.of(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
+    there = elsewhere(problem, info)
+    assert there is not None
+    (k,) = info.parameters
+    assert there.at[k] - info.at[k] == pytest.approx(0.5 * math.log(6.3 / 6.0))
