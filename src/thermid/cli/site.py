@@ -12,8 +12,8 @@ from thermid.cli.options import Accept, Boundaries, Deck, Duration, Json, KeepVa
 from thermid.knowledge.standing import of_model
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
+from thermid.site import moisture as water
 from thermid.site.moisture import Moisture
-from thermid.site.moisture import moisture as water
 from thermid.toml_files import read_toml
 
 

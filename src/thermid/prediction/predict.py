@@ -23,7 +23,7 @@ from thermid.prediction.setting import Linear, Setting
 from thermid.prediction.spread import Spread
 from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 
 Array = NDArray[np.float64]
 GUESSED = 0.25

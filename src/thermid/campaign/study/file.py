@@ -18,7 +18,7 @@ from thermid.model.laws.signal import literal
 from thermid.model.tree.boxes import part_boxes
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Names
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 from thermid.toml_files import Places, read_toml, resolve_inside
 from thermid.units import TEMPERATURE
 

@@ -18,7 +18,7 @@ from thermid.model.tree.boxes import node_boxes, part_boxes
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 
 
 @dataclass(frozen=True)
