@@ -257,6 +257,17 @@ class TestDiagnosis:
         ratio = np.exp(evidence["A loose"] - evidence["all sensors"]) / 2.0
         assert found["A loose"].probability / found["all sensors"].probability == pytest.approx(ratio, rel=0.04)
 
+    def test_a_power_that_has_gone_is_found_by_half_steps_to_what_is_possible(self) -> None:
+        """Nine tenths of a power are the most that is tried: from the whole of it, each of three steps goes half of the way back."""
+        model, hidden = pair(), pair(first=box({"parameters/power/min": 0, "parameters/power/value": "0 [W]"}))
+        given = td.Scenario("bench", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
+        run = td.simulate(hidden, given, times=np.linspace(0.0, 18000.0, 241))
+        nodes = {"A": "a.case", "B": "b.case"}
+        made = {s: td.Channel.of(s, run[n].kelvin, role="node", target=n, noise=0.05, accuracy=0.05) for s, n in nodes.items()}
+        told = td.diagnose(td.compare(model, td.Record.from_arrays("bench", run.times, made), scenario=given))
+        found = next(s for s in told.suspects if s.name == "power of a.heat")
+        assert found.amount == pytest.approx(-0.9 - 0.1 / 8.0, abs=0.003)
+
 
 def test_evidence_is_the_gain_less_what_chance_gains(plain: Calibration) -> None:
     """BIC: twice the gain in log-likelihood less the logarithm of the number of stretches, at most 150 of a trace, a parameter."""
