@@ -287,10 +287,8 @@ class TestWhoGoesTogether:
     def groups(self, correlation: float, alone: float = 0.1) -> int:
         covariance = np.array([[1.0, correlation], [correlation, 1.0]])
         unknowns = [SimpleNamespace(log=False)] * 2
-        info: Any = SimpleNamespace(
-            covariance=lambda: covariance, sizes=np.ones(2), parameters=[0, 1], alone=[alone] * 2, unknowns=unknowns
-        )
-        info.names = ["a", "b"]
+        info: Any = SimpleNamespace(covariance=lambda: covariance, sizes=np.ones(2), parameters=[0, 1], unknowns=unknowns)
+        info.names, info.alone = ["a", "b"], [alone] * 2
         return len(practical_groups(info, 0.2))
 
     @pytest.mark.parametrize(("correlation", "groups"), [(0.78, 0), (0.82, 1), (-0.82, 1)])
