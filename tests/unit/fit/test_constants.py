@@ -14,7 +14,7 @@ from scipy import stats
 import thermid as td
 from thermid.fit.calibrate import fit as fitted_by
 from thermid.fit.calibration import contradicted, far_from_sheet, sensor_shares
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import SensorStatistics, loss_of
 from thermid.fit.refusals import _by_instruments, mistakes, strange_powers
@@ -176,7 +176,6 @@ class TestWhatIsQuestioned:
     @pytest.mark.parametrize(("watts", "asked"), [(4.0 * 295, False), (4.0 * 305, True), (4.0 / 295, False), (4.0 / 305, True)])
     def test_powers_in_another_unit(self, watts: float, asked: bool) -> None:
         """Three hundred times: between a slip of 1000 and what a load can differ from its deck by."""
-        from thermid.fit.problem.gather import build_problem
 
         data = log(box(), {}, {"T": "case"})
         power = td.Channel.of("P", np.full(data.times.size, watts), quantity="power", role="load", target="heat")
@@ -275,7 +274,7 @@ def test_five_descents_from_the_best_of_64_points_beside_that_from_the_start() -
 def test_elsewhere_lies_inside_the_bounds_by_half_of_the_room() -> None:
     """Bounds of 10 % leave less room than the usual shift, a tenth to a third of the value: half of the wider side is taken."""
     model = box({"surfaces/skin/effective_htc": {"value": "6 [W/(m^2 K)]", "min": 5.9, "max": 6.3}})
-    problem = problem_for(Request(model, (log(model, {}, {"T": "case"}, samples=61),), (HTC,)))
+    problem = build_problem(Request(model, (log(model, {}, {"T": "case"}, samples=61),), (HTC,)))
     info = Information.of(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
     there = elsewhere(problem, info)
     assert there is not None
