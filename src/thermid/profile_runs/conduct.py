@@ -20,7 +20,8 @@ from thermid.extensions import extension
 from thermid.measure.amounts import duration_text
 from thermid.measure.record.steadiness import StabilityRule, rule_of
 from thermid.memo import Memo
-from thermid.model.laws.signal import Constant, Signal, Table, literal, multiplied
+from thermid.model.deck.schema import Table
+from thermid.model.laws.signal import Constant, Signal, literal, multiplied
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.network.network import compile_network
