@@ -80,7 +80,7 @@ TESTED = {"sourced", "profiles", "profile_runs", "steadiness", "reduction", "mon
 ARROWS |= {
     "sourced": LOW,
     "profiles": LOW | {"sourced"},
-    "profile_runs": LOW | {"sourced", "profiles"},
+    "profile_runs": LOW | {"profiles"},
     "steadiness": LOW | {"profile_runs"},
     "reduction": LOW,
     "fit.problem": LOW,
