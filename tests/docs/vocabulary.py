@@ -123,7 +123,7 @@ def by_heading() -> dict[str, Names]:
         "Natural convection": _model(schema.PowerLawTable, _group("htc", KINDS["convection"].slots)),
         "Convection by correlation": _model(schema.Correlated, _group("htc", KINDS["convection"].slots)),
         "Conductor": _of(conductor),
-        "TableSignal of points": _model(schema.Points),
+        "Table of points": _model(schema.Points),
         "Property over temperature": _model(schema.Property),
         "Joint": _model(schema.JointTable, JOINT_SLOTS),
         "Enclosure": _model(schema.EnclosureTable, {"dimensions": "m", "view_factors": "1", "exchange_factors": "1"}),
@@ -172,9 +172,9 @@ def by_heading() -> dict[str, Names]:
         "Number of a profile": _of(("value", "mark", "clause", "note"), {"value": ANY}),
         "Step of a profile": _of(STEP_KEYS, STEP_UNITS),
         "Study": _model(study_schema.StudyFile),
-        **{name: _model(getattr(study_schema, f"{name}TableSignal"), STUDY_UNITS) for name in STUDY},
+        **{name: _model(getattr(study_schema, f"{name}Table"), STUDY_UNITS) for name in STUDY},
         "Plan": _model(plan_schema.PlanFile),
-        **{f"{name} of a plan": _model(getattr(plan_schema, f"{table}TableSignal"), PLAN_UNITS) for name, table in PLAN.items()},
+        **{f"{name} of a plan": _model(getattr(plan_schema, f"{table}Table"), PLAN_UNITS) for name, table in PLAN.items()},
         "Limits of a plan": _of(LIMIT_KEYS, LIMIT_UNITS),
         "Criteria of a plan": _of(("each", *PLAIN), {"each": "K", "share": "1"}),
         "Test of a plan": _model(plan_schema.TestTable, TEST_UNITS),
@@ -194,7 +194,13 @@ def unheaded() -> set[str]:
     out = set()
     for module in (schema, campaign_schema, study_schema, plan_schema):
         for made in vars(module).values():
-            if isinstance(made, type) and issubclass(made, BaseModel) and made.__module__ == module.__name__ and made.model_fields:
+            if (
+                isinstance(made, type)
+                and issubclass(made, BaseModel)
+                and made.__module__ == module.__name__
+                and made.model_fields
+                and made is not schema.ElementTable
+            ):
                 keys = set(_model(made))
                 out |= {made.__name__} if keys not in shown and not conductor <= keys else set()
     return out
