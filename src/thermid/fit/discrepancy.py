@@ -34,8 +34,7 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.gas import GASES, REFERENCE
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.problem import Options
-from thermid.simulation.solver.traces import Traces
+from thermid.simulation.solver.problem import Options, Traces
 from thermid.simulation.solver.wiring import Wiring
 
 Array = NDArray[np.float64]

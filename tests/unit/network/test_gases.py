@@ -11,11 +11,10 @@ import thermid as td
 from thermid.errors import DeckError, ScenarioError
 from thermid.model.laws.signal import Constant, TableSignal
 from thermid.model.tree.identity import to_dict
-from thermid.network.pressure import sampled, vented
-from thermid.physics.bodies import body_htc
+from thermid.network.medium import sampled, vented
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import GASES, free_molecular_htc, gap_htc, half_pressure, knudsen_number
-from thermid.physics.plates import horizontal_plate_down_htc, horizontal_plate_up_htc, vertical_plate_htc_all
+from thermid.physics.plates import body_htc, horizontal_plate_down_htc, horizontal_plate_up_htc, vertical_plate_htc_all
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.wiring import Wiring
 

@@ -13,7 +13,7 @@ from thermid import _kernel
 from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError, nearest
 from thermid.model.laws.signal import Constant, Sine, TableSignal
-from thermid.network.eliminate import held_in
+from thermid.network.network import held_in
 from thermid.simulation.solver.extremes import by_column
 from thermid.simulation.solver.large import METHODS as LARGE_METHODS
 from thermid.simulation.solver.large_model import integrate_model, refusal

@@ -27,8 +27,7 @@ from thermid.model.laws.signal import (
     together,
 )
 from thermid.model.laws.stores import HeatStore
-from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
-from thermid.network.network import Network, Numbers
+from thermid.network.network import Network, Numbers, Reduced, eliminable, reduce_network, with_stores
 from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
 from thermid.simulation.scenarios.scenario import PERIODIC, STEADY, Scenario, Start
@@ -283,7 +282,10 @@ def _same_course(one: Signal, other: Signal) -> bool:
 
 
 class PlacedConductor(NamedTuple):
-    """A conductor of the kernel: its row without numbers, the places of its ends among nodes and boundaries, and of its coefficients."""
+    """A conductor of the kernel: its row, and the places of its ends among nodes and boundaries and of its coefficients.
+
+    The numbers in the row are those of the values that it was laid out at.
+    """
 
     row: ConductorRow
     a: int
@@ -292,7 +294,7 @@ class PlacedConductor(NamedTuple):
 
 
 class PlacedLoad(NamedTuple):
-    """A load of the kernel: its row without numbers, the place of its node, those of its law's coefficients, and its control or -1."""
+    """A load of the kernel: its row, as of a conductor, the place of its node, those of its law's coefficients, and its control or -1."""
 
     row: LoadRow
     node: int
@@ -586,7 +588,7 @@ class Wiring:
             if row.ends[0] == row.ends[1]:
                 continue  # two needs of a part may be bound to one node; no heat flows from a node to itself
             places = [make.add(number, self._conductor_signal(row, position, c)) for c, number in enumerate(row.coefficients)]
-            out.append(PlacedConductor(replace(row, coefficients=()), index[row.ends[0]], index[row.ends[1]], places))
+            out.append(PlacedConductor(row, index[row.ends[0]], index[row.ends[1]], places))
         return tuple(out)
 
     def _conductor_signal(self, row: ConductorRow, position: int, c: int) -> str:
@@ -640,7 +642,7 @@ class Wiring:
                 continue  # heat into a given temperature changes nothing
             places = [make.add(number, signal) for number, signal in self._load_coefficients(row, position, numbers, given)]
             control = controls.index(row.name) if row.control else -1
-            out.append(PlacedLoad(replace(row, coefficients=()), index[row.node], places, control))
+            out.append(PlacedLoad(row, index[row.node], places, control))
         return tuple(out)
 
     def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, given: Mapping[str, Number]) -> list[tuple[Number, str]]:
