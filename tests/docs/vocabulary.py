@@ -194,7 +194,13 @@ def unheaded() -> set[str]:
     out = set()
     for module in (schema, campaign_schema, study_schema, plan_schema):
         for made in vars(module).values():
-            if isinstance(made, type) and issubclass(made, BaseModel) and made.__module__ == module.__name__ and made.model_fields:
+            if (
+                isinstance(made, type)
+                and issubclass(made, BaseModel)
+                and made.__module__ == module.__name__
+                and made.model_fields
+                and made is not schema.ElementTable
+            ):
                 keys = set(_model(made))
                 out |= {made.__name__} if keys not in shown and not conductor <= keys else set()
     return out

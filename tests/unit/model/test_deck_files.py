@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from thermid.errors import DeckError, ExpressionError, ThermidError
+from thermid.errors import DeckError, ExpressionError, ThermidError, UnitError
 from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model
@@ -258,3 +258,22 @@ def test_line_numbers() -> None:
     assert (lines["a"], lines["a.x.y"], lines["a.b.c"]) == (1, 3, 4)
     assert (lines["stages.0.name"], lines["stages.1.name"], lines["d.e.f.g"]) == (7, 9, 11)
     assert "a.c" not in lines
+
+
+def test_values_that_cannot_be_read_are_listed_with_the_other_faults(tmp_path: Path) -> None:
+    deck = tmp_path / "plate.toml"
+    deck.write_text(
+        'title = "plate"\nneeds = ["air"]\n\n[nodes.plate]\ncapacitance = "9 [quux]"\n\n'
+        '[conductors.film]\nkind = "convection"\nbetween = ["plate", "air"]\narea = "1 [m^2]"\n'
+        'htc = { value = "8 [W/(m^2 K)]", min = "9 [W/(m^2 K)]", max = "7 [W/(m^2 K)]" }\nare = 1\n'
+    )
+    with pytest.raises(DeckError) as caught:
+        load_model(deck)
+    lines = str(caught.value).split("\n  ")
+    assert [line.partition(":")[2].partition(",")[0] for line in lines] == ["5", "11", "12"]
+    assert "quux" in lines[0]
+    assert "minimum 9 [W/(m^2 K)] is above its maximum" in lines[1]
+    assert "'are' is no field here. Did you mean 'area'?" in lines[2]
+    deck.write_text('title = "plate"\n[nodes.plate]\ncapacitance = "9 [quux]"\n')
+    with pytest.raises(UnitError, match=r"plate\.toml:3, nodes\.plate\.capacitance: "):
+        load_model(deck)

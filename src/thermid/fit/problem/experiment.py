@@ -472,7 +472,7 @@ class Ticks:
     Parameters
     ----------
     clock : SecondClock             Where its offset and rate are looked for.
-    driven : tuple of (str, str)    TableSignal of the scenario and path of every signal that was logged on it.
+    driven : tuple of (str, str)    Table of the scenario and path of every signal that was logged on it.
     zero : float                    Time on the record's own clock at which the experiment begins. [s]
     at : (offset, rate)             Those at which the scenario holds these signals. [s, -]
     """

@@ -123,7 +123,7 @@ class Points(Property):
     over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
 
 
-Table: TypeAlias = Annotated[Points, or_instance(Curve)]
+CurveTable: TypeAlias = Annotated[Points, or_instance(Curve)]
 Coefficient: TypeAlias = Annotated[
     Parameter | PowerLawTable | Correlated, reads(str | Real | ValueTable | PowerLawTable | Correlated, _coefficient)
 ]
@@ -382,7 +382,7 @@ class LoadTable(ElementTable):
 
     into: str
     power: Value | None = None
-    table: Table | None = None
+    table: CurveTable | None = None
     scale: Value | None = None
     command_curve: Value | None = None
     temperature_coefficient: Value | None = None
@@ -475,7 +475,7 @@ class _ConductorTable(ElementTable):
 
     kind: Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")]
     between: tuple[str, str]
-    table: Table | None = None
+    table: CurveTable | None = None
     takes: list[str] = []
     gas: str = ""
     fluid: str = ""
