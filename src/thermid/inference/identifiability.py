@@ -18,11 +18,11 @@ from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.fit.uncertainty.groups import Group, listed, percent, practical_groups, structural_groups
 from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.measure import Record
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
@@ -138,10 +138,11 @@ def _stepped(experiment: Experiment) -> tuple[Experiment, str, float] | None:
         return None
     node, watts = powers[name]
     model = network.flat.names.model
+    assert isinstance(model, Model)  # laid flat was one
     heater = HeatLoad(node, {"power": parameter("1 [W]", HEATER)})
     grown = replace(model, loads={**model.loads, HEATER: heater})
     half = 0.5 * experiment.scenario.seconds
-    scenario = experiment.scenario.with_(loads={HEATER: Table(np.array([0.0, half]), np.array([0.0, watts]), True)})
+    scenario = experiment.scenario.with_(loads={HEATER: TableSignal(np.array([0.0, half]), np.array([0.0, watts]), True)})
     again = compile_network(grown, media=scenario.media(), prescribed=network.prescribed)
     return replace(experiment, network=again, scenario=scenario), name, watts
 
@@ -349,7 +350,7 @@ def identifiability(
 def identifiability_of(request: Request, stage: str = "before", tell: float = TELL) -> Identifiability:
     """Return what the records of a request tell, at the values where its fit would start; see `identifiability`."""
     problem = problem_for(request)
-    start = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    start = starting_point(problem.unknowns)
     found = _told(request.name or request.model.title, stage, problem, start, 1.0, tell)
     return replace(found, inputs=InputTable() if stage == "planned" else inputs_of(request, problem.experiments, problem.unknowns))
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from thermid.model.parts.standing import CREDIBLE as CREDIBLE
-from thermid.model.parts.standing import UNJUDGED as UNJUDGED
-from thermid.model.parts.standing import Standing as Standing
-from thermid.model.parts.standing import State as State
-from thermid.model.parts.standing import worst as worst
+from thermid.model.parts.parameter import CREDIBLE as CREDIBLE
+from thermid.model.parts.parameter import UNJUDGED as UNJUDGED
+from thermid.model.parts.parameter import Standing as Standing
+from thermid.model.parts.parameter import State as State
+from thermid.model.parts.parameter import worst as worst
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import parameter_table
 

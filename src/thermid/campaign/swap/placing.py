@@ -14,7 +14,7 @@ from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import Origin, State, Store
 from thermid.model.tree.identity import inside
 from thermid.model.tree.model import Model
-from thermid.model.tree.replacement import Replacement, Start
+from thermid.model.tree.replacement import PlaceStart, Replacement
 from thermid.model.tree.tree import ParameterSet
 
 STEP = 1e-4
@@ -56,7 +56,7 @@ def known_below(below: Store, what: Replacement) -> Store:
     return below.only(of_place)
 
 
-def starts_of(before: Store, old: Model, new: Model, starts: Sequence[Start], stage: str) -> Store:
+def starts_of(before: Store, old: Model, new: Model, starts: Sequence[PlaceStart], stage: str) -> Store:
     """Return the starts of values of a place as states.
 
     A joint has the error of the joint that it is taken from and, besides, what joints of one kind differ by. A coefficient inside the

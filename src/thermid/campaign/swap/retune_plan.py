@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from thermid.arguments import takes_objects
 from thermid.knowledge.standing import Standing
 from thermid.model.tree.model import Model
-from thermid.model.tree.replacement import Replacement, Start, short_text
+from thermid.model.tree.replacement import PlaceStart, Replacement, short_text
 
 if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource
@@ -67,7 +67,7 @@ class StagePlan:
     model: Model = field(repr=False)
     part: str = ""
     alone: bool = False
-    starts: tuple[Start, ...] = ()
+    starts: tuple[PlaceStart, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from thermid.model.laws.signal import Constant
 from thermid.model.parts.parameter import exact
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.model import Model
-from thermid.model.tree.replacement import Start, touching
+from thermid.model.tree.replacement import PlaceStart, touching
 from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.scenarios.scenario import Scenario
 
@@ -109,7 +109,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
     return [StagePlan(level.name, level.name, "run", why, free, records, identity, model, inner, starts=starts)], touches
 
 
-def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[Start, ...]]:
+def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[PlaceStart, ...]]:
     """Return the values of a stage that act at the part's interfaces, and those of the place that it decides and that start anew."""
     model = done.fitted_model
     values, found = ParameterSet(model), touching(model, inner)

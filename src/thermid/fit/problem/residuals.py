@@ -16,8 +16,7 @@ from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, Observation
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.memo import Memo
 from thermid.simulation.solver.engine import Engine, Squares, Weighing
-from thermid.simulation.solver.problem import Options
-from thermid.simulation.solver.traces import Traces, kept_for
+from thermid.simulation.solver.problem import Options, Traces, kept_for
 from thermid.simulation.solver.wiring import Wiring
 
 Array = NDArray[np.float64]
@@ -490,6 +489,11 @@ class Problem:
     def effective_samples(self) -> float:
         """Independent samples that they are worth by what is said of their noise."""
         return sum(o.effective_samples for e in self.experiments for o in e.observations)
+
+    @property
+    def freedom(self) -> float:
+        """Independent samples less unknowns."""
+        return self.effective_samples - len(self.unknowns)
 
     def square(self, found: Compressed) -> float:
         """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from thermid.fit.minimisation import Fit, covariances
 from thermid.fit.problem.experiment import SCALE, Experiment
 from thermid.fit.problem.residuals import Bench, Problem, loss_of
-from thermid.linear_algebra import square_root
-from thermid.model.laws.signal import Constant, Signal, Table
+from thermid.linear_algebra import finite, square_root
+from thermid.model.laws.signal import Constant, Signal, TableSignal
 from thermid.model.tree.flat import FlatLoad
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ def excess_of_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str,
     size = len(problem.unknowns)
     out = np.zeros((size, size))
     for i, experiment in enumerate(problem.experiments):
-        noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), Table)}
+        noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), TableSignal)}
         if not noisy or not size:
             continue
         seen = [pieces[experiment.record.name, o.sensor] for o in experiment.observations]
@@ -101,7 +101,7 @@ def _answers(
     late = since > 0.0
     for path, name in zip(paths, named, strict=True):
         signal = _signal(given.experiment, path)
-        assert isinstance(signal, Table)
+        assert isinstance(signal, TableSignal)
         place = bench.free.index(name)
         yield path, signal.instants, [_Step(since[late], slopes[late, k, place]) for k in range(slopes.shape[1])]
 
@@ -212,11 +212,11 @@ def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", knee: fl
 def autocorrelation_of_traces(pieces: Mapping[tuple[str, str], Binned], found: Fit, effective_samples: float) -> Autocorrelation:
     """Return the same of traces in stretches of time; `effective_samples` are those of all by what is said of their noise."""
     size = found.fitted.size
-    weights = covariances(found)[2]
+    weights = finite(covariances(found)[2])
     # directions without information count as decided by each trace alone
-    known = square_root(np.where(np.isfinite(weights), weights, 0.0))
+    known = square_root(weights)
     # what a prior has decided already takes no freedom from the residuals: E(r'r) = n - tr(C J'J)
-    taken = float(np.trace(np.where(np.isfinite(weights), weights, 0.0) @ found.jacobian.T @ found.jacobian))
+    taken = float(np.trace(weights @ found.jacobian.T @ found.jacobian))
     alike: dict[bytes, list[Array]] = {}  # sensors of one log share their stretches, and with them what is tried there
     parts = {key: _parts(b, known, alike) for key, b in pieces.items()}
     calm = [key for key, (white, _, _) in parts.items() if white == 0.0]
