@@ -17,7 +17,7 @@ from thermid.campaign.sharing import Level, Shared, shared_parameters
 from thermid.errors import IdentificationError, nearest
 from thermid.fit.calibrate import fit_problem
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.gather import prior_of, problem_for
+from thermid.fit.problem.gather import build_problem, prior_of
 from thermid.fit.problem.request import Request, is_glob, matching
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Prior, Unknown
@@ -113,7 +113,7 @@ def fit_jointly(
     shared = shared_parameters(source, levels, top, {n: done[n] for n in chosen} if staged else {})
     shared = _unfrozen(shared, table.freeze, where)
     running = [level for level in levels if level.request.records]
-    problems = [problem_for(_bare(level.request, shared.paths_in(level))) for level in running]
+    problems = [build_problem(_bare(level.request, shared.paths_in(level))) for level in running]
     unknowns = _merged(running, problems, shared, done if staged else {})
     unknowns = _with_priors(unknowns, levels, shared, table, where)
     experiments = tuple(e for p in problems for e in p.experiments)
@@ -126,7 +126,7 @@ def fit_jointly(
         tuple(e.record for e in experiments),
         tuple(u.name for u in unknowns if u.kind == "parameter"),
         loss=table.loss or above.loss,
-        knee=table.knee or above.knee,
+        loss_scale=table.knee or above.loss_scale,
         name=NAME,
         remarks=(*remarks, *uncounted),
         seen={sha: who for c in done.values() for sha, who in c.seen.items()},

@@ -15,7 +15,7 @@ from thermid.design.planned import Sensor, planned_record, sensors_of
 from thermid.design.ranking import Advice, Option
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.linear_algebra import variance
@@ -149,7 +149,7 @@ def _option(known: Before, action: Action, sensors: Sequence[Sensor], every: str
         doubts = {path: size for path, size in doubts.items() if path not in known.split}
         free = (*known.free, *(p for p in doubts if p not in known.free))
         request = Request(known.model, (record,), free, {"*": action.scenario}, untie=known.untie)
-        problem = doubted(problem_for(request), doubts)
+        problem = doubted(build_problem(request), doubts)
         durations, matrices = _growing(known, problem, doubts)
     except ThermidError as error:
         return Option(action.name, np.inf, np.inf, longest, np.zeros((0, 2)), error.message)

@@ -16,6 +16,7 @@ from thermid.knowledge.sources import KNOWN
 from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import Origin, State, Store
 from thermid.knowledge.values_file import load_store, rooted, save_store
+from thermid.measure.amounts import some
 from thermid.model.parts.parameter import Parameter, exact
 from thermid.units import unit
 
@@ -236,7 +237,7 @@ def _words(state: State) -> str:
     if state.origin.kind == "hand":
         return f"tuned by hand, {state.origin}"
     records = list(state.origin.records)
-    shown = ", ".join(records) if len(records) <= 4 else f"{records[0]} ... {records[-1]} ({len(records)} records)"
+    shown = some(records, "records")
     return f"{state.origin.stage}: {shown}" if shown else str(state.origin)
 
 
