@@ -129,17 +129,36 @@ def _clean(text: str) -> str:
     return re.sub(r"([|<>*_\[\]])", r"\\\1", " ".join(text.split()))
 
 
+DECISIONS = {
+    "model": "1 2 3 4 7 10 20 21 51 110 112 114 115 126 127 128 133 134 142",
+    "network and physics": "6 16 19 50 52 53 54 57 59 61 104 125 137 140 141",
+    "kernel and simulation": "5 18 22 24 25 26 27 29 30 31 32 62 75 96 97 98 103 129 130 131 132 135 136 150 151 156",
+    "measure": "12 35 37 101 102 145 146 147 148 149 167",
+    "fit": "13 14 15 17 33 41 45 47 48 72 76 89 91 105 106 109 118 152 153 155",
+    "knowledge and campaign": "42 43 55 56 79 111 116 117 119 120 123 154",
+    "prediction and power": "34 46 49 121 122 124",
+    "judge, explain, design and inference": "9 28 36 38 39 40 44 68 77 78 113 169",
+    "profiles, steadiness, monte_carlo and qualify": "63 64 65 66 67 69 70 94 95 138 170",
+    "site": "58 60 139",
+    "acquire": "71 73 80 81 90 92 166",
+    "interop": "23",
+    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 172 173",
+}
+"""Rooms -> numbers of the decisions about them; what stands nowhere is about the project as a whole."""
+
+
 def decisions() -> str:
-    """Return the list of the decisions."""
-    rows = []
-    for path in sorted((ROOT / "docs/decisions").glob("[0-9]*.md")):
-        title = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
-        rows.append(f"- [{title}]({path.name})")
-    return (
-        "# Decisions\n\nWhy it is as it is: each note has the question, the choices, the decision, and what would change our mind.\n\n"
-        + "\n".join(rows)
-        + "\n"
-    )
+    """Return the list of the decisions, by room."""
+    titles = {int(path.name[:3]): path for path in sorted((ROOT / "docs/decisions").glob("[0-9]*.md"))}
+    groups = {rooms: [int(number) for number in numbers.split()] for rooms, numbers in DECISIONS.items()}
+    placed = {number for numbers in groups.values() for number in numbers}
+    groups["the project"] = [number for number in titles if number not in placed]
+    parts = ["# Decisions", "Why it is as it is: each note has the question, the choices, the decision, and what would change our mind."]
+    for rooms, numbers in groups.items():
+        paths = [titles[number] for number in numbers]
+        rows = [f"- [{path.read_text(encoding='utf-8').splitlines()[0].removeprefix('# ')}]({path.name})" for path in paths]
+        parts += [f"## {rooms[0].upper()}{rooms[1:]}", "\n".join(rows)]
+    return "\n\n".join(parts) + "\n"
 
 
 def draw(name: str, folder: Path) -> str:

@@ -1,4 +1,4 @@
-"""CONTRIBUTING.md: the worked example is carried out in a copy of the package, and the reading path has the length it claims."""
+"""CONTRIBUTING.md and docs/recipes.md: recipes are carried out in a copy of the package, files exist, the reading path has its length."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import thermid._kernel
 from .pages import ROOT, blocks, codes, prose
 
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-EXAMPLE = {b.words[1]: b.text for b in blocks(TEXT) if len(b.words) > 1}
+EXAMPLE = {b.words[1]: b.text for b in blocks((ROOT / "docs" / "recipes.md").read_text(encoding="utf-8")) if len(b.words) > 1}
 PACKAGE = ROOT / "src" / "thermid"
 
 DECK = """
@@ -72,6 +72,15 @@ def with_bolts(source: str) -> str:
     return f"{before}{EXAMPLE['function']}\n\n{mark}{after[:table]}\n{EXAMPLE['line'].rstrip()}{after[table:]}"
 
 
+def added(source: str, name: str, above: str, table: str, row_above: str) -> str:
+    """A module after the function of a recipe was put above a line, and its row into a table."""
+    before, mark, after = source.partition(above)
+    assert mark
+    source = f"{before}{EXAMPLE[f'{name}-function']}\n\n{mark}{after}"
+    start = source.index(row_above, source.index(table))
+    return f"{source[:start]}{EXAMPLE[f'{name}-row'].rstrip()}\n{source[start:]}"
+
+
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the package as the contributor leaves it."""
@@ -80,6 +89,14 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(str(thermid._kernel.__file__), folder / "src" / "thermid")
     kinds = folder / "src" / "thermid" / "model" / "parts" / "kinds.py"
     kinds.write_text(with_bolts(kinds.read_text(encoding="utf-8")), encoding="utf-8")
+    metrics = folder / "src" / "thermid" / "judge" / "metrics.py"
+    source = metrics.read_text(encoding="utf-8")
+    metrics.write_text(added(source, "metric", "@dataclass(frozen=True)\nclass Metric:", "METRICS: Final", "}\n"), encoding="utf-8")
+    formats = folder / "src" / "thermid" / "measure" / "readers" / "formats.py"
+    source = formats.read_text(encoding="utf-8")
+    formats.write_text(added(source, "reader", "FORMATS: Final = (", "FORMATS: Final", '    Format("serial capture"'), encoding="utf-8")
+    for name in ("metric", "reader"):
+        (folder / f"test_{name}.py").write_text(EXAMPLE[f"{name}-test"], encoding="utf-8")
     (folder / "plate.toml").write_text(DECK, encoding="utf-8")
     (folder / "empty.ini").write_text("[pytest]\nfilterwarnings = error\n", encoding="utf-8")
     (folder / "test_bolts.py").write_text(EXAMPLE["test"], encoding="utf-8")
@@ -103,23 +120,26 @@ def test_the_new_kind_is_simulated_and_fitted(copy: Path) -> None:
     assert "count" in found["refusal"]
 
 
-def test_its_test_passes_with_it_and_fails_without(copy: Path) -> None:
-    done = run(copy, CHECK, "test_bolts.py")
+@pytest.mark.parametrize("file", ["test_bolts.py", "test_metric.py", "test_reader.py"])
+def test_the_test_of_a_recipe_passes_with_it_and_fails_without(copy: Path, file: str) -> None:
+    done = run(copy, CHECK, file)
     assert done.returncode == 0, done.stdout
     assert "1 passed" in done.stdout
     without = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", "empty.ini", "test_bolts.py"],
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", "empty.ini", file],
         cwd=copy, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert without.returncode == 1
-    assert "bolt" in without.stdout
+    assert "1 failed" in without.stdout
 
 
 def test_its_line_is_all_that_the_nomenclature_needs(copy: Path) -> None:
     """The page with the line agrees with the code that has the kind; without the line it does not."""
     page = (ROOT / "docs" / "nomenclature.md").read_text(encoding="utf-8")
     row = next(line for line in page.splitlines() if line.startswith("| `table` | `scale`"))
-    (copy / "with.md").write_text(page.replace(row, f"{row}\n{EXAMPLE['nomenclature'].strip()}"), encoding="utf-8")
+    metric = next(line for line in page.splitlines() if line.startswith("| `p95` | K"))
+    both = page.replace(row, f"{row}\n{EXAMPLE['nomenclature'].strip()}")
+    (copy / "with.md").write_text(both.replace(metric, f"{metric}\n{EXAMPLE['metric-nomenclature'].strip()}"), encoding="utf-8")
     (copy / "without.md").write_text(page, encoding="utf-8")
     script = (
         CHECK.partition("import pytest")[0]
@@ -128,7 +148,24 @@ def test_its_line_is_all_that_the_nomenclature_needs(copy: Path) -> None:
     )
     done = run(copy, script, str(ROOT / "tests"))
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == ["with.md []", "without.md [\"'Kinds of conductor' lacks `bolt`\"]"]
+    first, second = done.stdout.splitlines()
+    assert first == "with.md []"
+    assert all(text in second for text in ("'Kinds of conductor' lacks `bolt`", "'Metrics' lacks `swing`"))
+    assert second.count("lacks") == 2
+
+
+def test_the_guide_s_line_of_a_reader_is_that_of_its_row() -> None:
+    row = re.search(r'Format\("(.*?)", "(.*?)"', EXAMPLE["reader-row"])
+    assert row
+    assert EXAMPLE["reader-guide"].strip() == f"| {row[1]} | {row[2]} | - |"
+
+
+def test_files_of_the_map_exist() -> None:
+    """Paths between backticks that begin in a room."""
+    rooms = {path.name for path in PACKAGE.iterdir() if path.is_dir()}
+    named = [word for word in codes(prose(TEXT)) if word.partition("/")[0] in rooms and "/" in word]
+    assert len(named) > 20
+    assert [word for word in named if not (PACKAGE / word).is_dir() and not (PACKAGE / f"{word}.py").is_file()] == []
 
 
 def lines(module: str) -> int:

@@ -14,7 +14,11 @@ from .hooks import PICTURES, virtual_pages
 from .pages import DECISIONS, PAGES, ROOT, Block, anchor, blocks, differences, headings, links, near, prose, tables
 from .workshop import Shown, Workshop, missing
 
-ELSEWHERE = {"CONTRIBUTING.md": {"function", "line", "test", "nomenclature"}}
+ELSEWHERE = {
+    "docs/recipes.md": {
+        f"{k}{part}" for k in ("", "metric-", "reader-") for part in ("function", "line", "row", "test", "nomenclature", "guide")
+    }
+}
 """Second words of blocks that test_contributing.py runs."""
 FOREIGN = {"KINDS", "TypeError", "math.sqrt", "csv", "pandas.read_csv"}
 FOREIGN |= {"td.run", "td.page", "repeat", "element.field"}
@@ -171,3 +175,8 @@ def test_blocks_and_tables_are_found() -> None:
     assert headings(text) == [(1, "A"), (2, "B c")]
     assert anchor("B c") == "b-c"
     assert tables(text) == {"B c": [["`a`", "one"]]}
+
+
+def test_every_decision_stands_once_in_the_list_by_room() -> None:
+    said = re.findall(r"\((\d{3})-[a-z0-9-]+\.md\)", virtual_pages()["decisions/index.md"])
+    assert sorted(said) == sorted(path.name[:3] for path in DECISIONS)
