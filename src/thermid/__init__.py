@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thermid.campaign.credibility import CredibilityRecord as CredibilityRecord
     from thermid.campaign.credibility import credibility as credibility
+    from thermid.campaign.methodology import Study as Study
+    from thermid.campaign.methodology import load_study as load_study
+    from thermid.campaign.retune import RetunePlan as RetunePlan
+    from thermid.campaign.retune import plan_retune as plan_retune
     from thermid.campaign.stages import Campaign as Campaign
     from thermid.campaign.stages import joint as joint
     from thermid.campaign.stages import run_stages as run_stages
-    from thermid.campaign.study.file import load_study as load_study
-    from thermid.campaign.study.study import Study as Study
-    from thermid.campaign.swap.retune_plan import RetunePlan as RetunePlan
-    from thermid.campaign.swap.swap import plan_retune as plan_retune
     from thermid.design.actions import Action as Action
     from thermid.design.actions import Aim as Aim
     from thermid.design.next_test import next_test as next_test
@@ -267,8 +267,8 @@ _PUBLIC = {
     "Discrepancy": "fit.discrepancy",
     "Prediction": "prediction.prediction",
     "Spread": "prediction.spread",
-    "plan_retune": "campaign.swap.swap",
-    "RetunePlan": "campaign.swap.retune_plan",
+    "plan_retune": "campaign.retune",
+    "RetunePlan": "campaign.retune",
     "credibility": "campaign.credibility",
     "CredibilityRecord": "campaign.credibility",
     "difference": "judge.difference",
@@ -277,8 +277,8 @@ _PUBLIC = {
     "Standing": "knowledge.standing",
     "validate": "judge.validate",
     "Verdict": "judge.validate",
-    "load_study": "campaign.study.file",
-    "Study": "campaign.study.study",
+    "load_study": "campaign.methodology",
+    "Study": "campaign.methodology",
     "macro_model": "reduction.macro",
     "assumed": "reduction.macro",
     "profile_of": "profiles.standards",

@@ -7,14 +7,14 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from thermid.campaign.cache import file_name
-from thermid.campaign.kept_logs import log_kept
+from thermid.campaign.cache import file_name, log_kept
 from thermid.errors import DeckError, MissingDataError, RecordError, ThermidError, nearest
 from thermid.fit.problem.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.memo import Memo
+from thermid.model.deck.faults import deck_error
 from thermid.model.deck.modelfile import load_model, read_toml, resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
@@ -58,7 +58,7 @@ class CampaignSource:
 
     def where(self, key: str) -> str:
         """Return file, line and key path."""
-        return _place(self.path.name, self.lines, key)
+        return line_of(self.path.name, self.lines, key)
 
     def names(self) -> dict[str, tuple[Path, RecordTable]]:
         """Return record name -> file and table; a pattern of files gives one record per file, named after it.
@@ -244,19 +244,11 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     ------
     DeckError       When it does not follow the grammar, or names a stage that is not there or comes later.
     """
-    from pydantic import ValidationError
-
-    from thermid.campaign.schema import CampaignFile
-    from thermid.model.deck.faults import deck_error
-
     target = Path(path)
     content, lines = read_toml(target)
     if "stages" not in content and ("nodes" in content or "submodels" in content):
         raise DeckError("this is a deck. A campaign has records and stages, and names the deck of each stage under 'model'.", target.name)
-    try:
-        checked = CampaignFile.model_validate(content)
-    except ValidationError as error:
-        raise deck_error(error, content, lambda key: _place(target.name, lines, key), CampaignFile) from None
+    checked: CampaignFile = by_grammar("CampaignFile", content, lines, target.name)
     given = data if data is not None else os.environ.get(DATA)
     folder = Path(given).resolve() if given else None
     if folder is not None and not folder.is_dir():
@@ -264,6 +256,23 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     source = CampaignSource(target, checked, lines, folder)
     _check_order(source, checked.stages, checked.verdicts)
     return source
+
+
+def by_grammar(grammar: Literal["CampaignFile", "StudyFile"], content: Mapping[str, Any], lines: Mapping[str, int], file: str) -> Any:
+    """Return the content of a file as its grammar has it.
+
+    Raises
+    ------
+    DeckError   When it does not follow the grammar, with file, line and key path.
+    """
+    from pydantic import ValidationError
+
+    from thermid.campaign import schema
+
+    try:
+        return getattr(schema, grammar).model_validate(content)
+    except ValidationError as error:
+        raise deck_error(error, content, lambda key: line_of(file, lines, key), getattr(schema, grammar)) from None
 
 
 def accepting(source: CampaignSource, stages: Sequence[str]) -> CampaignSource:
@@ -285,7 +294,7 @@ def placed(error: ThermidError, where: str) -> ThermidError:
     return error if known else type(error)(error.message, f"{where}: {error.where}" if error.where else where)
 
 
-def _place(file: str, lines: Mapping[str, int], key: str) -> str:
+def line_of(file: str, lines: Mapping[str, int], key: str) -> str:
     """Return file, line and key path; the line of the nearest key above where its own is not known."""
     steps = key.split(".")
     line = next((lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in lines), None)

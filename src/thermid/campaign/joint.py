@@ -32,15 +32,15 @@ from thermid.model.tree.model import Model
 
 if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource
-    from thermid.campaign.schema import JointTable
+    from thermid.campaign.schema import JointFitTable
 
-__all__ = ["Joint", "fit_jointly", "joint_key"]
+__all__ = ["JointFit", "fit_jointly", "joint_key"]
 
 NAME = "joint"
 
 
 @dataclass(frozen=True, eq=False)
-class Joint(Calibration):
+class JointFit(Calibration):
     """The fit of all levels at once; a `Calibration` of the uppermost model.
 
     Parameters
@@ -93,7 +93,7 @@ def fit_jointly(
     progress: Callable[[int, float], None] | None = None,
     cache: Path | None = None,
     staged: bool = True,
-) -> Joint:
+) -> JointFit:
     """Return the joint fit of a campaign.
 
     Parameters
@@ -143,13 +143,13 @@ def fit_jointly(
     return _judged(replace(found, store=store), levels, shared, done if staged else {})
 
 
-def joint_key(keys: Mapping[str, str], table: JointTable) -> str:
+def joint_key(keys: Mapping[str, str], table: JointFitTable) -> str:
     """Return the hash of everything that a joint fit depends on."""
     content = {"version": version("thermid"), "stages": dict(keys), "table": table.model_dump()}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _chosen(table: JointTable, names: list[str], where: str) -> list[str]:
+def _chosen(table: JointFitTable, names: list[str], where: str) -> list[str]:
     for name in table.stages:
         if name not in names:
             raise IdentificationError(f"no stage '{name}'.{nearest(name, names)}", f"{where}.stages")
@@ -248,7 +248,7 @@ def _unfrozen(shared: Shared, freeze: Sequence[str], where: str) -> Shared:
     return shared.without(gone)
 
 
-def _with_priors(unknowns: Sequence[Unknown], levels: Sequence[Level], shared: Shared, table: JointTable, where: str) -> list[Unknown]:
+def _with_priors(unknowns: Sequence[Unknown], levels: Sequence[Level], shared: Shared, table: JointFitTable, where: str) -> list[Unknown]:
     """Return the unknowns with the priors of ``[joint]``, or those that the stages stated.
 
     A stage's prior without a mean stands about what was known before it. Where a stage below fitted the value, its data are here, and the
@@ -278,7 +278,7 @@ def _with_priors(unknowns: Sequence[Unknown], levels: Sequence[Level], shared: S
     return [replace(u, prior=stated[u.name]) if u.name in stated else u for u in unknowns]
 
 
-def _judged(found: Calibration, levels: Sequence[Level], shared: Shared, done: Mapping[str, Calibration]) -> Joint:
+def _judged(found: Calibration, levels: Sequence[Level], shared: Shared, done: Mapping[str, Calibration]) -> JointFit:
     """Return the joint calibration with what it says against the stages, and values that the uppermost model does not have marked."""
     above = {n for n, c in shared.classes.items() if c.above}
     items = {
@@ -290,7 +290,7 @@ def _judged(found: Calibration, levels: Sequence[Level], shared: Shared, done: M
     store = _store(found.store, items, levels[-1].request)
     plain = {f.name: getattr(found, f.name) for f in fields(Calibration)} | {"values": values, "store": store}
     held = {level.name: (level.request.model, names[level.name]) for level in levels}
-    return Joint(**plain | {"moved": _moves(found.model, values, shared, done)}, levels=held)
+    return JointFit(**plain | {"moved": _moves(found.model, values, shared, done)}, levels=held)
 
 
 def _store(found: Store, items: Mapping[str, FittedValue], top: Request) -> Store:

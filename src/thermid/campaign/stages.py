@@ -13,9 +13,9 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.campaign.cache import changed_since, file_name, recall, remember
 from thermid.campaign.file import CampaignSource, accepting, local_of, placed, read_campaign, scenario_of
-from thermid.campaign.joint import Joint, fit_jointly, joint_key
+from thermid.campaign.joint import JointFit, fit_jointly, joint_key
 from thermid.campaign.staging import keyed, plain_readings, request_of
-from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
+from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
@@ -23,7 +23,7 @@ from thermid.judge.looks import look
 from thermid.judge.validate import Criteria, Verdict, not_judged, validate
 from thermid.knowledge.standing import Standing, worst
 from thermid.model.laws.signal import literal
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.resolve import ParameterSet, parameter_table
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import VerdictTable
@@ -45,7 +45,7 @@ class Campaign:
     verdicts : tuple            Verdicts, in order.
     keys : dict                 Stage -> hash of everything that its result depends on.
     note : str                  What the author says of it.
-    joint : Joint or None       The last fit over all levels, where the campaign asks for one.
+    joint : JointFit or None       The last fit over all levels, where the campaign asks for one.
     source : CampaignSource     The file; None for one made in Python.
     requests : dict             Stage -> what it asked.
     changed : dict              Stage that was fitted anew -> what changed since the results folder kept its end; none where it kept none.
@@ -56,7 +56,7 @@ class Campaign:
     verdicts: tuple[Verdict, ...]
     keys: Mapping[str, str]
     note: str = ""
-    joint: Joint | None = None
+    joint: JointFit | None = None
     source: CampaignSource | None = field(default=None, repr=False)
     requests: Mapping[str, Request] = field(default_factory=dict, repr=False)
     changed: Mapping[str, tuple[str, ...]] = field(default_factory=dict, repr=False)
@@ -80,8 +80,6 @@ class Campaign:
         """Return part -> stage -> value of every parameter of a name, parts down, levels across: the document's Table 2. [SI]"""
         out: dict[str, dict[str, float]] = {}
         for stage, calibration in self.stages.items():
-            from thermid.model.tree.resolve import ParameterSet
-
             values = ParameterSet(calibration.fitted_model).evaluate({})
             for path in parameter_table(calibration.fitted_model):
                 if path == field_name or path.endswith(f".{field_name}"):
@@ -194,7 +192,7 @@ def joint(
     data: str | os.PathLike[str] | None = None,
     notice: Notice | None = None,
     cache: str | os.PathLike[str] | None = None,
-) -> Joint:
+) -> JointFit:
     """Return one fit over the records of all levels of a campaign, each with the model of its own level.
 
     Levels share a parameter where the part stands in the uppermost model as it stood below, so a component's ``skin.htc`` is
@@ -226,7 +224,7 @@ def _judged(made: Campaign) -> Campaign:
     return replace(made, stages=stages, joint=joint)
 
 
-def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> Joint:
+def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> JointFit:
     source = campaign.source
     assert source is not None
     key = joint_key(campaign.keys, source.content.joint_table)
@@ -263,8 +261,6 @@ def _judge(
         try:
             record = source.bound(name, stage)
             if record.origin.sha256 in used:
-                from thermid.errors import IdentificationError
-
                 raise IdentificationError(
                     f"record '{name}' was used by {used[record.origin.sha256]}; a validation needs data that no fit has seen."
                 )

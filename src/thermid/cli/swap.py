@@ -12,7 +12,7 @@ from thermid.cli.pages import Force
 from thermid.cli.standing import Accept, leave
 
 if TYPE_CHECKING:
-    from thermid.campaign.swap.retune_plan import RetunePlan
+    from thermid.campaign.retune import RetunePlan
 
 __all__ = ["register"]
 
@@ -36,8 +36,8 @@ def swap(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Plan the replacement of a part: what is assumed, which tests and fits are due; with the new logs, fit only these."""
+    from thermid.campaign.retune import plan_retune
     from thermid.campaign.stages import run_stages
-    from thermid.campaign.swap.swap import plan_retune
     from thermid.cli.output import calibration_object, clean
 
     folder = results if results is not None else campaign.parent / "results"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.campaign.swap.retune_plan import RetunePlan
+from thermid.campaign.retune import RetunePlan
 from thermid.errors import DeckError
 from thermid.fit.calibration import Calibration
 from thermid.knowledge.standing import of_model
