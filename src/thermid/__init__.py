@@ -104,16 +104,16 @@ if TYPE_CHECKING:
     from thermid.physics.htc import HtcComparison as HtcComparison
     from thermid.physics.htc import compare_htc as compare_htc
     from thermid.power.history import PowerHistory as PowerHistory
+    from thermid.power.history import PowerLaw as PowerLaw
     from thermid.power.inverse import power_history as power_history
-    from thermid.power.laws import PowerLaw as PowerLaw
+    from thermid.prediction.budget import Spread as Spread
     from thermid.prediction.foresight import Foresight as Foresight
     from thermid.prediction.foresight import foresee as foresee
     from thermid.prediction.known import Known as Known
+    from thermid.prediction.predict import Prediction as Prediction
     from thermid.prediction.predict import predict as predict
-    from thermid.prediction.prediction import Prediction as Prediction
+    from thermid.prediction.split import Split as Split
     from thermid.prediction.split import split as split
-    from thermid.prediction.split_surface import Split as Split
-    from thermid.prediction.spread import Spread as Spread
     from thermid.profile_runs.ascent import AscentCheck as AscentCheck
     from thermid.profile_runs.ascent import ascent_checks as ascent_checks
     from thermid.profile_runs.conduct import run_profile as run_profile
@@ -234,7 +234,7 @@ _PUBLIC = {
     "calibrate": "fit.calibrate",
     "Calibration": "fit.calibration",
     "split": "prediction.split",
-    "Split": "prediction.split_surface",
+    "Split": "prediction.split",
     "energy_balance": "explain.balance",
     "EnergyBalance": "explain.balance",
     "identifiability": "inference.identifiability",
@@ -254,7 +254,7 @@ _PUBLIC = {
     "load_values": "knowledge.values",
     "power_history": "power.inverse",
     "PowerHistory": "power.history",
-    "PowerLaw": "power.laws",
+    "PowerLaw": "power.history",
     "posterior": "inference.posterior",
     "Posterior": "inference.posterior",
     "evidence": "inference.posterior",
@@ -265,8 +265,8 @@ _PUBLIC = {
     "predict": "prediction.predict",
     "discrepancy": "fit.discrepancy",
     "Discrepancy": "fit.discrepancy",
-    "Prediction": "prediction.prediction",
-    "Spread": "prediction.spread",
+    "Prediction": "prediction.predict",
+    "Spread": "prediction.budget",
     "plan_retune": "campaign.retune",
     "RetunePlan": "campaign.retune",
     "credibility": "campaign.credibility",

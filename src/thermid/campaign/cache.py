@@ -23,6 +23,8 @@ from thermid.measure.channel import Origin
 from thermid.measure.part import SensorPart
 
 Array = NDArray[np.float64]
+_ARRAYS = ("values", "valid", "masks")
+_ABOUT = "about"
 
 
 @cache
@@ -87,10 +89,6 @@ def remember(
     end = dict(zip(names, map(float, fitted), strict=True))
     content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), "fitted": end}
     write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), OWN)
-
-
-_ARRAYS = ("values", "valid", "masks")
-_ABOUT = "about"
 
 
 def _key(path: Path, how: Mapping[str, Any]) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,24 +15,233 @@ from thermid.arguments import takes_objects
 from thermid.design.actions import Action, Aim, usual_actions
 from thermid.design.planned import Sensor, planned_record, sensors_of
 from thermid.design.ranking import Advice, Option
+from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.experiment import role_and_target
+from thermid.fit.problem.gather import prior_of, problem_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
-from thermid.model.laws.signal import literal
+from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
+from thermid.knowledge.sources import Normal, Source
+from thermid.model.laws.signal import Signal, literal
+from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model
-from thermid.prediction.before import WITHOUT_GAS, Before, before_fit, before_model, unknown_of
-from thermid.prediction.doubts import doubted, doubts_without_gas
+from thermid.network.network import compile_network
+from thermid.physics.finishes import finish
+from thermid.prediction.budget import Budget, budget_of
+from thermid.prediction.known import Known, Rows, instruments_of, rows_of
+from thermid.prediction.setting import Setting
+from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["next_test"]
-
 Array = NDArray[np.float64]
+WITHOUT_GAS = " without gas"
+"""After the name of a value that is another one without gas."""
+BESIDE = (CONSTANT, MISFIT)
+"""Causes that a test adds no information to: they are said beside."""
+OPEN = ": open"
+"""After the name of a value, its source where no fit has a finite error of it."""
+THIN = 1e4
+"""Pressure below which gas no longer does what it did in the room. [Pa]"""
+EMISSIVITY = 0.15
+"""What an emissivity of a deck is good to, where no finish says it. [-]"""
+JOINT = 0.7
+"""Standard deviation of the logarithm of a joint's conductance without gas about that with it: a factor of two either way. Gas carries more
+than half of the heat between bare, lightly pressed faces (Yovanovich, IEEE Trans. CPT 28 (2005) 182); a filled joint loses nothing. [-]"""
 NAME = "next test"
 DURATIONS = 24
 ENOUGH = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
+
+
+@dataclass(frozen=True, eq=False)
+class Before:
+    """What a budget says before a test, and what the budget does not hold: instruments.
+
+    Parameters
+    ----------
+    budget : Budget         Of what is known, in the scenario of the prediction that is asked for.
+    instruments : Rows      Constant errors of sensors and powers; sources that values respond to as well bear one name.
+    readings : dict         Instrument -> its value. [SI]
+    held : dict             Name -> information that a prior has brought already, in the fitted form.
+    spread : float          Readings scatter so many times as much as their noise says. [-]
+    untie : bool            Whether instances have values of their own.
+    thin : bool             Whether it was learnt with thin gas already.
+    split : tuple of str    Emissivities that an effective coefficient was split into.
+    """
+
+    budget: Budget
+    instruments: Rows = field(default_factory=Rows)
+    readings: Mapping[str, float] = field(default_factory=dict)
+    held: Mapping[str, float] = field(default_factory=dict)
+    spread: float = 1.0
+    untie: bool = False
+    thin: bool = False
+    split: tuple[str, ...] = ()
+
+    @property
+    def model(self) -> Model:
+        """The model, effective coefficients split where the prediction needs it."""
+        return self.budget.model
+
+    @cached_property
+    def place(self) -> dict[str, int]:
+        """Source -> its column."""
+        own = [s.name for s, cause in zip(self.budget.sources, self.budget.causes, strict=True) if cause not in BESIDE]
+        return {name: k for k, name in enumerate(dict.fromkeys([*own, *(s.name for s in self.instruments.sources)]))}
+
+    @property
+    def information(self) -> Array:
+        """What is known of each source (sources,): one, or nothing of a value without a finite error."""
+        return np.array([0.0 if name.endswith(OPEN) else 1.0 for name in self.place])
+
+    @cached_property
+    def free(self) -> dict[str, tuple[str, ...]]:
+        """Parameter that is not known exactly -> all paths that share its value."""
+        return {t.name: (t.name, *t.also) for t in self.budget.targets if t.form in ("add", "log")}
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Name -> value, of parameters and instruments. [SI]"""
+        numbers = compile_network(self.model).numbers().values
+        return {p: float(value_of(numbers[p])) for p in self.free} | dict(self.readings)
+
+    @cached_property
+    def responses(self) -> dict[str, Array]:
+        """Name -> what a standard deviation of each source (sources,) does to the value; without gas by a name of its own. [SI]"""
+        out: dict[str, Array] = {}
+        for t, row in zip(self.budget.targets, self.budget.gain, strict=True):
+            if t.form in ("add", "log", "factor"):
+                moved = (1.0 if t.form == "add" else self.values[t.name]) * self.placed(row)
+                out[t.name + WITHOUT_GAS if t.form == "factor" else t.name] = moved + (out[t.name] if t.form == "factor" else 0.0)
+        for name, log, row in zip(self.instruments.names, self.instruments.log, self.instruments.matrix, strict=True):
+            own = np.zeros(len(self.place))
+            own[[self.place[s.name] for s in self.instruments.sources]] = row
+            out[name] = own * (self.values[name] if log else 1.0)
+        return out
+
+    def placed(self, column: Array) -> Array:
+        """Return what a standard deviation of each source does (sources,), from what a unit of each source of the budget does."""
+        out = np.zeros(len(self.place))
+        for s, size, x in zip(self.budget.sources, self.budget.sizes, column, strict=True):
+            if s.name in self.place:
+                out[self.place[s.name]] = size * x
+        return out
+
+    def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
+        """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
+        linear = Setting.of(self.budget, times=[at]).linear([node])
+        (columns,) = linear.columns.values()
+        parts = self.budget.parts(columns[:1])
+        beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in BESIDE}
+        return self.placed(columns[0]), float(linear.run[node].kelvin[0]), beside
+
+
+def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
+    """Return what a fit knows, at every depth; with a scenario what it knows of that one, as in `predict`.
+
+    Raises
+    ------
+    IdentificationError   When a coefficient that must be split cannot be.
+    """
+    known = _opened(Known.of(fit))
+    rows = rows_of(known)
+    budget = budget_of(known, scenario) if scenario is not None else Budget.of_rows(rows, known.model)
+    states = fit.store.states
+    instruments = instruments_of(known)
+    return Before(
+        budget,
+        instruments,
+        {n: states[n].value for n in instruments.names},
+        {n: s.prior[1] ** -2 for n, s in states.items() if s.prior is not None},
+        max(1.0, fit.reduced_chi_square) ** 0.5,
+        fit.request.untie if fit.request is not None else False,
+        any(e.scenario.environment for e in fit.experiments),
+        tuple(t.name for t in budget.targets if t.form == "log" and t.name not in rows.names),
+    )
+
+
+def before_model(model: Model, priors: Mapping[str, tuple[str, str]], scenario: Scenario | None = None) -> Before:
+    """Return what priors say of a model.
+
+    Raises
+    ------
+    IdentificationError   When there are none.
+    """
+    if not priors:
+        raise IdentificationError("a model alone says nothing of what it does not know: give priors, or a fit.", model.title)
+    parameters = compile_network(model).flat.parameters
+    texts = {parameters.freeable(raw, model.canonical): given for raw, given in priors.items()}
+    unknowns = [unknown_of(model, p) for p in texts]
+    spreads = np.array([prior_of(u, texts[u.name]).sd for u in unknowns])
+    sources = tuple(Source(u.name, "stated", Normal(), f"the prior of {u.name}") for u in unknowns)
+    rows = Rows(tuple(texts), tuple(u.log for u in unknowns), {}, sources, ("stated",) * len(sources), np.diag(spreads))
+    return Before(Budget.of_rows(rows, model, scenario))
+
+
+def unknown_of(model: Model, path: str) -> Unknown:
+    """Return the unknown that a parameter of a model would be."""
+    parameters = compile_network(model).flat.parameters
+    return parameter_unknown(
+        path, parameters.table[path].parameter, parameters.dimension(path), float(parameters.evaluate({})[path]), (), None
+    )
+
+
+def _opened(known: Known) -> Known:
+    """Return it with a source of its own for each value that its fit has no finite error of."""
+    fit = known.fit
+    assert fit is not None
+    store = fit.store
+    loose = [k for k, s in enumerate(store.states.values()) if not s.known and s.origin.kind == "fit"]
+    if not loose:
+        return known
+    names = [list(store.states)[k] for k in loose]
+    sources = tuple(Source(n + OPEN, "data", Normal(), f"nothing is known of {n}") for n in names)
+    root = np.hstack([store.root, np.zeros((len(store.states), len(loose)))])
+    root[loose, len(store.sources) + np.arange(len(loose))] = 1.0
+    states = {n: replace(s, known=True) if n in names else s for n, s in store.states.items()}
+    whole = replace(store, states=states, sources=(*store.sources, *sources), root=root)
+    values = fit.values.only([n for n in fit.values if n not in names])
+    return replace(known, fit=replace(fit, store=whole), values=(values,))
+
+
+def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
+    """Return path -> relative standard deviation of what thin gas meets and air does not tell; empty where gas stays as it is."""
+    if not any(_thin(e.pressure) for e in scenario.environment.values()):
+        return {}
+    flat = compile_network(model).flat
+    parameters = flat.parameters
+    out: dict[str, float] = {}
+
+    def doubt(path: str, size: float) -> None:
+        root = parameters.literal_behind(path)
+        given: Parameter = parameters.table[root].parameter
+        if given.is_literal and parameters.evaluate({})[root] > 0:
+            out[root] = size
+
+    finishes = {parameters.literal_behind(path): finish(named).log_sd for path, named in flat.finishes.items()}
+    for c in flat.conductors:
+        for path in filter(None, (c.emissivity, c.fields.get("emissivity", ""))):
+            doubt(path, finishes.get(parameters.literal_behind(path), EMISSIVITY))
+        if "contact_conductance" in c.fields:
+            doubt(c.fields["contact_conductance"], JOINT)
+    return out
+
+
+def _thin(pressure: Signal) -> bool:
+    return pressure.bounds[0] < THIN
+
+
+def doubted(problem: Problem, doubts: Mapping[str, float]) -> Problem:
+    """Return a problem whose doubtful values have priors of their own."""
+    unknowns = []
+    for u in problem.unknowns:
+        if u.name in doubts:
+            size = doubts[u.name]
+            u = replace(u, prior=Prior(math.log(u.start), size) if u.log else Prior(u.start, size * u.start))
+        unknowns.append(u)
+    return replace(problem, unknowns=tuple(unknowns))
 
 
 @takes_objects
@@ -98,8 +309,6 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
     """Return the instruments of a fit's first record, with the noise that the fit used."""
     if not isinstance(source, Calibration) or source.problem is None:
         return ()
-    from thermid.fit.problem.experiment import role_and_target
-
     experiment = source.experiments[0]
     out = []
     for name, c in experiment.record.channels.items():

@@ -22,12 +22,9 @@ from thermid.model.tree.model import Model
 from thermid.monte_carlo.chunks import Chunk, ChunkStore, Job, chunks
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.budget import Budget, budget_of
+from thermid.prediction.budget import Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction.known import known_of
-from thermid.prediction.omitted import assumed_left_out, first_line, in_order
 from thermid.prediction.setting import Setting
-from thermid.prediction.spread import Spread
-from thermid.prediction.stated import check_variants
 from thermid.reduction.macro import assumed
 from thermid.simulation.scenarios.scenario import SLOTS, Scenario
 from thermid.simulation.simulator import output_times

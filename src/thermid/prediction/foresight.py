@@ -14,8 +14,7 @@ from thermid.knowledge.standing import Standing
 from thermid.knowledge.store import State
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import Known
-from thermid.prediction.predict import predicted
-from thermid.prediction.prediction import Band, Prediction
+from thermid.prediction.predict import Band, Prediction, predicted
 from thermid.prediction.structural import MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare

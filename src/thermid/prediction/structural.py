@@ -16,7 +16,7 @@ from thermid.knowledge.values import FittedValues
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.prediction.known import Known, Rows, normal_sources
-from thermid.prediction.split import split_needed, split_values
+from thermid.prediction.split import split_values
 from thermid.simulation.scenarios.scenario import Scenario
 
 __all__ = ["CONSTANT", "GAS_IN_JOINTS", "MISFIT", "SPLIT", "Mode", "law_of_mode", "misfit_of", "modes_of", "open_contacts", "split_rows"]
@@ -87,6 +87,15 @@ def misfit_of(kept: Sequence[Mapping[str, float]], network: Network) -> dict[str
         return {}
     other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
     return {n: sizes.get(n, other) for n in network.nodes}
+
+
+def split_needed(model: Model, scenario: Scenario, known: Sequence[str]) -> list[str]:
+    """Return the surfaces whose effective coefficient a scenario takes apart, and whose emissivity is not among the known values."""
+    network = compile_network(model)
+    media = scenario.media()
+    roots = network.flat.parameters.literal_behind
+    effective = [c for c in network.flat.conductors if c.kind == "effective" and c.emissivity and not media.as_printed]
+    return [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & {*known}]
 
 
 def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str]) -> tuple[Model, Rows]:

@@ -12,9 +12,9 @@ from thermid.dual import value_of
 from thermid.model.laws.signal import literal
 from thermid.model.tree.resolve import parameter_table
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+from thermid.prediction.budget import assumed_values
 from thermid.prediction.foresight import Foresight
 from thermid.prediction.known import Known
-from thermid.prediction.omitted import assumed_values
 from thermid.simulation.simulator import prepare
 from thermid.units import TEMPERATURE
 

@@ -14,8 +14,8 @@ from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.judge.limits import Limits
 from thermid.judge.margins import Margin, margins
+from thermid.prediction.budget import SILENT, UNFITTED
 from thermid.prediction.foresight import IN_TESTS, widened
-from thermid.prediction.omitted import SILENT, UNFITTED
 from thermid.qualify.assumptions import Assumption, effects, ranked, uncounted
 from thermid.qualify.lock import LockStatus, lock_status, note_look
 from thermid.qualify.plan import Plan, load_plan

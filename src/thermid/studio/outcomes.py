@@ -16,7 +16,7 @@ from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
-from thermid.prediction.prediction import Band
+from thermid.prediction.predict import Band
 from thermid.profile_runs.conduct import run_profile
 from thermid.profile_runs.profile_run import ProfileRun
 from thermid.qualify.plan import load_plan
