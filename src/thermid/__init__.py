@@ -69,7 +69,6 @@ if TYPE_CHECKING:
     from thermid.judge.validate import Criteria as Criteria
     from thermid.judge.validate import Verdict as Verdict
     from thermid.judge.validate import validate as validate
-    from thermid.knowledge.standing import Standing as Standing
     from thermid.knowledge.values import load_values as load_values
     from thermid.measure import Channel as Channel
     from thermid.measure import Record as Record
@@ -83,6 +82,7 @@ if TYPE_CHECKING:
     from thermid.model.deck.modelfile import model_from_dict as model_from_dict
     from thermid.model.deck.modelfile import save_model as save_model
     from thermid.model.laws.law import law as law
+    from thermid.model.parts.standing import Standing as Standing
     from thermid.model.tree.areas import ledger as ledger
     from thermid.model.tree.identity import Identity as Identity
     from thermid.model.tree.identity import identities as identities
@@ -274,7 +274,7 @@ _PUBLIC = {
     "difference": "judge.difference",
     "Difference": "judge.difference",
     "Criteria": "judge.validate",
-    "Standing": "knowledge.standing",
+    "Standing": "model.parts.standing",
     "validate": "judge.validate",
     "Verdict": "judge.validate",
     "load_study": "campaign.methodology",

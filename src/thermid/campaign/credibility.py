@@ -20,8 +20,6 @@ from thermid.units import NAMES, unit
 if TYPE_CHECKING:
     from thermid.campaign.stages import Campaign
 
-__all__ = ["CredibilityRecord", "ValueRecord", "credibility"]
-
 
 @dataclass(frozen=True)
 class ValueRecord:

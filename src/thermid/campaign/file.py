@@ -23,7 +23,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 if TYPE_CHECKING:
     from thermid.campaign.schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
 
-__all__ = ["CampaignSource", "local_of", "placed", "read_campaign", "scenario_of"]
 
 DATA = "THERMID_DATA"
 

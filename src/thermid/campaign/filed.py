@@ -8,11 +8,8 @@ from pathlib import Path
 from thermid.campaign.hand import hand_values
 from thermid.knowledge.graft import graft
 from thermid.knowledge.store import Store
-from thermid.knowledge.values import FittedValues, values_of
-from thermid.knowledge.values_file import load_store, read_values
+from thermid.knowledge.values import FittedValues, load_store, read_values, values_of
 from thermid.model.tree.model import Model
-
-__all__ = ["Filed", "filed"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,14 +15,12 @@ import numpy as np
 from thermid.errors import DeckError, ThermidError
 from thermid.fit.problem.unknowns import Unknown, parameter_unknown
 from thermid.knowledge.sources import LeftOut, LogNormal, Normal, Source, Uniform, read_spread
-from thermid.knowledge.store import Origin, State, Store
-from thermid.knowledge.values_file import load_store, read_values
+from thermid.knowledge.store import State, Store, ValueOrigin
+from thermid.knowledge.values import load_store, read_values
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet, deck_text
 from thermid.units import TEMPERATURE
-
-__all__ = ["hand_values"]
 
 UNIT = Uniform(-math.sqrt(3.0), math.sqrt(3.0))
 """As likely anywhere between its ends, of variance one."""
@@ -46,14 +44,14 @@ def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
     if "schema" in data:
         store = load_store(path)[0].matching(model)
         key = hashlib.sha256(repr([*store.states.values(), store.root.tolist()]).encode()).hexdigest()
-        mine = Origin("hand", stage, (), key)
+        mine = ValueOrigin("hand", stage, (), key)
         return replace(store, states={p: replace(s, origin=mine) if s.origin.kind == "hand" else s for p, s in store.states.items()})
     rows = data.get("values", {k: v for k, v in data.items() if k not in ("title", "note")})
     if not rows:
         raise DeckError(f'\'{path.name}\' gives no value. Write rows like "lid.conductance" = "0.21 [W/K]".', where)
     key = hashlib.sha256(json.dumps([stage, data], sort_keys=True, default=str).encode()).hexdigest()
     try:
-        return _store({k: _given(k, v, where) for k, v in rows.items()}, model, Origin("hand", stage, (), key))
+        return _store({k: _given(k, v, where) for k, v in rows.items()}, model, ValueOrigin("hand", stage, (), key))
     except ThermidError as error:
         raise error.located(f"{where}, {path.name}") from None
 
@@ -66,7 +64,7 @@ def _given(name: str, row: Any, where: str) -> Mapping[str, Any]:
     return table
 
 
-def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: Origin) -> Store:
+def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: ValueOrigin) -> Store:
     """Return the store of rows: each with an error has a source of its own."""
     values = ParameterSet(model)
     states, sources, sizes = {}, [], []
@@ -81,7 +79,7 @@ def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: Origin) 
     return whole.trimmed()
 
 
-def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: Origin) -> tuple[State, Source, float]:
+def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: ValueOrigin) -> tuple[State, Source, float]:
     """Return a state, its source and its standard deviation in the fitted form; zero where no error is given."""
     entry = values.table[path]
     old = entry.parameter

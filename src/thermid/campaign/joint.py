@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource
     from thermid.campaign.schema import JointFitTable
 
-__all__ = ["JointFit", "fit_jointly", "joint_key"]
 
 NAME = "joint"
 

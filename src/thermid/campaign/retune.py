@@ -26,12 +26,12 @@ from thermid.fit.problem.keys import key_of
 from thermid.fit.problem.request import Request
 from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import Normal, Source
-from thermid.knowledge.standing import Standing
-from thermid.knowledge.store import Origin, State, Store
+from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.knowledge.values import view
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import Constant
 from thermid.model.parts.parameter import exact
+from thermid.model.parts.standing import Standing
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.identity import definition_of, inside, instances
 from thermid.model.tree.model import Model
@@ -623,7 +623,7 @@ def starts_of(before: Store, old: Model, new: Model, starts: Sequence[Start], st
         own.append(Source(f"start of {one.path} after a replacement", "stated", Normal(), str(one)))
         low = given.minimum if given.minimum is not None else 0.0
         high = given.maximum if given.maximum is not None else math.inf
-        at, origin = literal.value, Origin("twin", stage)
+        at, origin = literal.value, ValueOrigin("twin", stage)
         ends = (low, high)
         states[one.path] = State(one.path, at, True, given.unit, ends, origin, paths=(one.path,), deck=given.text, start=at)
     return Store(states, (*before.sources, *own), root)

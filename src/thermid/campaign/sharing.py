@@ -16,7 +16,6 @@ from thermid.model.tree.resolve import ParameterSet
 if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource
 
-__all__ = ["Level", "Shared", "places_of", "shared_parameters"]
 
 Key = tuple[str, str]
 """Where the part stands whose deck or [set] gives a value, and the value's path there."""

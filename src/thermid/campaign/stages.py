@@ -21,14 +21,13 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
 from thermid.judge.looks import look
 from thermid.judge.validate import Criteria, Verdict, not_judged, validate
-from thermid.knowledge.standing import Standing, worst
 from thermid.model.laws.signal import literal
+from thermid.model.parts.standing import Standing, worst
 from thermid.model.tree.resolve import ParameterSet, parameter_table
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import VerdictTable
 
-__all__ = ["Campaign", "joint", "run_stages"]
 
 Notice = Callable[[str, int, float], None]
 """Called with what is running, the number of evaluations and the RMS of the weighted residuals."""

@@ -20,8 +20,6 @@ from thermid.fit.problem.request import LocalSpec, Request
 from thermid.inference.identifiability import Identifiability, identifiability, identifiability_of
 from thermid.model.tree.rules import Finding
 
-__all__ = ["check_campaign", "survey"]
-
 
 def survey(
     campaign: str | os.PathLike[str],

@@ -200,7 +200,7 @@ def simulate(
 
     from thermid.cli.output import solution_object
     from thermid.files import NETCDF, TABLE, may_write
-    from thermid.knowledge.standing import of_model
+    from thermid.knowledge.store import model_standing
     from thermid.model.deck.modelfile import load_model
     from thermid.model.laws.signal import literal
     from thermid.simulation.simulator import output_times
@@ -211,7 +211,7 @@ def simulate(
     if param:
         model = model.with_values(_pairs(param, "--param"), "command line")
     model = model.without_test_only() if as_flown else model
-    standing = of_model(model).accept(accept or ())
+    standing = model_standing(model).accept(accept or ())
     given = _scenario(model, scenario, boundary, load, start, duration)
     if vacuum and as_printed:
         raise ScenarioError("--vacuum keeps radiation and --as-printed drops it; give one of them.")

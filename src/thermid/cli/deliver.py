@@ -35,7 +35,7 @@ def deliver(
     """Write decks, values, a reduced deck and what must come out into a folder, and check it from there."""
     from thermid.campaign.filed import filed
     from thermid.errors import DeckError
-    from thermid.knowledge.standing import of_model
+    from thermid.knowledge.store import model_standing
     from thermid.model.deck.modelfile import load_model
     from thermid.qualify.deliver import check_delivery
     from thermid.qualify.deliver import deliver as write
@@ -55,7 +55,7 @@ def deliver(
         say_first(one, file)
         model = one.model
         found.append(one.values)
-    standing = of_model(model).accept(accept or ())
+    standing = model_standing(model).accept(accept or ())
     target = write(model, scenario, to, values=found, nodes=nodes or None, within=within or None, at=at)
     record = json.loads(target.read_text(encoding="utf-8"))
     if as_json:

@@ -102,7 +102,7 @@ def export(
     from thermid.errors import DeckError, nearest
     from thermid.interop.octave import to_octave
     from thermid.interop.spice import to_spice
-    from thermid.knowledge.standing import of_model
+    from thermid.knowledge.store import model_standing
     from thermid.model.deck.modelfile import load_model
 
     forms = ("octave", "spice")
@@ -117,7 +117,7 @@ def export(
     if vacuum or as_printed:
         given = given.vacuum(as_printed=as_printed)
     text = to_octave(model, given, name=to.stem if to is not None else "") if form == "octave" else to_spice(model, given)
-    standing = of_model(model).accept(accept or ())
+    standing = model_standing(model).accept(accept or ())
     if not standing.fair and not as_json:
         typer.echo(standing.line(), err=True)  # what is written is for another tool to read
     _say(text, to, as_json, EXPORT, "%" if form == "octave" else "*", standing=standing.to_dict())

@@ -37,13 +37,13 @@ def moisture(
     """Say of every surface its margin to the dew point, the minutes of condensation, and when it is dry."""
     from thermid.cli.app import _pairs, _scenario, _with_unit
     from thermid.cli.output import clean
-    from thermid.knowledge.standing import of_model
+    from thermid.knowledge.store import model_standing
     from thermid.model.deck.modelfile import load_model, read_toml
     from thermid.model.laws.signal import literal
     from thermid.simulation.water.moisture import moisture as run
 
     model = with_fitted(load_model(deck), values, keep_values)
-    standing = of_model(model).accept(accept or ())
+    standing = model_standing(model).accept(accept or ())
     given = _scenario(model, scenario, boundary, [], start, duration)
     written = read_toml(scenario)[0].get("environment", {}) if scenario is not None else {}
     known: dict[str, Any] = {gas: given.environment[gas].humidity for gas, table in written.items() if gas != "*" and "humidity" in table}

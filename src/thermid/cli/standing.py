@@ -9,7 +9,7 @@ import typer
 
 if TYPE_CHECKING:
     from thermid.campaign.filed import Filed
-    from thermid.knowledge.standing import Standing
+    from thermid.model.parts.standing import Standing
     from thermid.model.tree.model import Model
 
 __all__ = ["Accept", "KeepValues", "leave", "say_first", "with_fitted"]

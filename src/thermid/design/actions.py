@@ -14,8 +14,6 @@ from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 
-__all__ = ["Action", "Aim", "usual_actions"]
-
 CHAMBER_STEP = 20.0
 """Step of a chamber that costs little and is far from what most parts fear. [K]"""
 

@@ -16,8 +16,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for, output_times
 from thermid.simulation.transient import simulate
 
-__all__ = ["Sensor", "planned_record", "sensors_of"]
-
 
 @dataclass(frozen=True)
 class Sensor:

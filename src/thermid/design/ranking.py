@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from thermid.fit.uncertainty.grouping import percent
 from thermid.measure.amounts import duration_text, short
 
-__all__ = ["Advice", "Option"]
-
 Array = NDArray[np.float64]
 FELT = 0.1
 """Part of the error now below which what else a prediction has is not spoken of."""

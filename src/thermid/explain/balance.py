@@ -25,8 +25,6 @@ from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.wiring import Wiring
 from thermid.simulation.steady import steady
 
-__all__ = ["EnergyBalance", "energy_balance"]
-
 Array = NDArray[np.float64]
 
 

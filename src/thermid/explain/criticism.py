@@ -17,8 +17,6 @@ from thermid.fit.calibration import Calibration
 from thermid.measure.amounts import short
 from thermid.simulation.transient import simulate
 
-__all__ = ["Candidate", "Criticism", "TraceCriticism", "criticise"]
-
 Array = NDArray[np.float64]
 STRONG, POSSIBLE = 10.0, 2.0
 """Differences of BIC that count as very strong evidence, and as evidence worth a word: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)

@@ -21,8 +21,6 @@ from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.simulation.simulator import Simulator, prepare
 
-__all__ = ["Diagnosis", "Suspect", "diagnose", "laid_open", "suspects"]
-
 Array = NDArray[np.float64]
 GROUPS = {
     "boundary or reference": "the chamber's or room's temperature, or an error that all sensors share: reference junction, logger",

@@ -16,8 +16,6 @@ from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["Missing", "missing_elements"]
-
 Judge = Callable[[Calibration], tuple[str, bool]]
 """What was found, in words, and whether it is physically possible."""
 SENSOR_LAG = (0.5, 600.0)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["cumulated_periodogram", "ljung_box", "modes_of", "periodogram", "stretches", "trace_likelihood"]
-
 Array = NDArray[np.float64]
 MOST_LAGS, STRETCHES, FEWEST = 20, 150, 12
 

@@ -16,11 +16,10 @@ from thermid.fit.problem.residuals import Block, Predictions, Problem
 from thermid.fit.problem.statistics import SensorStatistics, Sums, pooled
 from thermid.fit.sensors import instrument_shares, sensor_shares
 from thermid.fit.uncertainty.moves import Moves
-from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import State, Store
-from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.knowledge.values_file import save_store
+from thermid.knowledge.values import FittedValue, FittedValues, save_store
 from thermid.measure.amounts import digits, short
+from thermid.model.parts.standing import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import cuts_of
 from thermid.model.tree.model import Model
 from thermid.units import counted, unit

@@ -6,9 +6,9 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
 from thermid.fit.standings import rests_on
 from thermid.fit.stored import in_place
-from thermid.knowledge.standing import UNJUDGED
 from thermid.knowledge.store import Store
 from thermid.knowledge.values import view
+from thermid.model.parts.standing import UNJUDGED
 
 __all__ = ["tuned_by_hand"]
 

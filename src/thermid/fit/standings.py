@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from thermid.fit.contradicted import contradicted
 from thermid.fit.least_squares.solve import Fit
 from thermid.fit.problem.unknowns import Unknown
-from thermid.knowledge.standing import CREDIBLE, Standing, worst
 from thermid.knowledge.values import FittedValues
 from thermid.measure.amounts import short
+from thermid.model.parts.standing import CREDIBLE, Standing, worst
 from thermid.model.tree.resolve import parameter_table
 from thermid.units import counted
 

@@ -12,7 +12,7 @@ from thermid.fit.problem.keys import key_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.uncertainty.responses import Responses
-from thermid.knowledge.store import Origin, State, Store
+from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.tree.resolve import deck_text, parameter_table
 
@@ -34,7 +34,7 @@ def stored(request: Request, problem: Problem, values: FittedValues, found: Resp
     key = key_for(request)
     rows, sources = found.of(kept, key[:16], f"noise of stage '{values.stage}'")
     known = [not found.unlimited[k] for k in kept]
-    origin = Origin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
+    origin = ValueOrigin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
     decks = {p: deck_text(entry) for p, entry in parameter_table(request.model).items()}
     states = {v.path: replace(state_of(v, origin, decks), known=sure) for v, sure in zip(values.values(), known, strict=True)}
     seen = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in values.provenance["records"].items()}
@@ -83,7 +83,7 @@ def _left(state: State, here: set[str]) -> State | None:
     return replace(state, path=paths[0], paths=paths, hidden=tuple(p for p in state.hidden if p in paths)) if paths else None
 
 
-def state_of(v: FittedValue, origin: Origin, decks: Mapping[str, str]) -> State:
+def state_of(v: FittedValue, origin: ValueOrigin, decks: Mapping[str, str]) -> State:
     """Return the state that a value of a stage is; `decks` has the texts of the decks' values by path."""
     parameter = v.kind == "parameter"
     return State(

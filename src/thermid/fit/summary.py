@@ -20,10 +20,10 @@ from thermid.fit.standings import at_bounds, own_standing, rests_on
 from thermid.fit.stored import stored
 from thermid.fit.uncertainty.moved import moves_above
 from thermid.fit.uncertainty.responses import Responses
-from thermid.knowledge.standing import worst
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure.amounts import short
 from thermid.model.laws.signal import Table
+from thermid.model.parts.standing import worst
 
 if TYPE_CHECKING:
     from thermid.fit.problem.request import Request

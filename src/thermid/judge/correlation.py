@@ -15,9 +15,10 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.uncertainty.grouping import listed
 from thermid.judge.criteria import CRITERIA, CriteriaSet, Deviation, Gate, judge
 from thermid.judge.overlay import Overlay, overlays, paired
-from thermid.knowledge.standing import UNJUDGED, Standing, of_model
+from thermid.knowledge.store import model_standing
 from thermid.measure import Record
 from thermid.measure.windows import usual_step
+from thermid.model.parts.standing import UNJUDGED, Standing
 
 __all__ = ["Correlation", "Exclusions", "correlate"]
 
@@ -156,7 +157,7 @@ def correlate(
     """
     standing = UNJUDGED
     if isinstance(readings, Calibration):
-        seen, standing = overlays(readings), of_model(readings.fitted_model)
+        seen, standing = overlays(readings), model_standing(readings.fitted_model)
     elif len(readings) == 2 and isinstance(readings[0], Record) and isinstance(readings[1], Record):
         seen = paired(readings[0], readings[1])
     else:

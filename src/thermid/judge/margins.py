@@ -12,7 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.judge.limit_checks import times_in_state
 from thermid.judge.limits import Limits
-from thermid.knowledge.standing import UNJUDGED, Standing
+from thermid.model.parts.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.foresight import Foresight
 from thermid.sourced.marks import Figure, weakest

@@ -16,9 +16,9 @@ from thermid.fit.problem.residuals import Block
 from thermid.fit.problem.sensor_parts import as_found
 from thermid.fit.problem.statistics import SensorStatistics
 from thermid.judge.looks import RecordedLook
-from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
 from thermid.model.laws.signal import literal
+from thermid.model.parts.standing import UNJUDGED, Standing
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted
 

@@ -14,8 +14,6 @@ from thermid.knowledge.store import State, Store
 from thermid.model.tree.identity import depth
 from thermid.model.tree.model import Model
 
-__all__ = ["graft", "structural_under"]
-
 Array = NDArray[np.float64]
 
 

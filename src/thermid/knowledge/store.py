@@ -13,20 +13,18 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, nearest
 from thermid.expression import parse
 from thermid.knowledge.sources import KNOWN, Kind, LeftOut, Source
-from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.model.parts.parameter import Parameter, exact
+from thermid.model.parts.standing import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import depth, inside
 from thermid.model.tree.model import Model
 from thermid.model.tree.replacement import Dropped
 from thermid.model.tree.resolve import Entry, deck_text, parameter_table
 
-__all__ = ["Dropped", "Origin", "State", "Store"]
-
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Origin:
+class ValueOrigin:
     """Who gave a value.
 
     Parameters
@@ -60,7 +58,7 @@ class State:
     log : bool              Whether its error is that of its logarithm.
     unit : str              For people.
     bounds : (float, float) [SI]
-    origin : Origin         Who gave it.
+    origin : ValueOrigin         Who gave it.
     kind : str              parameter, or as in `FittedValue`: sensor, instrument, shared (all three of instruments), level.
     paths : tuple of str    Every place where it stands.
     hidden : tuple of str   Those where a [set] hides it.
@@ -79,13 +77,13 @@ class State:
     log: bool
     unit: str
     bounds: tuple[float, float]
-    origin: Origin
+    origin: ValueOrigin
     kind: str = "parameter"
     paths: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
     at: str = ""
     deck: str = ""
-    history: tuple[Origin, ...] = ()
+    history: tuple[ValueOrigin, ...] = ()
     standing: Standing = UNJUDGED
     start: float = 0.0
     random: float = 0.0
@@ -278,6 +276,15 @@ class Store:
         """Return it without sources that nothing responds to."""
         used = [bool(column.any()) for column in self.root.T]
         return replace(self, sources=tuple(s for s, u in zip(self.sources, used, strict=True) if u), root=self.root[:, used])
+
+
+def model_standing(model: Model) -> Standing:
+    """Return the worst standing of the values that act in a model; unjudged where all are those of its decks.
+
+    A value that was laid over the model carries its standing; one that a [set] hides does not act.
+    """
+    laid = [s for e in parameter_table(model).values() if (s := e.parameter.standing) is not None]
+    return worst(laid) if laid else UNJUDGED
 
 
 def _alike(one: str, other: str) -> bool:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.knowledge.sources import LeftOut
-from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.model.laws.signal import literal
+from thermid.model.parts.standing import UNJUDGED, Standing
 from thermid.monte_carlo.drivers import Driver, drivers_of
 from thermid.monte_carlo.hold_times import clock, first_crossings, hold_time, proportion
 from thermid.monte_carlo.uncertain import UncertainRuns

@@ -15,9 +15,10 @@ from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.knowledge.sources import Choice, LeftOut, Source
-from thermid.knowledge.standing import Standing, of_model
+from thermid.knowledge.store import model_standing
 from thermid.knowledge.values import FittedValues
 from thermid.model.laws.signal import literal
+from thermid.model.parts.standing import Standing
 from thermid.model.tree.model import Model
 from thermid.monte_carlo.chunks import Chunk, ChunkStore, Job, chunks
 from thermid.network.network import compile_network
@@ -197,7 +198,7 @@ class UncertainRuns:
     @cached_property
     def standing(self) -> Standing:
         """Of the values that it rests on."""
-        return of_model(self.job.model)
+        return model_standing(self.job.model)
 
     @cached_property
     def assumed(self) -> tuple[str, ...]:

@@ -17,8 +17,8 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.coefficients import Conditions, coefficient_path, constant_coefficients
 from thermid.fit.discrepancy import kept_in, misfit_kept
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
-from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.knowledge.values import FittedValues
+from thermid.model.parts.standing import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet, parameter_table
 from thermid.network.network import compile_network

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.knowledge.standing import Standing
 from thermid.knowledge.store import State
+from thermid.model.parts.standing import Standing
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import Known
 from thermid.prediction.predict import Band, Prediction, predicted
@@ -21,8 +21,6 @@ from thermid.simulation.simulator import prepare
 from thermid.simulation.solution import Solution
 from thermid.simulation.solver.engine import Options
 from thermid.simulation.transient import simulate
-
-__all__ = ["IN_TESTS", "Foresight", "foresee", "widened"]
 
 Array = NDArray[np.float64]
 Given = Mapping[str, Any]

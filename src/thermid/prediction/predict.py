@@ -17,8 +17,8 @@ from thermid.files import TABLE, replacing
 from thermid.fit.calibration import Calibration
 from thermid.fit.coefficients import Conditions, constant_coefficients
 from thermid.knowledge.sources import LeftOut
-from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure.amounts import short
+from thermid.model.parts.standing import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.budget import Budget, Spread, assumed_left_out, budget_of, first_line, in_order

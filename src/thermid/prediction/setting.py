@@ -33,8 +33,6 @@ from thermid.simulation.solver.engine import Engine, Options
 from thermid.simulation.solver.extremes import MemberTurnings
 from thermid.simulation.solver.wiring import Wiring
 
-__all__ = ["Drawn", "Linear", "Setting"]
-
 Array = NDArray[np.float64]
 
 

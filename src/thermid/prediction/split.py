@@ -20,8 +20,9 @@ from thermid.dual import value_of
 from thermid.errors import IdentificationError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import discrepancy_kept
-from thermid.knowledge.standing import Standing, of_model, worst
+from thermid.knowledge.store import model_standing
 from thermid.knowledge.values import FittedValue, FittedValues
+from thermid.model.parts.standing import Standing, worst
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import FlatConductor
 from thermid.model.tree.model import Model
@@ -363,7 +364,7 @@ def split_values(
     parts = parts_of(model, base, wanted, at, priors or {})
     joint = _Joint(base, parts)
     done = [joint.take(part) for part in parts]
-    values = joint.values(worst([of_model(model), *([base.standing] if base else [])]))
+    values = joint.values(worst([model_standing(model), *([base.standing] if base else [])]))
     origin = f"split of '{values.stage}'"
     entries = tuple(joint.entry(p, used, remark) for p, (used, remark) in zip(parts, done, strict=True))
     return Split(entries, values, _laid(model, values, origin), _caution(model, base, parts))

@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 from thermid.dual import value_of
 from thermid.fit.discrepancy import ALIKE, Discrepancy
 from thermid.fit.joint_gas import MOST, losing_gas
-from thermid.knowledge.sources import Law, Normal, Source, Uniform
+from thermid.knowledge.sources import Distribution, Normal, Source, Uniform
 from thermid.knowledge.values import FittedValues
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.prediction.known import Known, Rows, normal_sources
 from thermid.prediction.split import split_values
 from thermid.simulation.scenarios.scenario import Scenario
-
-__all__ = ["CONSTANT", "GAS_IN_JOINTS", "MISFIT", "SPLIT", "Mode", "law_of_mode", "misfit_of", "modes_of", "open_contacts", "split_rows"]
 
 Array = NDArray[np.float64]
 CONSTANT, MISFIT, SPLIT, GAS_IN_JOINTS = "constant coefficients", "misfit", "split of effective coefficients", "gas in joints"
@@ -34,12 +32,12 @@ class Mode:
     Parameters
     ----------
     path, kind : str    Of the conductor; 'difference' or 'level'.
-    law : Law           Of the exponent or of the radiative share. [-]
+    law : Distribution  Of the exponent or of the radiative share. [-]
     """
 
     path: str
     kind: str
-    law: Law
+    law: Distribution
 
     @property
     def name(self) -> str:
@@ -47,7 +45,7 @@ class Mode:
         return f"{NAMES[self.kind]} {self.path}"
 
 
-def law_of_mode(kind: str, mean: float, sd: float) -> Law:
+def law_of_mode(kind: str, mean: float, sd: float) -> Distribution:
     """Return the law of a coefficient mode: the only place that chooses its shape. Moments as in `patterns_of`."""
     return Normal(mean, sd)
 

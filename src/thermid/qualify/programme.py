@@ -25,7 +25,7 @@ from thermid.sourced.marks import weigh
 from thermid.units import counted
 
 if TYPE_CHECKING:
-    from thermid.knowledge.standing import Standing
+    from thermid.model.parts.standing import Standing
     from thermid.prediction.known import Known
 
 __all__ = ["Qualification", "run_plan"]

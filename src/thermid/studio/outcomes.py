@@ -12,7 +12,7 @@ from thermid.errors import ScenarioError
 from thermid.judge.limit_checks import LimitCheck, check_limits, spans
 from thermid.judge.limits import Limits
 from thermid.judge.margins import Margin, margins
-from thermid.knowledge.standing import UNJUDGED, Standing
+from thermid.model.parts.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known

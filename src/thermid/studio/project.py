@@ -20,8 +20,8 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
 from thermid.knowledge.sources import LeftOut
-from thermid.knowledge.store import Origin, State, Store
-from thermid.knowledge.values_file import save_store
+from thermid.knowledge.store import State, Store, ValueOrigin
+from thermid.knowledge.values import save_store
 from thermid.model.deck.modelfile import load_model, read_toml, resolve_inside
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet, deck_text, parameter_table
@@ -246,7 +246,7 @@ class Project:
             raise DeckError("give the values a name of letters and digits.", "save")
         desk = self.desk(name)
         states: dict[str, State] = {}
-        origin, table = Origin("hand", f"{name}, by hand"), parameter_table(desk.model)
+        origin, table = ValueOrigin("hand", f"{name}, by hand"), parameter_table(desk.model)
         for s in desk.sliders:
             if s.path in values:
                 of = unit(s.unit)

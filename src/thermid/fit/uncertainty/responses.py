@@ -17,7 +17,7 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.opened import opened_at, opened_jacobian
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
-from thermid.knowledge.values_file import rooted
+from thermid.knowledge.values import rooted
 
 __all__ = ["Responses", "covering", "responses"]
 
