@@ -169,8 +169,8 @@ if TYPE_CHECKING:
     from thermid.simulation.water.moisture import moisture as moisture
     from thermid.simulation.water.vapour import Volume as Volume
     from thermid.simulation.water.vapour import WaterBalance as WaterBalance
-    from thermid.steadiness.forecast import Forecast as Forecast
     from thermid.steadiness.forecast import forecast as forecast
+    from thermid.steadiness.foretold import Forecast as Forecast
     from thermid.steadiness.stabilisation import Stability as Stability
     from thermid.steadiness.stabilisation import stability as stability
 
@@ -302,7 +302,7 @@ _PUBLIC = {
     "stability": "steadiness.stabilisation",
     "Stability": "steadiness.stabilisation",
     "forecast": "steadiness.forecast",
-    "Forecast": "steadiness.forecast",
+    "Forecast": "steadiness.foretold",
     "Limits": "judge.limits",
     "load_limits": "judge.limits",
     "check_limits": "judge.limit_checks",

@@ -10,8 +10,6 @@ from typing import Any, ParamSpec, TypeVar
 
 from thermid.errors import DeckError
 
-__all__ = ["takes_objects"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

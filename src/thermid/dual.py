@@ -12,8 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Dual", "Number", "gradient_of", "real_power", "value_of"]
-
 
 def real_power(base: float, exponent: float) -> float:
     """Return a power that is a real number.

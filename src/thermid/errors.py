@@ -9,23 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
-__all__ = [
-    "DeckError",
-    "ExpressionError",
-    "IdentificationError",
-    "MissingDataError",
-    "NameNotFoundError",
-    "OutputError",
-    "RecordError",
-    "ScenarioError",
-    "SolverError",
-    "ThermidError",
-    "ThermidWarning",
-    "UnitError",
-    "nearest",
-    "quoted",
-]
-
 
 class ThermidError(Exception):
     """Base of every error that thermid raises on purpose.

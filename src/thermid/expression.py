@@ -18,8 +18,6 @@ from thermid.dual import Dual, real_power
 from thermid.errors import ExpressionError, ThermidError
 from thermid.units import DIMENSIONLESS, Dimension, Unit, to_si, unit
 
-__all__ = ["NAME", "Expression", "Literal", "parse"]
-
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
 _BRACKET = re.compile(r"^(?P<number>[^\[\]]*)\[(?P<unit>[^\[\]]*)\]\s*$", re.DOTALL)
 _BARE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*([A-Za-z%][\w/^*% ]{0,20}?)\s*\Z")

@@ -25,40 +25,6 @@ from typing import Any, Final
 from thermid.errors import OutputError
 from thermid.seals import seal, sealed
 
-__all__ = [
-    "COPY",
-    "CREDIBILITY",
-    "DECK",
-    "DELIVERY",
-    "EQUATIONS",
-    "EXPORT",
-    "LOG",
-    "NETCDF",
-    "NETCDF_SOURCE",
-    "OWN",
-    "PAGE",
-    "PAPER",
-    "PICTURE",
-    "PROFILE",
-    "STUDY",
-    "TABLE",
-    "VALUES",
-    "Kind",
-    "command",
-    "first_quoted",
-    "folder_replacing",
-    "may_write",
-    "parse_toml",
-    "read_bytes",
-    "read_text",
-    "replacing",
-    "scratch",
-    "sweep",
-    "was_read",
-    "write_bytes",
-    "write_text",
-]
-
 NETCDF_SOURCE: Final = "thermid"
 """Attribute `source` of a netCDF file."""
 _DAY: Final = 86400.0

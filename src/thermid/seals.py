@@ -9,8 +9,6 @@ import zlib
 from pathlib import Path
 from typing import Final
 
-__all__ = ["seal", "sealed", "unsealed"]
-
 _END: Final = rb'(?:\s*|\s*-->\s*|"\s*\}\s*|.{4}\0\0\0\0IEND\xaeB`\x82)\Z'
 """What may stand after a seal: the end of a line, of a comment, of a JSON object, of a PNG."""
 

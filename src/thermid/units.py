@@ -16,8 +16,6 @@ from typing import Final
 from thermid._units_table import TABLE
 from thermid.errors import UnitError, nearest
 
-__all__ = ["DIMENSIONLESS", "TEMPERATURE", "Dimension", "Unit", "counted", "describe", "format_value", "require", "to_si", "unit"]
-
 Dimension = tuple[Fraction, ...]
 """Exponents of metre, kilogram, second, ampere and kelvin."""
 

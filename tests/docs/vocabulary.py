@@ -106,7 +106,7 @@ def _values_file() -> Names:
 
 
 def _exceptions() -> Names:
-    return _of(n for n in errors.__all__ if isinstance(getattr(errors, n), type))
+    return _of(n for n, thing in vars(errors).items() if isinstance(thing, type) and thing.__module__ == errors.__name__)
 
 
 def by_heading() -> dict[str, Names]:

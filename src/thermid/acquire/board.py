@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 from thermid.errors import RecordError
 from thermid.measure.wire import crc8, sealed, unsealed
 
-__all__ = ["FIRMWARE", "Board", "World", "made_up_rom"]
-
 FIRMWARE = "thermid-bench 1"
 
 World = Callable[[float, tuple[float, float]], Sequence[float]]

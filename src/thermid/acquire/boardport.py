@@ -8,8 +8,6 @@ import time
 from thermid.acquire.board import Board
 from thermid.errors import RecordError
 
-__all__ = ["BoardPort"]
-
 _STEP = 100
 """Short enough that the silence of the host is seen when it is. [ms]"""
 

@@ -8,8 +8,6 @@ from math import pi, sin
 from thermid.acquire.board import Board
 from thermid.acquire.boardport import BoardPort
 
-__all__ = ["Plate", "simulated"]
-
 
 class Plate:
     """Two lumped bodies between a heater and a room that breathes by half a kelvin; a `World` for a `Board`."""

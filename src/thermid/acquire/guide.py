@@ -14,8 +14,6 @@ from thermid.acquire.sensormap import Sensor, save_sensor
 from thermid.errors import RecordError
 from thermid.measure.part import ICE, SensorCertificate
 
-__all__ = ["certificate_of", "ice_point", "tell_apart"]
-
 _RISE = 2.0
 """Rise that a hand gives a sensor within seconds, and no draught does. [K]"""
 

@@ -7,8 +7,6 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["History"]
-
 Array = NDArray[np.float64]
 _LATE = 900
 _EARLY = 600

@@ -10,8 +10,6 @@ from thermid.measure.wire import sealed
 if TYPE_CHECKING:
     from thermid.acquire.settings import Settings
 
-__all__ = ["Link"]
-
 _PATIENCE = 1.0
 _TRIES = 5
 

@@ -16,13 +16,11 @@ from thermid.acquire.link import Link
 from thermid.acquire.port import Port
 from thermid.acquire.programme import Programme
 from thermid.acquire.sensormap import Sensor
-from thermid.acquire.settings import Settings
+from thermid.acquire.settings import Settings as Settings
 from thermid.acquire.store import Store
 from thermid.acquire.watch import Watch
 from thermid.errors import RecordError
 from thermid.measure.wire import Line, parse_line
-
-__all__ = ["Logger", "Settings"]
 
 _JUMP = 1.0
 _WALL_EVERY = 600.0

@@ -11,8 +11,6 @@ from typing import Any
 
 from thermid.errors import RecordError, ThermidError
 
-__all__ = ["LONGEST", "Port", "check_port", "find_port"]
-
 LONGEST = 400
 """Bytes without a line feed that are taken for one piece of garbage."""
 

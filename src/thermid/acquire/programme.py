@@ -11,8 +11,6 @@ from thermid.errors import MissingDataError, RecordError, nearest
 from thermid.files import parse_toml, read_text
 from thermid.measure.amounts import amount
 
-__all__ = ["Programme", "load_programme"]
-
 _KEYS = ("at", "heater1", "heater2")
 _TOP = ("steps", "end", "title")
 

@@ -13,8 +13,6 @@ from thermid.files import OWN, parse_toml, write_text
 from thermid.measure.part import ICE, SensorCertificate
 from thermid.measure.wire import rom_is_good
 
-__all__ = ["Sensor", "load_sensors", "save_sensor"]
-
 _KEYS = ("rom", "note", "certificate")
 _BROKEN = 5.0
 

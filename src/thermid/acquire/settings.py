@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from thermid.errors import RecordError
 
-__all__ = ["Settings"]
-
 
 @dataclass(frozen=True)
 class Settings:

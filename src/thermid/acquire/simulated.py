@@ -9,8 +9,6 @@ from pathlib import Path
 from thermid.acquire.board import World
 from thermid.errors import MissingDataError, SolverError
 
-__all__ = ["Simulated"]
-
 
 class Simulated:
     """A board in simavr that a logger can open as a port; time passes as fast as the machine allows.

@@ -13,8 +13,6 @@ from thermid.files import COPY, write_bytes
 from thermid.measure.benchlog import is_bench_log, log_line
 from thermid.measure.wire import MAGIC
 
-__all__ = ["Store"]
-
 _SESSION = re.compile(rb'^# session \{"number": (\d{1,6})', re.MULTILINE)
 _WALL = re.compile(rb'^# session \{"number": (\d{1,6}), "wall": "([^"]*)"', re.MULTILINE)
 _TRIP = re.compile(rb"^# mark (\d{1,6}) (\d{1,9}\.\d{6}) (overtemp|blind|cleared) (.*) [0-9A-F]{4}$", re.MULTILINE)

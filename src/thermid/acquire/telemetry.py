@@ -23,8 +23,6 @@ from thermid.files import read_bytes
 from thermid.measure.channel import Channel
 from thermid.measure.record import Record
 
-__all__ = ["Chain", "Frame", "frame_bytes", "read_frames", "read_telemetry"]
-
 SYNC = b"\xeb\x90"
 _HEAD = struct.Struct(">HIB")
 _MOST_CHANNELS = 64

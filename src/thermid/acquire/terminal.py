@@ -11,8 +11,6 @@ from pathlib import Path
 from thermid.acquire.board import Board
 from thermid.errors import RecordError
 
-__all__ = ["Terminal"]
-
 
 class Terminal:
     """A board that a logger can open as a port.

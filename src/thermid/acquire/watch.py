@@ -7,8 +7,6 @@ from collections.abc import Callable, Collection
 from thermid.measure.benchlog import MOST_CURRENT, RANGE
 from thermid.measure.wire import Line
 
-__all__ = ["Watch"]
-
 _WORDS = {
     "crc": "three readings with a wrong CRC",
     "lost": "nothing answers",

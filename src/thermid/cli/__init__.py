@@ -1,5 +1,3 @@
 """The command line."""
 
-from thermid.cli.app import main
-
-__all__ = ["main"]
+from thermid.cli.app import main as main

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from thermid.model.tree.model import Model
     from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["main"]
-
 app = typer.Typer(
     name="thermid",
     help="Lumped thermal models of equipment: built part by part, fitted to logs level by level, and asked about the rest.",

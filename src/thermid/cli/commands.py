@@ -20,8 +20,6 @@ from thermid.cli import (
     trust,
 )
 
-__all__ = ["MODULES"]
-
 MODULES = (
     studio,
     diagram,

@@ -11,8 +11,6 @@ import typer
 from thermid.cli.output import SCHEMA, clean
 from thermid.cli.standing import Accept, KeepValues, leave, say_first
 
-__all__ = ["register"]
-
 
 def register(app: typer.Typer) -> None:
     """Add the command."""

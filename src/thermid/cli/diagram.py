@@ -9,8 +9,6 @@ import typer
 
 from thermid.cli.pages import Force
 
-__all__ = ["register"]
-
 
 def register(app: typer.Typer) -> None:
     """Add the command."""

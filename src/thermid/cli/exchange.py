@@ -12,8 +12,6 @@ from thermid.cli.pages import Force
 from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
 from thermid.files import DECK, EQUATIONS, EXPORT, Kind, may_write, write_text
 
-__all__ = ["register"]
-
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 To = Annotated[Path | None, typer.Option("--to", help="The file to write; standard output without it.")]

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from thermid.acquire.logger import Logger
-    from thermid.steadiness.forecast import Forecast
-
-__all__ = ["Judge", "Outlook"]
+    from thermid.steadiness.foretold import Forecast
 
 _SHARE = 0.1
 """Share of a processor that it takes: the logger comes first."""

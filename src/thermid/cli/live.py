@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from thermid.acquire.logger import Logger
     from thermid.cli.judge import Judge, Outlook
 
-__all__ = ["live_table", "plain_line"]
-
 HOUR = 3600.0
 _WORST = ("fault", "not stable", "cannot tell", "too early", "", "stable")
 _STYLE = {"fault": "bold red", "not stable": "yellow", "cannot tell": "yellow", "stable": "green"}

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from thermid.acquire.logger import Logger
     from thermid.cli.judge import Judge
 
-__all__ = ["register"]
-
 
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""

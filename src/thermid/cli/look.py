@@ -10,8 +10,6 @@ import typer
 
 from thermid.cli.pages import Force
 
-__all__ = ["register"]
-
 
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""

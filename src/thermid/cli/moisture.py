@@ -13,8 +13,6 @@ from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
 if TYPE_CHECKING:
     from thermid.simulation.water.moisture import Moisture
 
-__all__ = ["register"]
-
 
 def register(app: typer.Typer) -> None:
     """Add the command."""

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from thermid.judge.validate import Verdict
     from thermid.simulation.solution import Solution
 
-__all__ = ["calibration_object", "campaign_object", "campaign_standing", "clean", "solution_object"]
-
 SCHEMA = 1
 
 

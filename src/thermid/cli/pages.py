@@ -11,8 +11,6 @@ import typer
 from thermid.errors import ScenarioError
 from thermid.files import PAGE, PAPER, command, may_write, scratch
 
-__all__ = ["Force", "Page", "Pdf", "ready", "written"]
-
 
 def _force(context: typer.Context, wanted: bool) -> bool:
     """Let this command replace any file that its options name."""

@@ -12,8 +12,6 @@ from thermid.cli.output import SCHEMA, clean
 from thermid.cli.pages import Force
 from thermid.cli.standing import Accept, leave
 
-__all__ = ["register"]
-
 
 def register(app: typer.Typer) -> None:
     """Add the command."""

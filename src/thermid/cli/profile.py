@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from thermid.profile_runs.profile_run import ProfileRun
     from thermid.profiles.profile import ThermalProfile
 
-__all__ = ["register"]
-
 Texts = list[str]
 
 

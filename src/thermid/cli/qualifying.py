@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from thermid.judge.correlation import Correlation
     from thermid.qualify.programme import Qualification
 
-__all__ = ["register"]
-
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]
 Data = Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project.")]

@@ -11,9 +11,7 @@ import typer
 if TYPE_CHECKING:
     from thermid.measure.record import Record
     from thermid.simulation.solution import Solution
-    from thermid.steadiness.forecast import Forecast
-
-__all__ = ["register"]
+    from thermid.steadiness.foretold import Forecast
 
 Texts = list[str]
 

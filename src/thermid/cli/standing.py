@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from thermid.model.parts.standing import Standing
     from thermid.model.tree.model import Model
 
-__all__ = ["Accept", "KeepValues", "leave", "say_first", "with_fitted"]
-
 Accept = Annotated[
     list[str] | None,
     typer.Option("--accept", help="A stage that is accepted as it is: its state stays, the exit code does not count it; may be repeated."),

@@ -14,8 +14,6 @@ from thermid.cli.standing import Accept, leave
 if TYPE_CHECKING:
     from thermid.campaign.retune import RetunePlan
 
-__all__ = ["register"]
-
 
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""

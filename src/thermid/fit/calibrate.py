@@ -33,8 +33,6 @@ from thermid.measure import Record
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["calibrate", "fit", "fit_problem"]
-
 Progress = Callable[[int, float], None]
 
 

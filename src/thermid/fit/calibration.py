@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from thermid.fit.problem.residuals import Problem
     from thermid.fit.uncertainty.wander import Wander
 
-__all__ = ["Calibration", "Local"]
-
 Array = NDArray[np.float64]
 
 

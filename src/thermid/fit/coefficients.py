@@ -24,19 +24,6 @@ from thermid.simulation.solver.engine import Engine, Options
 from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Wiring
 
-__all__ = [
-    "Conditions",
-    "Course",
-    "Pattern",
-    "coefficient_path",
-    "conditions_of",
-    "constant_coefficients",
-    "courses",
-    "ending_settled",
-    "patterns_of",
-    "with_patterns",
-]
-
 Array = NDArray[np.float64]
 POINTS = 301
 SMALL = 1e-3

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from thermid.knowledge.values import FittedValue, FittedValues
     from thermid.model.tree.model import Model
 
-__all__ = ["BLAME", "FAR", "FIRST", "LOUD", "TIMES", "contradicted", "far_from_sheet", "loudly"]
-
 LOUD = "NOT CREDIBLE: "
 BLAME = "A column, a unit, a node or the accuracy is wrong, or the model is. Do not use these values."
 """What to look for where a fit contradicts what was stated."""

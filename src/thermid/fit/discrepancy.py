@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from thermid.fit.coefficients import Course, Pattern
     from thermid.fit.uncertainty.wander import Wander
 
-__all__ = ["Discrepancy", "discrepancy", "discrepancy_kept", "kept_in", "misfit_kept", "with_discrepancy"]
-
 Array = NDArray[np.float64]
 KEY = "structural"
 """Where the provenance of fitted values keeps it."""

@@ -10,8 +10,6 @@ from thermid.knowledge.store import Store
 from thermid.knowledge.values import view
 from thermid.model.parts.standing import UNJUDGED
 
-__all__ = ["tuned_by_hand"]
-
 
 def tuned_by_hand(request: Request, hand: Store) -> Calibration:
     """Return a stage that takes values as somebody tuned them, over what the stages below found."""

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from thermid.fit.problem.unknowns import Unknown
     from thermid.measure import Channel
 
-__all__ = ["SOURCES", "Input", "InputTable", "input_lines", "inputs_of"]
-
 Source = Literal["assumed", "deck", "scenario", "log"]
 SOURCES: tuple[Source, ...] = ("assumed", "deck", "scenario", "log")
 """Where an input may come from, in the order of the table: what nobody said stands first."""

@@ -10,8 +10,6 @@ from thermid.network.medium import Media
 from thermid.network.network import Network
 from thermid.physics.gas import GASES, REFERENCE
 
-__all__ = ["MOST", "bare_contacts", "losing_gas", "separated"]
-
 THINNEST: Final = 10e-6
 """Effective distance of machined surfaces that touch, from which the most that gas can carry follows. Yovanovich has 1.53 s (P/H)^-0.097,
 3 to 15 micrometres for roughness s of 1 to 5 (Bejan and Kraus, Heat Transfer Handbook, 2003, section 4.16). [m]"""

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from thermid.fit.problem.request import Request
     from thermid.fit.problem.residuals import Problem
 
-__all__ = ["mistakes", "strange_powers"]
-
 FAR = 25.0
 """Weighted sum of squares per degree of freedom from which a mistake is looked for: residuals of five times the stated noise."""
 GAIN = 0.1

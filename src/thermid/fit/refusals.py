@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
     from thermid.fit.problem.request import Request
 
-__all__ = ["refuse_after", "refuse_before"]
-
 Array = NDArray[np.float64]
 
 

@@ -10,8 +10,6 @@ import numpy as np
 if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
 
-__all__ = ["InstrumentShare", "SensorShare", "instrument_shares", "sensor_shares"]
-
 WORTH = 0.05
 """Share of a variance from which it is worth a word."""
 

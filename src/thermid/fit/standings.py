@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from thermid.fit.problem.residuals import Problem
     from thermid.fit.uncertainty.wander import Wander
 
-__all__ = ["at_bounds", "own_standing", "rests_on"]
-
 Array = NDArray[np.float64]
 NOISES, SHARE = 3.0, 0.02
 """What the autocorrelated part of residuals may be, as a standard deviation: so many noises of the sensor, or so much of what the sensor

@@ -16,8 +16,6 @@ from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.tree.resolve import deck_text, parameter_table
 
-__all__ = ["in_place", "state_of", "stored"]
-
 Array = NDArray[np.float64]
 
 

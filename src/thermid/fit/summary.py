@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from thermid.fit.problem.request import Request
     from thermid.fit.uncertainty.wander import Wander
 
-__all__ = ["correlations_of", "summarise"]
-
 Array = NDArray[np.float64]
 CHANCE = 0.01
 

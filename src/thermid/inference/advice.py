@@ -17,8 +17,6 @@ from thermid.model.laws.signal import Table
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.parts.parameter import parameter
 
-__all__ = ["Cure", "cures"]
-
 Array = NDArray[np.float64]
 KNOWN = 0.05
 """A prior that is easily had: 5 %."""

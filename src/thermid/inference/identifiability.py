@@ -27,8 +27,6 @@ from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted, unit
 
-__all__ = ["Identifiability", "Known", "cause", "identifiability", "identifiability_of"]
-
 Array = NDArray[np.float64]
 TELL = 0.1
 

@@ -17,8 +17,6 @@ from thermid.fit.least_squares.population import box_of
 from thermid.fit.problem.residuals import Compressed, Problem
 from thermid.fit.problem.unknowns import Unknown
 
-__all__ = ["Evidence", "Posterior", "evidence", "posterior"]
-
 Array = NDArray[np.float64]
 ENOUGH = 50
 """A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""

@@ -16,8 +16,6 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.information import inverse
 from thermid.units import unit
 
-__all__ = ["Held", "Profile", "asked", "profile", "spread_of"]
-
 Array = NDArray[np.float64]
 MOST_STEPS, FIRST, FARTHEST = 14, 0.7, 7.0
 """Points on one side; how far a logarithm goes at first, and at most (a factor of 1100)."""

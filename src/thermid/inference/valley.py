@@ -15,8 +15,6 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.inference.identifiability import Identifiability
 from thermid.inference.profile import Held, asked, spread_of
 
-__all__ = ["Valley", "valley"]
-
 Array = NDArray[np.float64]
 GRID = 25
 

@@ -9,8 +9,6 @@ from thermid.errors import DeckError
 from thermid.model.parts.parameter import Parameter
 from thermid.units import Dimension, unit
 
-__all__ = ["ROLES", "block"]
-
 ROLES = {
     "mass": "kg",
     "specific_heat": "J/(kg K)",

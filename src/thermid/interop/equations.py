@@ -19,8 +19,6 @@ from thermid.interop.wired import identifiers
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 
-__all__ = ["Equations", "equations"]
-
 Expr = Any
 """An expression of sympy, which is an optional package."""
 MOST_STATES = 6

@@ -12,8 +12,6 @@ from typing import Any
 from thermid.dual import real_power, value_of
 from thermid.network.network import Network, Numbers
 
-__all__ = ["Formula", "Text", "named", "number_text", "with_formulas"]
-
 _RANK = {"+": 1, "-": 1, "*": 2, "/": 2, "neg": 3, "**": 4, "name": 5, "number": 5}
 
 

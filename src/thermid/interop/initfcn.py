@@ -24,8 +24,6 @@ from thermid.interop.mscript import Statement, statements
 from thermid.model.parts.parameter import Parameter, parameter
 from thermid.units import DIMENSIONLESS, Dimension, describe, unit
 
-__all__ = ["InitFcn", "read_initfcn"]
-
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
 _LONGEST = 1_000_000
 PI = "3.141592653589793"

@@ -20,8 +20,6 @@ from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["to_octave"]
-
 OWN = ("parameters", "derived", "initial", "derivatives")
 """Names of the functions in the file."""
 KEYWORDS = frozenset(

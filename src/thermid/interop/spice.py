@@ -19,8 +19,6 @@ from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["to_spice"]
-
 STEPS = 5000
 """The largest step is this part of the run."""
 JUMP = 1e-7

@@ -5,8 +5,6 @@ from __future__ import annotations
 from thermid.model.tree.resolve import ParameterSet
 from thermid.units import NAMES, describe, unit
 
-__all__ = ["si_unit"]
-
 
 def si_unit(parameters: ParameterSet, path: str) -> str:
     """Return the SI unit of a parameter: ``W/(m^2 K)``, ``-`` for a plain number."""

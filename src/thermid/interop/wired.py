@@ -21,8 +21,6 @@ from thermid.simulation.simulator import network_for
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.wiring import Wiring
 
-__all__ = ["Source", "Wired", "identifiers", "named_rows", "one_line", "refuse_crooked", "table_points", "wired"]
-
 MOVING = tuple(HINGES.values())
 
 

@@ -10,8 +10,6 @@ from thermid.measure import Record
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["compare"]
-
 
 @takes_objects
 def compare(model: Model, record: Record, *, scenario: Scenario | None = None, window: float = 0.0) -> Calibration:

@@ -20,8 +20,6 @@ from thermid.measure import Record
 from thermid.measure.windows import usual_step
 from thermid.model.parts.standing import UNJUDGED, Standing
 
-__all__ = ["Correlation", "Exclusions", "correlate"]
-
 Window = tuple[float, float]
 ENDS = 2.0
 """Usual steps by which readings may begin after a settled stretch does, or end before it. [-]"""

@@ -13,8 +13,6 @@ from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.sourced.marks import check_mark
 
-__all__ = ["CRITERIA", "CriteriaSet", "Deviation", "Gate", "judge", "read_criteria"]
-
 KINDS = ("steady", "transient")
 KELVIN = ("mean", "spread", "each", "rmse")
 KEYS = (*KELVIN, "share", "kinds", "mark", "source")

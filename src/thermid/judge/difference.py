@@ -13,8 +13,6 @@ from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
-__all__ = ["Apart", "Difference", "difference"]
-
 
 @dataclass(frozen=True)
 class Apart:

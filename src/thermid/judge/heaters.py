@@ -12,8 +12,6 @@ from thermid.prediction.foresight import Foresight
 from thermid.sourced.marks import Figure
 from thermid.sourced.policies import POLICIES, SMC, Policy
 
-__all__ = ["HeaterDuty", "heater_duty"]
-
 
 @dataclass(frozen=True)
 class HeaterDuty:

@@ -14,8 +14,6 @@ from thermid.judge.limits import STATES, Ends, Limits, text_of
 from thermid.simulation.solution import Solution, Trace
 from thermid.simulation.solver.extremes import Dense, resolved
 
-__all__ = ["Crossing", "LimitCheck", "Span", "check_limits", "check_readings", "spans", "times_in_state"]
-
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 

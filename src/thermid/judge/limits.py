@@ -18,8 +18,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.sourced.marks import check_mark
 from thermid.units import TEMPERATURE
 
-__all__ = ["STATES", "Ends", "Limits", "load_limits", "read_limits", "text_of"]
-
 Ends = tuple[float, float]
 STATES = {"operating": "operating", "non-operating": "non_operating", "start-up": "start_up"}
 """State of a unit -> the limit that holds in it."""

@@ -10,8 +10,6 @@ from pathlib import Path
 from thermid.errors import DeckError
 from thermid.files import OWN, write_text
 
-__all__ = ["RecordedLook", "look", "looks_at"]
-
 FILE = "looks.json"
 
 

@@ -18,8 +18,6 @@ from thermid.prediction.foresight import Foresight
 from thermid.sourced.marks import Figure, weakest
 from thermid.sourced.policies import POLICIES, SMC, Policy, flat_margin
 
-__all__ = ["Margin", "margins"]
-
 
 @dataclass(frozen=True)
 class Margin:

@@ -12,8 +12,6 @@ from thermid.fit.calibration import Calibration
 from thermid.measure import Record
 from thermid.measure.windows import gap_from
 
-__all__ = ["Overlay", "overlays", "paired"]
-
 Array = NDArray[np.float64]
 
 

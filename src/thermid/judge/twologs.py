@@ -10,8 +10,6 @@ from thermid.measure import Record, read_record
 from thermid.measure.columns import name_and_unit
 from thermid.measure.formats import log_cells
 
-__all__ = ["read_two"]
-
 _METER = re.compile(r"[PQIU](_|\d|\Z)")
 """How the name of a column begins that holds a power, a heat, a current or a voltage."""
 _TEMPERATURES = ("degC", "°C", "K", "degF")

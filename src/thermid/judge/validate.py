@@ -22,8 +22,6 @@ from thermid.model.parts.standing import UNJUDGED, Standing
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted
 
-__all__ = ["Check", "Criteria", "Verdict", "validate"]
-
 LIMITS = ("rmse", "max_error", "mean_error")
 
 

@@ -8,8 +8,6 @@ from thermid.errors import RecordError, ThermidError
 from thermid.expression import parse
 from thermid.units import format_value, require
 
-__all__ = ["amount", "digits", "duration_text", "positive_seconds", "seconds", "short"]
-
 
 def amount(given: object, slot: str, what: str) -> float:
     """Return an SI value for a slot.

@@ -10,8 +10,6 @@ import numpy as np
 
 from thermid.measure.wire import Line
 
-__all__ = ["Heard", "clocks"]
-
 _TURN: Final = 1 << 32
 _NEAR_TURN: Final = _TURN - (1 << 24)
 _LONG_ENOUGH: Final = 600.0

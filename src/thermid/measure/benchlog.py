@@ -16,8 +16,6 @@ from thermid.measure.part import SensorCertificate
 from thermid.measure.textfile import Cells
 from thermid.measure.wire import Line, crc16, parse_line
 
-__all__ = ["MOST_CURRENT", "RANGE", "bench_cells", "is_bench_log", "log_line", "opened"]
-
 RANGE: Final = (-55.0, 125.0)
 """What a DS18B20 can measure, by its data sheet; -127, which its usual driver gives for a lost one, lies outside. [degC]"""
 MOST_CURRENT: Final = 3.2

@@ -21,8 +21,6 @@ from thermid.errors import MissingDataError, RecordError
 from thermid.measure.series import Series, merged, text_of
 from thermid.measure.textfile import Cells, Layout, cells_of_text
 
-__all__ = ["OLD_OFFICE", "hdf5", "is_workbook", "matlab", "netcdf", "of_variables", "tdms", "workbook"]
-
 OLD_OFFICE: Final = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 """Signature of Microsoft's compound files, such as .xls."""
 

@@ -14,8 +14,6 @@ from thermid.measure.columns import name_and_unit
 from thermid.measure.part import KEYS, SensorCertificate, SensorPart
 from thermid.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
 
-__all__ = ["Binding", "bindings", "channel_schema", "find_column", "full_scale", "sd", "unit_and_quantity"]
-
 _ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
 _KEYS: Final = (*_ROLE_KEYS, "gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples", *KEYS)
 

@@ -10,8 +10,6 @@ from thermid.errors import RecordError
 from thermid.measure.columns import spelt
 from thermid.measure.textfile import Cells, Layout, cells_of_text, is_number
 
-__all__ = ["is_capture", "read"]
-
 _LINE: Final = re.compile(r"(?P<stamp>(?:\d{4}-\d\d-\d\d[ T])?\d{1,2}:[0-5]\d:[0-5]\d(?:[.,]\d+)?) -> ?(?P<text>.*)\Z")
 _PAIR: Final = re.compile(
     r"(?P<name>[A-Za-z_][\w .#-]*?)\s*(?:\((?P<inner>[^()]*)\)\s*)?[:=]\s*(?P<value>[+-]?\d+(?:\.\d+)?)\s*"

@@ -15,8 +15,6 @@ from thermid.errors import RecordError, nearest
 if TYPE_CHECKING:
     from thermid.measure.part import SensorPart
 
-__all__ = ["HELD", "ROLES", "BoolArray", "Channel", "FloatArray", "Origin", "digest"]
-
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 

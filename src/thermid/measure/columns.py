@@ -12,8 +12,6 @@ from thermid.errors import RecordError
 from thermid.measure.channel import FloatArray
 from thermid.measure.textfile import MISSING, Cells
 
-__all__ = ["decimal_sign", "name_and_unit", "numbers", "spelt"]
-
 _BRACKETS: Final = (("[", "]"), ("(", ")"), ("{", "}"), ("<", ">"))
 _FRACTION = re.compile(r"\s*[+-]?(\d+[.,]\d*|[.,]\d+)([eE][+-]?\d+)?\s*\Z")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z|[+-]?inf(inity)?\Z", re.IGNORECASE | re.ASCII)

@@ -6,21 +6,6 @@ import re
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
-__all__ = [
-    "CLOCK",
-    "HALF_DAY_CLOCK",
-    "NUMERIC",
-    "ORDERS",
-    "day_number",
-    "is_date",
-    "is_iso",
-    "is_stamp",
-    "of_day",
-    "one_stamp",
-    "zone_of_header",
-    "zone_of_stamp",
-]
-
 CLOCK: Final = re.compile(r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+)?)\Z", re.ASCII)
 HALF_DAY_CLOCK: Final = re.compile(r"(\d{1,2}):([0-5]\d)(?::([0-5]\d(?:[.,]\d+)?))?\s*([AaPp])\.?\s?[Mm]\.?\Z", re.ASCII)
 _ZONE: Final = r"(?:\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d))?"

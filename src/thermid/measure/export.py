@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from thermid.measure.record import Record
 
-__all__ = ["from_unit", "headline", "summary", "to_csv", "to_xarray"]
-
 
 def from_unit(values: FloatArray, text: str) -> FloatArray:
     """Return SI values of numbers in a unit."""

@@ -17,8 +17,6 @@ from thermid.units import TEMPERATURE, format_value
 if TYPE_CHECKING:
     from thermid.measure.record import Record
 
-__all__ = ["FAULT_CODES", "flag_faults", "flag_spikes", "mask", "masked_where"]
-
 FAULT_CODES: Final = ("85 [degC]", "-127 [degC]")
 """What a DS18B20 gives after power-on (note to table 1 of its data sheet), and what its usual driver gives when the sensor is gone."""
 

@@ -14,8 +14,6 @@ from thermid.measure import binary, capture, labview, longform
 from thermid.measure.benchlog import bench_cells, is_bench_log
 from thermid.measure.textfile import Cells, Layout, cells_of_text, decoded, read_bytes
 
-__all__ = ["FORMATS", "Format", "log_cells"]
-
 
 @dataclass(frozen=True)
 class Format:

@@ -14,8 +14,6 @@ from thermid.measure.columns import name_and_unit, numbers
 from thermid.measure.textfile import Cells
 from thermid.units import DIMENSIONLESS, describe, unit
 
-__all__ = ["Column", "columns_of"]
-
 _SURROUNDINGS: Final = re.compile(
     r"room|amb|air\b|_air|luft|raum|umgebung|sala|ambiente|\bar\b|shroud|bath|coolant|water|chamber|outdoor|outside|inlet|sky|sink|plate_ref|forno",
     re.IGNORECASE,

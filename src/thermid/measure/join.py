@@ -15,8 +15,6 @@ from thermid.measure.channel import Channel
 if TYPE_CHECKING:
     from thermid.measure.record import Record
 
-__all__ = ["SecondClock", "joined"]
-
 
 @dataclass(frozen=True)
 class SecondClock:

@@ -11,8 +11,6 @@ from thermid.errors import RecordError
 from thermid.measure.columns import name_and_unit, spelt
 from thermid.measure.textfile import Cells, Layout, is_number
 
-__all__ = ["is_labview", "read"]
-
 _END: Final = "***End_of_Header***"
 _MARKS: Final = {"Tab": "\t", "Comma": ","}
 

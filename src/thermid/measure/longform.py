@@ -15,8 +15,6 @@ from thermid.measure.stamps import TIME_NAMES, stamp_seconds
 from thermid.measure.textfile import MISSING, Cells, Layout, is_number
 from thermid.units import unit
 
-__all__ = ["influx", "is_influx", "pivoted", "with_units_of_cells"]
-
 _KEYS: Final = frozenset(
     "entity_id entity series metric sensor sensor_id sensor_name channel channel_name device device_id name topic tag variable parameter "
     "point measurement _field field signal label id".split()

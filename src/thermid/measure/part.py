@@ -14,8 +14,6 @@ from thermid.measure.amounts import amount
 from thermid.measure.channel import Channel
 from thermid.units import TEMPERATURE, format_value
 
-__all__ = ["KEYS", "SensorCertificate", "SensorPart", "certified", "ranged", "worn"]
-
 ICE: Final = 273.15
 """The ice point, about which a scale is held to turn where nothing else is said. [K]"""
 BEAD: Final = 1e-6

@@ -16,8 +16,6 @@ from thermid.measure.stamps import clock_column, read_times
 from thermid.measure.textfile import Cells
 from thermid.units import require, unit
 
-__all__ = ["PlainTable", "read_plain"]
-
 
 @dataclass(frozen=True, eq=False)
 class PlainTable:

@@ -19,20 +19,6 @@ from thermid.units import format_value
 if TYPE_CHECKING:
     from thermid.measure.record import Record
 
-__all__ = [
-    "filtered",
-    "gap_limit",
-    "low_pass_filter",
-    "median",
-    "noted",
-    "resample",
-    "shift_start",
-    "stretch",
-    "trim",
-    "window_of",
-    "within_log",
-]
-
 
 def noted(record: Record, text: str, *changed: Channel) -> Record:
     """Return the record with changed channels and one more step."""

@@ -20,8 +20,6 @@ from thermid.measure.record import Record
 from thermid.measure.stamps import Clock, Times, clock_column, read_times
 from thermid.measure.textfile import Cells
 
-__all__ = ["read_record", "temperature_columns"]
-
 OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
 _SCALES: Final = ("degC", "K", "degF", "°C")

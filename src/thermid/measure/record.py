@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from thermid.measure.steady import SteadyPoint
 
-__all__ = ["Record", "Table"]
-
 
 class Table(NamedTuple):
     """One channel as a signal.

@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 from thermid.measure.textfile import Cells, Layout
 
-__all__ = ["Series", "merged", "text_of"]
-
 
 class Series(NamedTuple):
     """Samples of one sensor.

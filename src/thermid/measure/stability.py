@@ -17,8 +17,6 @@ from thermid.measure.steady import FEWEST, correlation_factor
 if TYPE_CHECKING:
     from thermid.measure.record import Record
 
-__all__ = ["RULES", "ChannelStability", "StabilityRule", "channel_drift", "channel_stability", "resolution_of", "rule_of", "since_when"]
-
 HOUR: Final = 3600.0
 SHORTEST: Final = 300.0
 """Shortest window over which a rule without one of its own is judged on readings. [s]"""

@@ -31,8 +31,6 @@ from thermid.measure.dates import (
 from thermid.measure.textfile import MISSING, Cells
 from thermid.units import require, unit
 
-__all__ = ["TIME_NAMES", "Clock", "Times", "clock_column", "read_times", "stamp_seconds"]
-
 TIME_NAMES: Final = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")
 """Names that a time column has by default; a single letter counts as written, because T is a temperature."""
 _DATED: Final = frozenset(

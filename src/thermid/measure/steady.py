@@ -17,8 +17,6 @@ from thermid.units import format_value
 if TYPE_CHECKING:
     from thermid.measure.record import Record
 
-__all__ = ["SteadyPoint", "SteadyValue", "correlation_factor", "steady_point"]
-
 SETTLED = "1 [K/h]"
 FEWEST = 8
 TAU_ERROR = 0.2

@@ -10,8 +10,6 @@ from thermid.errors import RecordError, ThermidError, nearest
 if TYPE_CHECKING:
     from thermid.measure.record import Record
 
-__all__ = ["STEPS", "Step", "run_steps"]
-
 
 class Step(NamedTuple):
     """A method of `Record` and its options: the first `required` must be given."""

@@ -18,8 +18,6 @@ from thermid.errors import MissingDataError, RecordError, nearest
 from thermid.measure.part import SensorCertificate
 from thermid.units import counted
 
-__all__ = ["MISSING", "Cells", "Layout", "cells_of_text", "decoded", "is_number", "read_bytes", "read_cells", "with_units_row"]
-
 MISSING: Final = frozenset({"", "nan", "na", "n/a", "null"})
 """Cells that stand for a missing number, in any case of letters. A dash is none: in real logs it shows columns that have slipped."""
 

@@ -17,8 +17,6 @@ from thermid.measure.channel import FloatArray
 from thermid.measure.weather_files import QUANTITIES, Columns, read_columns
 from thermid.units import require
 
-__all__ = ["Series", "Weather", "read_weather"]
-
 RADIATION: Final = ("direct_normal", "diffuse", "global", "infrared")
 RANGES: Final = {
     "dry_bulb": (183.15, 343.15, "degC"),

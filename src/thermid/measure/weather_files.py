@@ -19,8 +19,6 @@ from thermid.units import TEMPERATURE
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["QUANTITIES", "Columns", "read_columns"]
-
 QUANTITIES: Final = {
     "dry_bulb": TEMPERATURE,
     "dew_point": TEMPERATURE,

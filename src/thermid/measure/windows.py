@@ -8,8 +8,6 @@ import numpy as np
 
 from thermid.measure.channel import BoolArray, FloatArray
 
-__all__ = ["even_step", "gap_from", "hampel", "hold", "interpolate", "low_pass", "moving_median", "usual_step"]
-
 _EVEN = 0.01
 _CELLS = 1_000_000
 

@@ -9,8 +9,6 @@ from typing import Final, NamedTuple
 
 from thermid.errors import RecordError
 
-__all__ = ["MAGIC", "STATUSES", "Line", "crc8", "crc16", "parse_line", "rom_is_good", "sealed", "unsealed"]
-
 MAGIC: Final = "# thermid bench log 1"
 """First line of a bench log."""
 

@@ -24,8 +24,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Options
 from thermid.simulation.solver.extremes import MemberTurnings
 
-__all__ = ["Chunk", "ChunkStore", "Job", "MissingPackageError", "digest", "run_members_of", "work"]
-
 Array = NDArray[np.float64]
 PARTS = ("members", "times", "kelvin")
 PATIENCE = "20s"

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.monte_carlo.chunks import Job, MissingPackageError, run_members_of
 
-__all__ = ["Driver", "Sobol", "drivers_of", "sobol_of"]
-
 Array = NDArray[np.float64]
 FEWEST = 30
 """Members per input below which shares are not told apart from chance. [-]"""

@@ -22,8 +22,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction.structural import MISFIT
 from thermid.units import TEMPERATURE
 
-__all__ = ["Hold", "HoldPoint", "check_members", "hold", "limits_of"]
-
 Array = NDArray[np.float64]
 SIDES = {"highest": 1.0, "lowest": -1.0}
 NAMED = 0.05

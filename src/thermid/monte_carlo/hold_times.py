@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from thermid.simulation.solver.extremes import MemberTurnings
 
-__all__ = ["clock", "first_crossings", "hold_time", "proportion"]
-
 Array = NDArray[np.float64]
 MONTE_CARLO = 0.95
 """Two-sided probability of the intervals that say what the number of members leaves open. [-]"""

@@ -20,8 +20,6 @@ from thermid.reduction.macro import macro_model
 from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["HoldQuestion", "load_hold"]
-
 KEYS: Mapping[str, tuple[type, ...]] = {
     "title": (str,),
     "model": (str,),

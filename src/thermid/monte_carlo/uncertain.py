@@ -32,8 +32,6 @@ from thermid.simulation.simulator import output_times
 from thermid.simulation.solver.engine import Options
 from thermid.simulation.solver.extremes import MemberTurnings
 
-__all__ = ["UncertainRuns", "Values", "begun_at", "plan_runs", "starts", "uncertain_runs"]
-
 STEP = 1800.0
 """Step of start times where none is given. [s]"""
 

@@ -17,8 +17,6 @@ from thermid.model.laws.stores import Store
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow
 
-__all__ = ["Reduced", "eliminable", "held_in", "reduce_network", "with_stores"]
-
 
 @dataclass(frozen=True, eq=False)
 class Reduced:

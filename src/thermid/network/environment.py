@@ -11,8 +11,6 @@ from thermid.model.laws.signal import Constant, Signal, literal, signal
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import GASES, gas_named
 
-__all__ = ["GROUND", "Environment"]
-
 ONE_ATMOSPHERE = Constant(ATMOSPHERE)
 CALM = Constant(0.0)
 HIGHEST = 10.0 * ATMOSPHERE

@@ -11,8 +11,6 @@ from thermid.model.tree.surroundings import bare, gas_nodes, still, surrounding
 from thermid.network.medium import VACUUM_LIMIT, Media
 from thermid.physics.constants import ATMOSPHERE
 
-__all__ = ["TRACE", "gas_remarks", "refuse_unsaid", "traced"]
-
 THIN = 0.01 * ATMOSPHERE
 """Pressure at which natural convection is a tenth of that on the ground, (p/p0)^(1/2): radiation is most of what a surface gives. [Pa]"""
 TRACE = 1e-9

@@ -18,8 +18,6 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.exposure import on_plane, sky_share
 from thermid.units import TEMPERATURE
 
-__all__ = ["HOTTEST", "Irradiation", "OpenSky", "absorbers"]
-
 Array = NDArray[np.float64]
 Given = Mapping[str, Signal]
 

@@ -16,8 +16,6 @@ from thermid.dual import value_of
 from thermid.errors import DeckError, SolverError
 from thermid.network.network import Network, Numbers
 
-__all__ = ["Modes", "StateSpace", "modes", "state_space"]
-
 Array = NDArray[np.float64]
 
 

@@ -27,8 +27,6 @@ from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import gas_named
 from thermid.physics.radiation import radiation_coefficient
 
-__all__ = ["AIR_RANGE", "VACUUM_LIMIT", "Media"]
-
 Array = NDArray[np.float64]
 
 VACUUM_LIMIT = 1e-2

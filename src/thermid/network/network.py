@@ -25,8 +25,6 @@ from thermid.network.medium import Media
 from thermid.network.rows import ConductorRow, LoadRow
 from thermid.network.streams import Streams
 
-__all__ = ["Network", "Numbers", "compile_network"]
-
 
 @dataclass(frozen=True, eq=False)
 class Numbers:

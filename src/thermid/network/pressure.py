@@ -12,8 +12,6 @@ from thermid.errors import ScenarioError
 from thermid.model.laws.signal import Constant, Mixed, Signal, Sine, Table
 from thermid.physics.constants import ATMOSPHERE
 
-__all__ = ["levels_of", "sampled", "shares", "stream", "vented"]
-
 Array = NDArray[np.float64]
 
 PARTS = 40

@@ -18,8 +18,6 @@ from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.correlations import forced_plate_nusselt, signed_nusselt
 from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named
 
-__all__ = ["GasState", "conductivity_curve", "correlated", "gap", "thinned"]
-
 POINTS = np.linspace(200.0, 450.0, 26)
 """Temperatures of the tables of properties, which are smooth; the fits were made over them. [K]"""
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from thermid.dual import value_of
 from thermid.network.network import Network, Numbers
 
-__all__ = ["Unreached", "unreached"]
-
 
 @dataclass(frozen=True)
 class Unreached:

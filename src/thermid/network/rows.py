@@ -13,22 +13,6 @@ from thermid import _kernel
 from thermid.dual import Number
 from thermid.model.laws.curves import FAR, Curve, whole
 
-__all__ = [
-    "ANCHOR",
-    "CONDUCTORS",
-    "CONTROLS",
-    "LOADS",
-    "SMOOTHING",
-    "ConductorRow",
-    "KernelLaw",
-    "LoadRow",
-    "conductance",
-    "conductor_law",
-    "curve_arrays",
-    "heat",
-    "tables_behind",
-]
-
 Array = NDArray[np.float64]
 
 ANCHOR: Final = _kernel.GAS_ANCHOR

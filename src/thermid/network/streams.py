@@ -25,8 +25,6 @@ from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.physics.gas import GASES
 
-__all__ = ["STANDARD", "Streams", "signal_of"]
-
 STANDARD: Final = 293.15
 """Temperature of the density of a gas whose source has no temperature of its own, and of its specific heat. [K]"""
 

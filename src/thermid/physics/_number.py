@@ -6,8 +6,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-__all__ = ["Number", "plain"]
-
 # A float, an array, or any object with + - * / **; such objects (numbers with derivatives) share no type that mypy could name.
 Number: TypeAlias = Any
 

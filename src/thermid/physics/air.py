@@ -11,17 +11,6 @@ from thermid.errors import ThermidWarning
 from thermid.physics._number import Number
 from thermid.physics.constants import ATMOSPHERE
 
-__all__ = [
-    "AIR_300K",
-    "GAS_CONSTANT",
-    "Gas",
-    "air_conductivity",
-    "air_density",
-    "air_specific_heat",
-    "air_viscosity",
-    "dry_air",
-]
-
 GAS_CONSTANT = 287.052874
 """Specific gas constant of dry air: 8.31446262 J/(mol K) over 28.96492 g/mol. [J/(kg K)]"""
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from thermid.errors import ScenarioError
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 
-__all__ = ["HIGHEST_ALTITUDE", "Air", "standard_atmosphere", "upper_atmosphere"]
-
 Array = NDArray[np.float64]
 
 HIGHEST_ALTITUDE = 86e3

@@ -9,8 +9,6 @@ import numpy as np
 from thermid.errors import ThermidWarning
 from thermid.physics._number import Number
 
-__all__ = ["BIOT_LIMIT", "biot_number", "biot_warning"]
-
 BIOT_LIMIT = 0.1
 """Above it the temperature inside a part is not uniform; Incropera, 6th ed., Section 5.2. [-]"""
 

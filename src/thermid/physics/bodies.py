@@ -7,8 +7,6 @@ from thermid.physics.air import AIR_300K, Gas
 from thermid.physics.constants import STANDARD_GRAVITY
 from thermid.physics.plates import rayleigh_number
 
-__all__ = ["body_htc", "body_nusselt", "conduction_floor"]
-
 SHAPE = 3.47
 """Conduction from a convex body into gas at rest without end, S / sqrt(A): 3.39 a cube, 3.54 a sphere. [-]"""
 THINNEST = 3.19

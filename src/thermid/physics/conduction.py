@@ -8,16 +8,6 @@ import numpy as np
 
 from thermid.physics._number import Number, plain
 
-__all__ = [
-    "adiabatic_fin_conductance",
-    "cylinder_conductance",
-    "fin_conductances",
-    "fin_parameter",
-    "infinite_fin_conductance",
-    "slab_conductance",
-    "sphere_conductance",
-]
-
 
 def slab_conductance(conductivity: Number, area: Number, thickness: Number) -> Number:
     """Conductance of a slab, k A / L [W/K].

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["ATMOSPHERE", "ICE_POINT", "STANDARD_GRAVITY", "STEFAN_BOLTZMANN"]
-
 STEFAN_BOLTZMANN = 5.670374419e-8
 """CODATA 2018. [W/(m^2 K^4)]"""
 

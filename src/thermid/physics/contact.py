@@ -7,15 +7,6 @@ from typing import Final
 from thermid.errors import DeckError, nearest
 from thermid.physics._number import Number
 
-__all__ = [
-    "BOLTS",
-    "bolt_conductance",
-    "half_contact_conductance",
-    "joint_conductance",
-    "plastic_contact_conductance",
-    "series_conductance",
-]
-
 BOLTS: Final = {
     "2-56": (0.21, 0.105),
     "4-40": (0.26, 0.132),

@@ -5,40 +5,6 @@ from __future__ import annotations
 import math
 
 from thermid.physics._number import Number
-from thermid.physics.air import Gas
-from thermid.physics.plates import (
-    DOCUMENT_GRAVITY,
-    grashof_number,
-    horizontal_plate_down_htc,
-    horizontal_plate_down_nusselt,
-    horizontal_plate_up_htc,
-    horizontal_plate_up_nusselt,
-    rayleigh_number,
-    vertical_plate_htc,
-    vertical_plate_htc_all,
-    vertical_plate_nusselt,
-    vertical_plate_nusselt_all,
-)
-
-__all__ = [
-    "DOCUMENT_GRAVITY",
-    "SMOOTHING",
-    "Gas",
-    "convection_conductance",
-    "effective_htc",
-    "effective_htc_error",
-    "grashof_number",
-    "horizontal_plate_down_htc",
-    "horizontal_plate_down_nusselt",
-    "horizontal_plate_up_htc",
-    "horizontal_plate_up_nusselt",
-    "power_law_htc",
-    "rayleigh_number",
-    "vertical_plate_htc",
-    "vertical_plate_htc_all",
-    "vertical_plate_nusselt",
-    "vertical_plate_nusselt_all",
-]
 
 SMOOTHING = 0.01
 """Temperature difference below which a power law is rounded off. [K]"""

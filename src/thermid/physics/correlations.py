@@ -20,8 +20,6 @@ from thermid.physics._number import Number
 from thermid.physics.bodies import SHAPE, THINNEST, body_nusselt
 from thermid.physics.plates import horizontal_plate_down_nusselt, vertical_plate_nusselt, vertical_plate_nusselt_all
 
-__all__ = ["ORIENTATIONS", "Correlation", "correlation", "forced_plate_nusselt", "signed_nusselt"]
-
 Array = NDArray[np.float64]
 Orientation = Literal["vertical", "up", "down"]
 ORIENTATIONS: Final = ("vertical", "up", "down")

@@ -7,8 +7,6 @@ import numpy as np
 from thermid.errors import ThermidError
 from thermid.physics._number import Number, plain
 
-__all__ = ["natural_convection_decay", "radiative_cooling_time", "radiative_decay", "radiative_steady"]
-
 
 def radiative_steady(power: Number, coefficient: Number, surroundings: Number) -> Number:
     """Settled temperature of a node that only radiates, (T_s^4 + Q / (F sigma A))^(1/4) [K].

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError
 
-__all__ = ["exchange_areas", "exchange_areas_of", "factor_faults"]
-
 Array = NDArray[np.float64]
 
 RECIPROCITY = 1e-3

@@ -9,19 +9,6 @@ from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
 
-__all__ = [
-    "SOLAR_CONSTANT",
-    "cloudless_sky",
-    "driving_rain",
-    "eclipse",
-    "facing_sun",
-    "ground_share",
-    "molecular_heating",
-    "on_plane",
-    "planet_share",
-    "sky_share",
-]
-
 Array = NDArray[np.float64]
 
 SOLAR_CONSTANT = 1361.0

@@ -8,8 +8,6 @@ from typing import Final
 
 from thermid.errors import DeckError, nearest
 
-__all__ = ["FINISHES", "Finish", "finish"]
-
 SPAN: Final = 2 * 1.959964
 """Width of the range of a finish in standard deviations of the logarithm: it is read as holding 95 %. [-]"""
 

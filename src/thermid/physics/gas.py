@@ -13,18 +13,6 @@ from thermid.physics._number import Number
 from thermid.physics.air import Gas
 from thermid.physics.constants import ATMOSPHERE
 
-__all__ = [
-    "GASES",
-    "REFERENCE",
-    "MolecularGas",
-    "free_molecular_htc",
-    "gap_htc",
-    "gas_named",
-    "half_pressure",
-    "knudsen_number",
-    "mean_free_path",
-]
-
 MOLAR_GAS_CONSTANT: Final = 8.31446261815324
 """CODATA 2018, exact. [J/(mol K)]"""
 REFERENCE: Final = 300.0

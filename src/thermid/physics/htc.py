@@ -22,8 +22,6 @@ from thermid.physics.plates import (
 from thermid.physics.radiation import linearised_htc
 from thermid.units import TEMPERATURE, require
 
-__all__ = ["Correlation", "HtcComparison", "Settling", "compare_htc"]
-
 LAMINAR_LIMIT = 1e9
 CORRELATION_ERROR = 0.15
 """What a correlation of natural convection can promise, relative, one sigma: Incropera, 6th ed., Section 9.6, speaks of 10 to 20 %. [-]"""

@@ -11,23 +11,9 @@ import numpy as np
 
 from thermid.errors import ThermidError
 from thermid.physics._number import Number, plain
-from thermid.physics.biot import BIOT_LIMIT, biot_number, biot_warning
-
-__all__ = [
-    "BIOT_LIMIT",
-    "biot_number",
-    "biot_warning",
-    "ramp_lag",
-    "response",
-    "sine_delay",
-    "sine_gain",
-    "steady_rise",
-    "time_constant",
-    "time_to_fraction",
-    "time_to_within",
-    "vacuum_ramp",
-    "vacuum_slope",
-]
+from thermid.physics.biot import BIOT_LIMIT as BIOT_LIMIT
+from thermid.physics.biot import biot_number as biot_number
+from thermid.physics.biot import biot_warning as biot_warning
 
 
 def time_constant(capacitance: Number, conductance: Number) -> Number:

@@ -11,8 +11,6 @@ from types import MappingProxyType
 
 from thermid.errors import NameNotFoundError, nearest
 
-__all__ = ["FINISHES", "MATERIALS", "Finish", "Material", "finish", "material"]
-
 _INCROPERA = "handbook: Incropera, DeWitt, Bergman, Lavine, Fundamentals of Heat and Mass Transfer, 6th ed."
 _FORTESCUE = "Fortescue, Swinerd, Stark, Spacecraft Systems Engineering, 4th ed., Table 11.3"
 _CRAWFORD = "handbook: Crawford, Plastics Engineering, 3rd ed., Table 1.8"

@@ -14,19 +14,6 @@ from numpy.typing import NDArray
 from thermid.physics.air import GAS_CONSTANT, Gas, air_conductivity, air_specific_heat, air_viscosity
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 
-__all__ = [
-    "VAPOUR_CONSTANT",
-    "dew_point",
-    "humidity_ratio",
-    "latent_heat",
-    "mass_transfer_coefficient",
-    "moist_air",
-    "saturation_pressure",
-    "vapour_density",
-    "vapour_diffusivity",
-    "vapour_pressure",
-]
-
 Array = NDArray[np.float64]
 
 VAPOUR_CONSTANT: Final = 461.523

@@ -10,20 +10,6 @@ from thermid.errors import ThermidWarning
 from thermid.physics._number import Number, plain
 from thermid.physics.air import AIR_300K, Gas
 
-__all__ = [
-    "DOCUMENT_GRAVITY",
-    "grashof_number",
-    "horizontal_plate_down_htc",
-    "horizontal_plate_down_nusselt",
-    "horizontal_plate_up_htc",
-    "horizontal_plate_up_nusselt",
-    "rayleigh_number",
-    "vertical_plate_htc",
-    "vertical_plate_htc_all",
-    "vertical_plate_nusselt",
-    "vertical_plate_nusselt_all",
-]
-
 # The source document and the textbooks use 9.81. The standard 9.80665 changes a coefficient by 0.01 %, far below what a correlation can
 # promise, but it turns the document's printed 6.798 into 6.797.
 DOCUMENT_GRAVITY = 9.81

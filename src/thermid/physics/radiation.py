@@ -9,17 +9,6 @@ from __future__ import annotations
 from thermid.physics._number import Number
 from thermid.physics.constants import STEFAN_BOLTZMANN
 
-__all__ = [
-    "concentric_exchange_factor",
-    "linearised_htc",
-    "parallel_exchange_factor",
-    "radiation_coefficient",
-    "radiation_conductance",
-    "space_resistance",
-    "surface_resistance",
-    "surroundings_exchange_factor",
-]
-
 
 def surroundings_exchange_factor(emissivity: Number) -> Number:
     """Exchange factor of a surface that sees only large surroundings: its emissivity [-].

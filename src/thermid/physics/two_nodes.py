@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from thermid.errors import SolverError
 from thermid.physics._number import Number
 
-__all__ = ["TwoNodes", "star_to_delta"]
-
 
 def star_to_delta(first: Number, second: Number, third: Number) -> tuple[Number, Number, Number]:
     """Conductances of the triangle that replaces a star: first-second, first-third, second-third [W/K].

@@ -14,8 +14,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SHAPES", "Shape", "edge_plates", "facing_discs", "facing_plates"]
-
 Array = NDArray[np.float64]
 
 

@@ -14,8 +14,6 @@ from thermid.model.laws.signal import Signal
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.sourced.marks import Figure
 
-__all__ = ["ASCENT_LIMITS", "AscentCheck", "ascent_checks"]
-
 Array = NDArray[np.float64]
 
 _GUIDE = "SpaceX Rideshare Payload User's Guide, October 2022"

@@ -28,8 +28,6 @@ from thermid.simulation.transient import simulate
 if TYPE_CHECKING:
     from thermid.simulation.water.moisture import Moisture
 
-__all__ = ["bench_of", "node_of", "run_profile", "watched"]
-
 
 def bench_of(
     model: Model,

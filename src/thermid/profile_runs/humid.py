@@ -13,8 +13,6 @@ from thermid.simulation.solution import Solution
 from thermid.simulation.water.moisture import Moisture, moisture
 from thermid.simulation.water.vapour import follow
 
-__all__ = ["LEFT_OUT", "humid"]
-
 LEFT_OUT = (
     "the heat of settling and drying water found no balance with the temperatures and was left out: while water settles the "
     "margins are too small and the films too thick, and they dry sooner than they would"

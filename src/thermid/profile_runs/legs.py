@@ -21,8 +21,6 @@ from thermid.simulation.solver.settling import settle
 from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
-__all__ = ["ChamberConditions", "ChamberSetup", "Leg", "Timeline"]
-
 Array = NDArray[np.float64]
 TAIL = 1e6
 """Time for which the conditions at the end of a course can be held. [s]"""

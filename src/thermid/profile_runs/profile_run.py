@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from thermid.simulation.solution import Solution, Trace
     from thermid.simulation.water.moisture import Moisture
 
-__all__ = ["Phase", "ProfileRun", "in_short", "run_remarks"]
-
 
 @dataclass(frozen=True)
 class Phase:

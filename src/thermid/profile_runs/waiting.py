@@ -15,8 +15,6 @@ from thermid.measure.stability import StabilityRule
 from thermid.physics.constants import ICE_POINT
 from thermid.profile_runs.legs import Leg
 
-__all__ = ["Reached", "wait"]
-
 Array = NDArray[np.float64]
 SHORT: Final = 60.0
 """Window of a rule that names none, on a simulated trace. [s]"""

@@ -11,8 +11,6 @@ from thermid.errors import ScenarioError, nearest
 from thermid.model.laws.signal import literal
 from thermid.units import TEMPERATURE
 
-__all__ = ["EQUIVALENCE", "Equivalence", "equivalent_cycles"]
-
 
 @dataclass(frozen=True)
 class Equivalence:

@@ -17,8 +17,6 @@ from thermid.profiles.cycles import Equivalence, equivalent_cycles
 from thermid.sourced.number import MARKS, SLOTS, WORDS, Number, number, weakest
 from thermid.units import TEMPERATURE
 
-__all__ = ["KINDS", "STEP_KEYS", "ProfileStep", "ThermalProfile", "as_text", "as_toml", "pair_of", "remarks", "steps_of"]
-
 STEP_KEYS = ("name", "cycle", "to", "over", "ramp", "pressure", "humidity", "wait", "dwell", "power", "mark")
 
 

@@ -16,8 +16,6 @@ from thermid.model.deck.modelfile import read_toml
 from thermid.profiles.profile import KINDS, ThermalProfile, pair_of
 from thermid.sourced.number import SLOTS, WORDS, Number, number
 
-__all__ = ["KEYS", "load_profile", "profile_from", "profile_names", "profile_of"]
-
 LIBRARY: Final = Path(__file__).parent / "library"
 OWN: Final = {"ambient": "23 [degC]", "longest_wait": "72 [h]"}
 """Numbers that every run needs and no standard gives."""

@@ -21,8 +21,6 @@ from thermid.units import TEMPERATURE
 if TYPE_CHECKING:
     from thermid.qualify.plan_schema import TestTable, ValidityTable
 
-__all__ = ["Assumption", "assumptions", "effects", "extrapolations", "ranked", "uncounted"]
-
 
 @dataclass(frozen=True)
 class Assumption:

@@ -27,8 +27,6 @@ from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
 
-__all__ = ["check_delivery", "deliver"]
-
 SAME = 1e-6
 """Difference up to which a repeated run is the same. [K]"""
 CHECK_TIMES = 5

@@ -13,8 +13,6 @@ from thermid.errors import DeckError
 from thermid.files import OWN, write_text
 from thermid.qualify.plan import Plan
 
-__all__ = ["LockStatus", "lock_plan", "lock_status", "note_look"]
-
 
 @dataclass(frozen=True)
 class LockStatus:

@@ -31,8 +31,6 @@ from thermid.units import TEMPERATURE
 if TYPE_CHECKING:
     from thermid.qualify.plan_schema import PlanFile, TestTable
 
-__all__ = ["Plan", "load_plan"]
-
 AS_RUN = ("log", "state", "deviations", "date", "heat_leaks", "note")
 """What a test's table may gain once it was made; the rest is the plan."""
 

@@ -8,8 +8,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.qualify.plan import Plan
 from thermid.qualify.trying import sensors_of, tried
 
-__all__ = ["pre_test"]
-
 
 def pre_test(plan: Plan) -> dict[str, dict[str, dict[str, Any]]]:
     """Return test -> sensor -> lowest, highest and last expected temperature, each with its standard error; no log is read."""

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from thermid.model.parts.standing import Standing
     from thermid.prediction.known import Known
 
-__all__ = ["Qualification", "run_plan"]
-
 
 @dataclass(frozen=True, eq=False)
 class Qualification:

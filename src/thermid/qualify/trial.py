@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from thermid.qualify.plan_schema import TestTable
     from thermid.steadiness.stabilisation import Stability
 
-__all__ = ["Trial"]
-
 
 @dataclass(frozen=True, eq=False)
 class Trial:

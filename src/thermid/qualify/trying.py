@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
     from thermid.qualify.plan_schema import TestTable
 
-__all__ = ["sensors_of", "tried"]
-
 STORED = 6000
 """At most so many stored times of a run: two minutes over eight days."""
 ENVIRONMENTAL = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")

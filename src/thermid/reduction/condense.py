@@ -18,8 +18,6 @@ from thermid.network.network import Network
 from thermid.network.rows import ConductorRow, conductance
 from thermid.simulation.solution import Solution
 
-__all__ = ["Condensed", "Drive", "Partition", "Subnetwork", "chain", "condensed", "part_of"]
-
 Array = NDArray[np.float64]
 SAMPLES = 201
 """Samples of a run by which reductions are compared."""

@@ -11,8 +11,6 @@ from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import Entry, own_tables, parameter_table
 
-__all__ = ["HostValue", "assumed", "host_values", "macro_model"]
-
 UNIT = "unit"
 """Name of the submodel that a macro model calls its unit."""
 

@@ -27,8 +27,6 @@ from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
 
-__all__ = ["NodeDeviation", "Reduction", "reduce"]
-
 SLOTS = KINDS["flow"].slots
 FLOW_HEAT = 1000.0
 """Specific heat that a one-way flow of a reduced deck is written with. [J/(kg K)]"""

@@ -22,8 +22,6 @@ from thermid.simulation.solver.large import METHODS, LargeAnswer, Watched, integ
 from thermid.simulation.solver.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
 from thermid.units import TEMPERATURE
 
-__all__ = ["compile_block", "simulate_block", "steady_block"]
-
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 EXTREMES = {"mean": "mean", "hottest": "highest", "coldest": "lowest"}

@@ -21,8 +21,6 @@ from thermid.simulation.solver.kernel_form import break_times
 from thermid.simulation.solver.large import LargeAnswer, Watched, integrate
 from thermid.simulation.solver.sparse import SparseNetwork
 
-__all__ = ["BlockSolution"]
-
 Array = NDArray[np.float64]
 
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from thermid.model.tree.model import Model
     from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["draw"]
-
 Array = NDArray[np.float64]
 
 

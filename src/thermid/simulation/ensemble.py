@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from thermid.simulation.scenarios.scenario import Scenario
     from thermid.simulation.solver.engine import Options
 
-__all__ = ["Ensemble", "Summary", "ensemble"]
-
 Array = NDArray[np.float64]
 
 

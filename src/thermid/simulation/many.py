@@ -18,8 +18,6 @@ from thermid.dual import Dual, real_power
 from thermid.errors import ThermidError
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
-__all__ = ["Many", "MembersNumbers", "assemble_members"]
-
 Array = NDArray[np.float64]
 
 

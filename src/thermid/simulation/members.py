@@ -17,8 +17,6 @@ from thermid.simulation.many import MembersNumbers, assemble_members
 from thermid.simulation.solver.engine import Engine, Options
 from thermid.simulation.solver.extremes import MemberTurnings, signal_turnings
 
-__all__ = ["run_members"]
-
 Array = NDArray[np.float64]
 CHUNK = 64_000_000
 """Bytes of traces held at once while quantiles are taken."""

@@ -13,8 +13,6 @@ from thermid.physics.correlations import correlation
 if TYPE_CHECKING:
     from thermid.simulation.run import Run
 
-__all__ = ["outside"]
-
 
 def outside(run: Run) -> tuple[str, ...]:
     """Return a sentence for each correlation whose largest Rayleigh number at a stored time lies outside its range."""

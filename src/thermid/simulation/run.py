@@ -21,8 +21,6 @@ from thermid.simulation.solver.kernel_form import break_times
 from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
-__all__ = ["Run", "RunDense"]
-
 Array = NDArray[np.float64]
 
 

@@ -18,8 +18,6 @@ from thermid.simulation.scenarios.scenario import SLOTS, Scenario
 from thermid.simulation.sites.surroundings import surrounded
 from thermid.units import TEMPERATURE
 
-__all__ = ["load_scenario"]
-
 SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent")
 """Tables of a scenario file that stand for boundaries, gases and radiation."""
 

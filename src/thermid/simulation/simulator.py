@@ -30,8 +30,6 @@ from thermid.simulation.solver.wiring import Wiring
 from thermid.simulation.steady import held_inputs
 from thermid.units import TEMPERATURE
 
-__all__ = ["Simulator", "network_for", "output_times", "prepare"]
-
 Array = NDArray[np.float64]
 DEFAULT_SAMPLES = 301
 MOST_SAMPLES = 10_000_000

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from thermid.simulation.run import Run
 
-__all__ = ["HeatBalance", "Solution", "Trace"]
-
 Array = NDArray[np.float64]
 JUST_BEFORE = 1e-6
 """How long before a switching a course is looked at: at the switching, powers are those after it. [s]"""

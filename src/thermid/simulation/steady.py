@@ -24,8 +24,6 @@ from thermid.simulation.solver.wiring import Wiring
 if TYPE_CHECKING:
     from thermid.simulation.block_solution import BlockSolution
 
-__all__ = ["Steady", "held_inputs", "steady", "steady_levels"]
-
 Array = NDArray[np.float64]
 PERIOD_SAMPLES = 2001
 """Samples of a period that its means are taken over."""

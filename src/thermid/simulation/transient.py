@@ -17,8 +17,6 @@ from thermid.simulation.solver.engine import Options
 if TYPE_CHECKING:
     from thermid.simulation.block_solution import BlockSolution
 
-__all__ = ["simulate"]
-
 
 @overload
 def simulate(

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from thermid.errors import ScenarioError, nearest
 
-__all__ = ["MARKS", "VERDICTS", "Figure", "check_mark", "weakest", "weigh"]
-
 MARKS = {
     "read": "read in the text of its source",
     "project": "the project's own",

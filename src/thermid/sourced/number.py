@@ -12,8 +12,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.sourced.marks import MARKS as KNOWN
 from thermid.units import TEMPERATURE
 
-__all__ = ["MARKS", "SLOTS", "WORDS", "Number", "number", "weakest"]
-
 MARKS: Final = tuple(KNOWN)
 """How a number is known, the surest first; see `marks`."""
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from thermid.physics.constants import ICE_POINT
 from thermid.sourced.marks import Figure
 
-__all__ = ["POLICIES", "SMC", "Policy", "flat_margin"]
-
 SMC = "SMC-S-016"
 COLDER = ((-70, 11), (-87, 10), (-105, 9), (-123, 8), (-141, 7), (-159, 6), (-177, 5), (-195, 4), (-213, 3), (-232, 2))
 """Lowest temperature [degC] down to which a flat margin [K] holds: SMC-S-016, Table 4.4-2."""

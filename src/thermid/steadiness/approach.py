@@ -20,8 +20,6 @@ from thermid.measure.steady import correlation_factor
 from thermid.memo import Memo
 from thermid.steadiness.mixture import Mixture
 
-__all__ = ["Approach", "approach"]
-
 Array = NDArray[np.float64]
 BINS: Final = 120
 """Medians that stand for the readings."""

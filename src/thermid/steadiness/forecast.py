@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from thermid.model.tree.model import Model
     from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["Forecast", "IntervalEstimate", "forecast"]
-
 Array = NDArray[np.float64]
 FEWEST: Final = 40
 """Readings below which nothing is forecast."""

@@ -14,8 +14,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.steadiness.approach import Approach
 from thermid.steadiness.mixture import Mixture
 
-__all__ = ["REACH", "Forecast", "IntervalEstimate", "estimate", "with_step"]
-
 REACH: Final = 10.0
 """Without better knowledge a part may be this many times slower than the time that was watched."""
 

@@ -22,8 +22,6 @@ from thermid.steadiness.forecast import FEWEST, GUARD
 from thermid.steadiness.foretold import REACH
 from thermid.steadiness.stored import Stored, stored_in_log, stored_in_run
 
-__all__ = ["Remaining", "Stability", "stability"]
-
 Array = NDArray[np.float64]
 TAU_ERROR: Final = 0.2
 """How far a time constant may be off, as a share of it."""

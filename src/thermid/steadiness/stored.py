@@ -19,8 +19,6 @@ from thermid.measure.stability import SHORTEST, SURE, ChannelStability, Stabilit
 from thermid.measure.steady import FEWEST
 from thermid.simulation.solution import Solution
 
-__all__ = ["Stored", "stored_in_log", "stored_in_run"]
-
 SHORT: Final = 60.0
 """Window on a simulated run. [s]"""
 

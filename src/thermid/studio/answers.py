@@ -22,18 +22,6 @@ from thermid.studio.project import Project
 if TYPE_CHECKING:
     from thermid.studio.work import Work
 
-__all__ = [
-    "as_json",
-    "curves_object",
-    "desk_object",
-    "fit_object",
-    "picture",
-    "plan_object",
-    "project_object",
-    "shelf_object",
-    "window_of",
-]
-
 SINGLE = 1e6
 """Up to here four bytes tell times to a tenth of a second and temperatures to a millikelvin."""
 GASES = ("air", "vacuum", "printed")

@@ -17,8 +17,6 @@ from thermid.sourced.number import SLOTS
 from thermid.studio.desk import Desk
 from thermid.units import TEMPERATURE
 
-__all__ = ["Course", "Shelf", "profile_for", "profile_object"]
-
 USUAL = {TEMPERATURE: "degC", "K/s": "K/min", "s": "h", "1": ""}
 """Unit of a number that is typed without one."""
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["POINTS", "Curve", "RunCurves", "Window", "thinned"]
-
 Array = NDArray[np.float64]
 Window = tuple[float, float] | None
 POINTS = 1200

@@ -29,8 +29,6 @@ from thermid.studio.curves import POINTS, Curve, RunCurves, Window, thinned
 from thermid.studio.sliders import Slider, slider_of
 from thermid.units import unit
 
-__all__ = ["Desk", "Moment"]
-
 Array = NDArray[np.float64]
 ICE = 273.15
 

@@ -24,8 +24,6 @@ from thermid.steadiness.stabilisation import Stability
 from thermid.studio.answers import window_of
 from thermid.studio.curves import Window, thinned
 
-__all__ = ["Follower"]
-
 Array = NDArray[np.float64]
 KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")
 OFFERED = 200

@@ -13,8 +13,6 @@ from thermid.studio.outcomes import outcome_object
 from thermid.studio.project import Project
 from thermid.studio.work import Work
 
-__all__ = ["orders", "questions"]
-
 Body = Mapping[str, Any]
 
 

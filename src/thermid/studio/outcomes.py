@@ -28,8 +28,6 @@ from thermid.studio.courses import Course, Shelf, profile_for
 from thermid.studio.curves import Window, thinned
 from thermid.studio.desk import Desk
 
-__all__ = ["Outcome", "outcome_object", "run_course"]
-
 Told = Callable[[int, int, float], None]
 SAMPLES = 3000
 """Stored times of a scenario."""

@@ -35,8 +35,6 @@ from thermid.studio.stage_state import StageState
 from thermid.studio.watch import Watch
 from thermid.units import unit
 
-__all__ = ["Project"]
-
 Told = Callable[[int, float], None]
 
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from thermid.model.tree.resolve import Entry
 from thermid.units import unit
 
-__all__ = ["Slider", "slider_of"]
-
 
 @dataclass(frozen=True)
 class Slider:

@@ -11,8 +11,6 @@ from typing import Any
 from thermid.errors import ThermidError
 from thermid.model.deck.modelfile import project_root, read_toml
 
-__all__ = ["Watch"]
-
 Stamp = tuple[int, int, int] | None
 GLOB = "*?["
 

@@ -13,8 +13,6 @@ from thermid.studio.courses import Shelf
 from thermid.studio.outcomes import Outcome, run_course
 from thermid.studio.project import Project
 
-__all__ = ["Work"]
-
 
 @dataclass
 class _Job:

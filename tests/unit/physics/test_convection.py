@@ -7,10 +7,10 @@ import pytest
 
 from thermid.errors import ThermidWarning
 from thermid.physics.air import AIR_300K, Gas, dry_air
-from thermid.physics.convection import (
+from thermid.physics.convection import power_law_htc
+from thermid.physics.plates import (
     horizontal_plate_down_nusselt,
     horizontal_plate_up_nusselt,
-    power_law_htc,
     rayleigh_number,
     vertical_plate_htc,
     vertical_plate_htc_all,

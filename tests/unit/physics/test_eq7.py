@@ -8,11 +8,10 @@ from dataclasses import replace
 import pytest
 
 from thermid.errors import ThermidWarning
+from thermid.physics.air import Gas
 from thermid.physics.constants import STANDARD_GRAVITY
-from thermid.physics.convection import (
-    Gas,
-    effective_htc,
-    effective_htc_error,
+from thermid.physics.convection import effective_htc, effective_htc_error
+from thermid.physics.plates import (
     grashof_number,
     horizontal_plate_down_htc,
     horizontal_plate_up_htc,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.physics.convection import vertical_plate_htc
 from thermid.physics.moist import (
     dew_point,
     humidity_ratio,
@@ -17,6 +16,7 @@ from thermid.physics.moist import (
     vapour_diffusivity,
     vapour_pressure,
 )
+from thermid.physics.plates import vertical_plate_htc
 
 # Air at 101 325 Pa as CoolProp 8.0.0 has it (HAPropsSI): degC, relative humidity, dew or frost point [K], humidity ratio [-]
 COOLPROP = [

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from thermid.physics import air, conduction, convection, radiation
+from thermid.physics import air, conduction, plates, radiation
 from thermid.physics._number import Number
 
 FOLDER = Path(__file__).resolve().parents[4] / "shared" / "data" / "reference_values"
@@ -60,11 +60,11 @@ def test_kinematic_viscosity_of_dry_air() -> None:
 
 
 def plate(prandtl: float, grashof: float, **_: float) -> Number:
-    return convection.vertical_plate_nusselt_all(prandtl * grashof, prandtl)
+    return plates.vertical_plate_nusselt_all(prandtl * grashof, prandtl)
 
 
 def mcadams(prandtl: float, grashof: float, *, buoyancy: bool, **_: str) -> Number:
-    law = convection.horizontal_plate_up_nusselt if buoyancy else convection.horizontal_plate_down_nusselt
+    law = plates.horizontal_plate_up_nusselt if buoyancy else plates.horizontal_plate_down_nusselt
     return law(prandtl * grashof)
 
 

@@ -10,8 +10,8 @@ import pytest
 import thermid as td
 from thermid.fit.problem.residuals import Block
 from thermid.reporting.pictures import chart, figures
-from thermid.reporting.pictures.chart import Line, Panel
-from thermid.reporting.pictures.figures import Dots, choose, overview, prediction, thinned, time_unit, trace
+from thermid.reporting.pictures.chart import Line, Panel, thinned
+from thermid.reporting.pictures.figures import Dots, choose, overview, prediction, time_unit, trace
 
 
 def block(record: str = "r", sensor: str = "T", size: int = 500, rmse: float = 0.1, seed: int = 0) -> Block:

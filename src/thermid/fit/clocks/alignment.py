@@ -20,8 +20,6 @@ from thermid.measure import Record
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["Alignment", "align"]
-
 Array = NDArray[np.float64]
 OFFSETS, RATES, STARTS = 25, 5, 4
 """Points of the grid, and how many of the best of them a descent starts from."""

@@ -23,8 +23,6 @@ from thermid.model.laws.signal import Table
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["Clocked"]
-
 Array = NDArray[np.float64]
 KEPT = 8
 """Offsets and rates whose residuals are kept."""

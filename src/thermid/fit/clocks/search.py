@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from thermid.fit.problem.residuals import Problem
     from thermid.fit.problem.ticks import Ticks
 
-__all__ = ["at_clocks", "in_turns", "with_clocks"]
-
 Array = NDArray[np.float64]
 OFFSETS, RATES, ROUNDS = 25, 5, 5
 

@@ -7,8 +7,6 @@ from typing import Any
 
 from thermid.errors import IdentificationError
 
-__all__ = ["package"]
-
 
 def package(name: str, what: str, extra: str) -> Any:
     """Return an optional package.

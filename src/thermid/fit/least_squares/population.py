@@ -13,8 +13,6 @@ from thermid.fit.problem.statistics import loss_of
 from thermid.fit.problem.unknowns import Unknown
 from thermid.simulation.members import run_members
 
-__all__ = ["Population", "box_of"]
-
 Array = NDArray[np.float64]
 DECADE = math.log(10.0)
 

@@ -15,8 +15,6 @@ from thermid.fit.least_squares.population import Population
 from thermid.fit.least_squares.solve import Fit, minimise
 from thermid.fit.problem.residuals import Problem
 
-__all__ = ["SEARCHES", "Evolved", "evolved", "searched"]
-
 Array = NDArray[np.float64]
 Progress = Callable[[int, float], None]
 

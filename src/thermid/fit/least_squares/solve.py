@@ -14,8 +14,6 @@ from thermid.fit.problem.residuals import FAILED, Compressed
 from thermid.fit.problem.statistics import Sums
 from thermid.fit.problem.unknowns import Unknown
 
-__all__ = ["Fit", "LeastSquares", "at_least_square", "covariances", "ended", "minimise"]
-
 Array = NDArray[np.float64]
 
 NEAR, DONE = 0.02, 1e-4

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from thermid.fit.problem.statistics import Sums
 
-__all__ = ["Block", "Compressed"]
-
 Array = NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ from thermid.measure import Channel, Record
 from thermid.model.laws.signal import Constant, Signal, Table, conducted
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["Inputs", "corrected", "on_the_clock_of", "power_while_on", "signal_of"]
-
 
 @dataclass
 class Inputs:

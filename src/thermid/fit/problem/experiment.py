@@ -21,8 +21,6 @@ from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.simulation.scenarios.scenario import Scenario
 
-__all__ = ["SCALE", "Experiment", "Observation", "meet", "role_and_target"]
-
 Array = NDArray[np.float64]
 SCALE = "scale."
 """Before the path of a load: the factor on its power."""

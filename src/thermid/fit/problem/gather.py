@@ -20,8 +20,6 @@ from thermid.model.laws.signal import Constant, Table
 from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
 
-__all__ = ["prior_of", "problem_for", "problem_of"]
-
 MANY = 10
 """Nodes without a sensor in a record up to which each has a start of its own; of more, those with the same neighbours move together."""
 

@@ -14,8 +14,6 @@ from thermid.fit.problem.request import Request
 from thermid.measure import Channel, Record
 from thermid.model.tree.identity import definition_of
 
-__all__ = ["digest", "in_full", "ingredients_of", "key_for", "key_of"]
-
 
 def _channel_key(c: Channel) -> list[Any]:
     """Return what a fit depends on of a channel beside its numbers in the file, whose hash is of them as they are written."""

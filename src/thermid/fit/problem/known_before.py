@@ -13,8 +13,6 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.sources import Source
 from thermid.knowledge.store import State, Store
 
-__all__ = ["KnownBefore", "form", "known_before"]
-
 Array = NDArray[np.float64]
 STIFF = 1e-10
 """Variance of a direction, beside the largest, below which values count as known exactly against one another."""

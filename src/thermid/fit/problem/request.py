@@ -18,8 +18,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Options
 from thermid.units import TEMPERATURE
 
-__all__ = ["FITTING", "LocalSpec", "Reading", "Request"]
-
 FITTING = Options(tolerance=1e-4, relative=1e-6, input_tolerance=1e-3)
 """A fit needs no more than a fraction of the noise of a sensor."""
 

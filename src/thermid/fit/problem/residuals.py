@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.fit.problem.blocks import Block, Compressed
+from thermid.fit.problem.blocks import Block as Block
+from thermid.fit.problem.blocks import Compressed as Compressed
 from thermid.fit.problem.experiment import Experiment, Observation
 from thermid.fit.problem.statistics import Sums
 from thermid.fit.problem.ticks import OFFSET, RATE, clock_at, compressed_in_full, slopes_of_clock
@@ -19,8 +20,6 @@ from thermid.fit.problem.wired import Bench
 from thermid.memo import Memo
 from thermid.simulation.solver.engine import Options
 from thermid.simulation.solver.squares import Weighing
-
-__all__ = ["Block", "Compressed", "Predictions", "Problem"]
 
 Array = NDArray[np.float64]
 FAILED = 1e4

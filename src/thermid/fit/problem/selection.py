@@ -14,8 +14,6 @@ from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet
 from thermid.units import unit
 
-__all__ = ["RANGE", "freed", "matching", "priors_of"]
-
 RANGE = "range"
 """In place of a prior: what the range of the data sheet says."""
 MIDPOINTS = 2000

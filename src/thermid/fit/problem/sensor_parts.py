@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from thermid.fit.problem.experiment import Experiment
     from thermid.knowledge.values import FittedValue
 
-__all__ = ["Seat", "as_found", "at_their_seats", "attached", "gain_of", "instruments", "lag_of", "sensor_model"]
-
 
 @dataclass(frozen=True)
 class Seat:

@@ -18,8 +18,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.wiring import Wiring
 
-__all__ = ["UNSAID_NOISE", "HiddenStart", "first_reading", "hidden_starts", "starts_of"]
-
 Array = NDArray[np.float64]
 
 MEASURED = "measured"

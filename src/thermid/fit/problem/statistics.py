@@ -8,8 +8,6 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SensorStatistics", "Sums", "loss_of", "pooled", "wanders"]
-
 Array = NDArray[np.float64]
 WHITE = 0.9
 """Share of the samples that residuals must be worth as independent ones to count as white."""

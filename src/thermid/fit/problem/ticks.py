@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from thermid.fit.problem.experiment import Experiment
     from thermid.fit.problem.residuals import Problem
 
-__all__ = ["OFFSET", "RATE", "Ticks", "as_triangle", "clock_at", "clock_unknowns", "compressed_in_full", "slopes_of_clock"]
-
 Array = NDArray[np.float64]
 OFFSET, RATE = "clock.offset", "clock.rate"
 SHIFT = 0.3

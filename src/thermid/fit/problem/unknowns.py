@@ -13,8 +13,6 @@ from thermid.errors import DeckError
 from thermid.model.parts.parameter import Parameter
 from thermid.units import Dimension, unit
 
-__all__ = ["Prior", "Target", "Unknown", "parameter_unknown"]
-
 Array = NDArray[np.float64]
 
 POSITIVE = tuple(

@@ -16,8 +16,6 @@ from thermid.simulation.solver.squares import Squares, Weighing
 from thermid.simulation.solver.traces import Traces, kept_for
 from thermid.simulation.solver.wiring import Wiring
 
-__all__ = ["Bench"]
-
 Array = NDArray[np.float64]
 KEPT = 32
 """Benches of one experiment that are kept: a search for a second clock asks for many."""

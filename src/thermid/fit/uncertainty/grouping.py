@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from thermid.measure.amounts import short
 
-__all__ = ["Combination", "Group", "listed", "percent", "together"]
-
 Array = NDArray[np.float64]
 SAME = 1e-3
 

@@ -13,8 +13,6 @@ from thermid.fit.uncertainty.grouping import SAME, Combination, Group
 from thermid.fit.uncertainty.information import Information, null_space
 from thermid.units import NAMES, unit
 
-__all__ = ["SHARE", "practical_groups", "structural_groups"]
-
 Array = NDArray[np.float64]
 SHARE, CORRELATED = 0.02, 0.8
 ANGLE = 3e-4

@@ -14,8 +14,6 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.simulation.solver.engine import Options
 
-__all__ = ["EXACT", "RANK_TOLERANCE", "Information", "elsewhere", "inverse", "null_space"]
-
 Array = NDArray[np.float64]
 RANK_TOLERANCE = 1e-6
 LOST = 1e-3

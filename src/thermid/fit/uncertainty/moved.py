@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from thermid.knowledge.values import FittedValues
     from thermid.model.tree.model import Model
 
-__all__ = ["moves_above", "moves_from"]
-
 Array = NDArray[np.float64]
 
 

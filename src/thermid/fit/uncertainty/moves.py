@@ -10,8 +10,6 @@ from thermid.fit.uncertainty.shifts import ALPHA
 from thermid.measure.amounts import digits, short
 from thermid.units import counted, unit
 
-__all__ = ["MOVED", "NOT_REJECTED", "UNDECIDED", "Group", "Move", "Moves"]
-
 MOVED, NOT_REJECTED, UNDECIDED = "moved", "not rejected", "this log cannot decide"
 FINE = 0.1
 """A value is called not rejected only where a shift by this part of it would be found."""

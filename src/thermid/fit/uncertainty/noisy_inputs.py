@@ -18,8 +18,6 @@ from thermid.model.tree.flat import FlatLoad
 if TYPE_CHECKING:
     from thermid.fit.uncertainty.wander import Binned
 
-__all__ = ["excess_of_inputs"]
-
 Array = NDArray[np.float64]
 
 STRETCHES = 80

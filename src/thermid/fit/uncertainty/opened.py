@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from thermid.fit.problem.request import Request
     from thermid.model.tree.resolve import ParameterSet
 
-__all__ = ["Opened", "opened_at", "opened_jacobian"]
-
 Array = NDArray[np.float64]
 
 

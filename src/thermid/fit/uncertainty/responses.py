@@ -19,8 +19,6 @@ from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
 from thermid.knowledge.values import rooted
 
-__all__ = ["Responses", "covering", "responses"]
-
 Array = NDArray[np.float64]
 STANDARD = Normal()
 

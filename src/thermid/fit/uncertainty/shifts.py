@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from thermid.fit.uncertainty.trace_noise import Weighed
 
-__all__ = ["ALPHA", "POWER", "Shift", "Test", "Together", "estimate", "holm", "normal_shifts", "normal_together", "shifts", "together"]
-
 Array = NDArray[np.float64]
 
 ALPHA, POWER = 0.05, 0.9

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from thermid.fit.uncertainty.wander import FEWEST, Binned, correlation
 
-__all__ = ["Weighed", "correlation_of_means", "weighed"]
-
 Array = NDArray[np.float64]
 
 TIMES, RATIOS, SIZES = 9, 16, 7

@@ -13,8 +13,6 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.statistics import loss_of
 from thermid.fit.uncertainty.noisy_inputs import excess_of_inputs
 
-__all__ = ["BINS", "Binned", "Trace", "Wander", "binned", "correlation", "wander", "wandering"]
-
 Array = NDArray[np.float64]
 
 BINS = 80

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.model.laws.signal import Signal, literal, signal
 
-__all__ = ["FACES", "Block", "Exchange", "Heater"]
-
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 

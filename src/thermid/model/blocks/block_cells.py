@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from thermid.model.blocks.block import Block, Exchange
 
-__all__ = ["exchange_cells", "links"]
-
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 

@@ -14,8 +14,6 @@ from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
 
-__all__ = ["block_model"]
-
 MOST_CELLS: Final = 20_000
 
 

@@ -10,8 +10,6 @@ from thermid.errors import DeckError, nearest
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
 
-__all__ = ["deck_error"]
-
 BRANCHES = ("str", "float", "ValueTable", "PowerLaw", "Correlated")
 """What a value may be; pydantic reports a fault once for each."""
 

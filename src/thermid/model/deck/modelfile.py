@@ -20,8 +20,6 @@ from thermid.model.parts.parameter import parameter
 from thermid.model.tree.identity import definition_of
 from thermid.model.tree.model import Model, Submodel
 
-__all__ = ["load_model", "model_from_dict", "project_root", "refuse_another_kind", "resolve_inside", "save_model"]
-
 MARKER = "thermid.toml"
 LARGEST_FILE = 4_000_000
 DEEPEST = 20

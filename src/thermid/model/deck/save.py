@@ -18,8 +18,6 @@ from thermid.model.tree.model import Model
 from thermid.model.tree.written import to_dict, written
 from thermid.seals import unsealed
 
-__all__ = ["write"]
-
 
 def _file_name(title: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "_", title).strip("_") + ".toml"

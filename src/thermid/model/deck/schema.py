@@ -14,8 +14,6 @@ from thermid.model.parts.elements import LOAD_SLOTS
 from thermid.model.parts.kinds import KINDS
 from thermid.physics.view_factors import SHAPES
 
-__all__ = ["Deck", "json_schema"]
-
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid")

@@ -18,21 +18,6 @@ from numpy.typing import NDArray
 
 from thermid.errors import DeckError
 
-__all__ = [
-    "FAR",
-    "INTERPOLATIONS",
-    "OUTSIDE",
-    "Curve",
-    "curve",
-    "ends",
-    "evaluate",
-    "hermite",
-    "limited",
-    "slopes",
-    "value_and_slope",
-    "whole",
-]
-
 INTERPOLATIONS: Final = ("linear", "smooth")
 """How a table runs between its points; the first is the default."""
 OUTSIDE: Final = ("hold", "linear", "refuse")

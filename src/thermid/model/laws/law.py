@@ -13,8 +13,6 @@ from thermid.model.laws.curves import Curve, hermite
 from thermid.model.laws.options import Source
 from thermid.model.laws.signal import literal
 
-__all__ = ["law"]
-
 Array = NDArray[np.float64]
 
 FINEST: Final = 1e-3

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-__all__ = ["Box", "Source", "StandsFor"]
-
 Source = Literal["published", "datasheet", "derived", "assumed", "measured"]
 Box = Literal["white", "light grey", "dark grey", "black"]
 StandsFor = Literal["air", "walls", "air and walls"]

@@ -19,30 +19,6 @@ from thermid.expression import parse
 from thermid.units import require
 from thermid.units import unit as read_unit
 
-__all__ = [
-    "AFTER",
-    "CONDUCT",
-    "SAMPLES",
-    "Constant",
-    "Drawn",
-    "MeanOf",
-    "Mixed",
-    "Signal",
-    "Sine",
-    "Table",
-    "added",
-    "check_span",
-    "common_cycle",
-    "conducted",
-    "joined",
-    "literal",
-    "multiplied",
-    "own_signal",
-    "pulses",
-    "signal",
-    "together",
-]
-
 Array = NDArray[np.float64]
 Span = tuple[float, float]
 

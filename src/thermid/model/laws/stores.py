@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from thermid.errors import DeckError
 from thermid.model.laws.curves import Curve, curve, ends, hermite, limited, slopes, value_and_slope
 
-__all__ = ["TABULATED", "Store", "melting", "potential", "store", "tabulated"]
-
 Array = NDArray[np.float64]
 
 TABULATED: Final = {"conductivity": "W/(m K)", "specific_heat": "J/(kg K)", "enthalpy": "J/kg"}

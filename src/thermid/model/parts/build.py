@@ -19,8 +19,6 @@ from thermid.model.parts.parameter import Parameter, parameter
 from thermid.physics.finishes import finish
 from thermid.physics.gas import GASES, gas_named
 
-__all__ = ["elements_from", "finish_emissivity", "made_from", "slope_unit"]
-
 Where = Callable[[str], str]
 LIQUID = "liquid"
 """What a stream names that no pressure touches."""

@@ -10,8 +10,6 @@ from thermid.model.parts.facing import Facing
 from thermid.model.parts.parameter import Parameter
 from thermid.physics.constants import STANDARD_GRAVITY
 
-__all__ = ["CONTROLS", "LOAD_SLOTS", "NODE_SLOTS", "Conductor", "Enclosure", "HeatLoad", "Joint", "MadeIn", "Node", "Surface"]
-
 Fields = Mapping[str, Parameter]
 
 NODE_SLOTS: Mapping[str, str] = {"mass": "kg", "specific_heat": "J/(kg K)", "capacitance": "J/K"}

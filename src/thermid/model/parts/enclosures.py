@@ -20,8 +20,6 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.enclosure import exchange_areas_of, factor_faults
 from thermid.physics.view_factors import SHAPES
 
-__all__ = ["Face", "Pair", "enclosure_from", "enclosure_to", "pairs"]
-
 Array = NDArray[np.float64]
 
 SAME_AREA: Final = 0.01

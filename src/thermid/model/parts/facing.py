@@ -9,8 +9,6 @@ from typing import Any
 
 from thermid.errors import DeckError
 
-__all__ = ["Facing", "degrees", "facing_from", "facing_to"]
-
 _DEGREES = re.compile(r"\s*([+-]?\d+(?:\.\d*)?)\s*(?:\[\s*(?:deg|°)\s*\])?\s*\Z")
 
 

@@ -17,8 +17,6 @@ from thermid.physics import conduction, contact, convection, radiation
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.units import TEMPERATURE
 
-__all__ = ["HINGES", "KINDS", "Kind", "Law"]
-
 ACCOMMODATION: Final = 0.9
 """Thermal accommodation of air and heavier gases at surfaces of equipment, where none is given: Springer, Advances in Heat Transfer 7
 (1971) 163, has 0.87 to 0.97. Helium and hydrogen need their own, 0.3 to 0.5. [-]"""

@@ -12,8 +12,6 @@ from thermid.model.laws.options import Source
 from thermid.model.parts.standing import Standing
 from thermid.units import describe, unit
 
-__all__ = ["Parameter", "exact", "parameter"]
-
 SOURCES: Final = get_args(Source)
 
 

@@ -6,8 +6,6 @@ from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
-__all__ = ["CREDIBLE", "UNJUDGED", "Standing", "State", "worst"]
-
 State = Literal["credible", "unjudged", "not adequate", "not credible", "failed"]
 ORDER: tuple[State, ...] = get_args(State)
 """From best to worst."""

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from thermid.dual import Number, value_of
 from thermid.errors import DeckError
 
-__all__ = ["Take", "exposed_area"]
-
 ROUNDING = 1e-12
 
 

@@ -11,8 +11,6 @@ from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model
 
-__all__ = ["LedgerLine", "ledger"]
-
 
 @dataclass(frozen=True)
 class LedgerLine:

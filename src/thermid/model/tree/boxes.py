@@ -6,8 +6,6 @@ from collections.abc import Iterator
 
 from thermid.model.tree.model import Model
 
-__all__ = ["COLOURS", "mixed", "node_boxes", "part_boxes"]
-
 COLOURS = ("white", "light grey", "dark grey", "black")
 """From pure theory to pure experiment (Isermann and Münchhof, Identification of Dynamic Systems, 2011, DOI 10.1007/978-3-540-78879-9)."""
 

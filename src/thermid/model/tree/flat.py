@@ -20,8 +20,6 @@ from thermid.model.tree.names import Names
 from thermid.model.tree.resolve import ParameterSet
 from thermid.units import require
 
-__all__ = ["Flat", "FlatConductor", "FlatLoad", "FlatNode", "FlatSurface", "flatten"]
-
 
 @dataclass(frozen=True)
 class FlatNode:

@@ -15,21 +15,6 @@ if TYPE_CHECKING:
     from thermid.model.parts.parameter import Parameter
     from thermid.model.tree.model import Layer, Model
 
-__all__ = [
-    "APART",
-    "Identity",
-    "cut_layers",
-    "cuts_of",
-    "definition_of",
-    "depth",
-    "identities",
-    "inside",
-    "instances",
-    "laid_ties",
-    "local_identities",
-]
-
-
 APART = "set for this instance"
 """Why a value is not that of its twins."""
 

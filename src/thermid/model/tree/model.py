@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from thermid.model.tree.replacement import Replacement
     from thermid.model.tree.rules import Finding
 
-__all__ = ["Layer", "Model", "Submodel"]
-
 Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad
 TABLES = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads")
 

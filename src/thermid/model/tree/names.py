@@ -5,8 +5,6 @@ from __future__ import annotations
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.model.tree.model import Model, Submodel
 
-__all__ = ["Names", "local_names", "used_offers"]
-
 FEW = 12
 """Up to so many names are listed where none is near."""
 

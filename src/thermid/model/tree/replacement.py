@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from thermid.model.parts.parameter import Parameter
     from thermid.model.tree.model import Layer, Model
 
-__all__ = ["PLACE", "SCATTER", "Dropped", "Replacement", "Start", "coefficients", "replaced", "short_text"]
-
 PLACE, SCATTER = 0.30, 0.25
 """Standard deviation of the logarithm: of a coefficient that the old part had at its place, and between joints of parts of one kind."""
 INTERFACE = {"contact_conductance": "W/(m^2 K)", "conductance": "W/K", "conductivity": "W/(m K)", "gap.htc": "W/(m^2 K)"}

@@ -14,9 +14,6 @@ from thermid.model.parts.parameter import Parameter, check_bounds
 from thermid.model.tree.model import Model
 from thermid.units import Dimension
 
-__all__ = ["Entry", "ParameterSet", "deck_text", "own_tables", "parameter_table"]
-
-
 SET = "[set] of "
 
 

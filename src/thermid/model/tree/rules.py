@@ -21,8 +21,6 @@ from thermid.model.tree.model import Model
 from thermid.model.tree.streams import unclosed, unfed
 from thermid.model.tree.surroundings import bare, into_gas, radiates_into, still
 
-__all__ = ["RULES", "Finding", "findings"]
-
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: Final = ("error", "warning", "note")
 ROOM: Final = 293.15

@@ -12,8 +12,6 @@ from thermid.model.tree.flat import Flat, FlatConductor
 from thermid.model.tree.surroundings import gas_nodes
 from thermid.physics.gas import GASES
 
-__all__ = ["by_volume", "flow_of", "fluid_of", "streams_of", "unclosed", "unfed"]
-
 BALANCED: Final = 1e-3
 """Share of a node's flow that may be missing: flows are written with three digits or more. [-]"""
 

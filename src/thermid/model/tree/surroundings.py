@@ -8,8 +8,6 @@ from typing import Any
 from thermid.errors import quoted
 from thermid.model.tree.flat import Flat, FlatSurface
 
-__all__ = ["bare", "gas_nodes", "into_gas", "radiates_into", "still", "surrounding"]
-
 WALLS = ("walls", "air and walls")
 """What a node stands for that radiation can reach."""
 

@@ -9,8 +9,6 @@ from thermid.model.parts.elements import Conductor, HeatLoad, Joint, Surface
 from thermid.model.tree.model import Element, Model
 from thermid.model.tree.resolve import ParameterSet
 
-__all__ = ["Touching", "touching"]
-
 
 @dataclass
 class Touching:

@@ -16,8 +16,6 @@ from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Layer, Model
 from thermid.units import unit
 
-__all__ = ["made_to", "to_dict", "written"]
-
 
 def written(given: Parameter) -> Any:
     """Return what a deck writes for a parameter: a text, or a table where more is known."""

@@ -11,23 +11,6 @@ from thermid.knowledge.values import FittedValue
 from thermid.sourced.marks import MARKS
 from thermid.units import unit
 
-__all__ = [
-    "DASH",
-    "Cell",
-    "Column",
-    "Line",
-    "Table",
-    "absolute",
-    "digits_of",
-    "duration",
-    "number",
-    "plain",
-    "pretty",
-    "signed",
-    "significant",
-    "typeset",
-]
-
 DASH = "\u2013"
 _POWER = re.compile(r"(?<![\w.])(-?)(\d+(?:\.\d+)?)e([+-]\d+)(?![\w])(?!\.\w)")
 _UNIT = re.compile(r"(?<![\w.])([-+]?\d[\d.]*(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?) \[([^\[\]]{1,24})\]")

@@ -19,8 +19,6 @@ from thermid.reporting.blocks.cells import typeset
 if TYPE_CHECKING:
     from jinja2 import Template
 
-__all__ = ["MissingExtraError", "css_text", "extra", "page_template", "write_page"]
-
 
 class MissingExtraError(ThermidError):
     """An optional package is not installed; the message says which command installs it."""

@@ -11,8 +11,6 @@ from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
 from thermid.files import PAPER, may_write, scratch, write_bytes
 
-__all__ = ["NoBrowserError", "browser", "page_to_pdf"]
-
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge", "msedge")
 PLACES = ("/Applications/Google Chrome.app/Contents/MacOS/Google Chrome", "/Applications/Chromium.app/Contents/MacOS/Chromium")
 QUIET = (

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from thermid.reporting.blocks.cells import Table
 
 __all__ = ["Block", "Code", "Drawn", "Entry", "Facts", "Figures", "Folded", "Formulas", "Heading", "Notes", "Picture", "Plot"]
-__all__ += ["Section", "Tabled", "Words", "as_block", "folded"]
 
 
 @dataclass(frozen=True)

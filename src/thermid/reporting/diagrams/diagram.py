@@ -13,8 +13,6 @@ from thermid.reporting.diagrams.folding import Folded, fold
 from thermid.reporting.diagrams.layout import LOAD_PORT, LOAD_WIDTH, MARGIN, PORT, Layout, Row, Wire, arrange, clipped, width_of
 from thermid.reporting.diagrams.values import conductances, notes, pooled, quantity, watts
 
-__all__ = ["diagram"]
-
 Point = tuple[float, float]
 
 # class of the line, what the legend says

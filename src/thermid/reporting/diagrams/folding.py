@@ -9,8 +9,6 @@ from thermid.errors import NameNotFoundError, nearest
 from thermid.model.tree.flat import Flat, FlatConductor, FlatNode
 from thermid.model.tree.model import Model
 
-__all__ = ["Folded", "fold", "parts_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class Folded:

@@ -12,8 +12,6 @@ from dataclasses import dataclass, field
 from thermid.model.tree.flat import Flat, FlatConductor
 from thermid.model.tree.model import Model
 
-__all__ = ["PAD", "Box", "Layout", "Row", "Wire", "arrange", "clipped", "width_of"]
-
 PAD, HEADER, GAP, WIDE_GAP, MARGIN = 12.0, 26.0, 16.0, 40.0, 14.0
 PORT, LOAD_PORT, LOAD_WIDTH = 19.0, 34.0, 104.0
 NARROW = "iljtfrI.,:;'|()[] "

@@ -12,8 +12,6 @@ from thermid.network.rows import conductance
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.diagrams.folding import Folded
 
-__all__ = ["conductances", "notes", "pooled", "quantity", "watts"]
-
 NOMINAL = (308.15, 298.15)
 """End temperatures at which a conductance is shown that depends on them, where none are given. [K]"""
 

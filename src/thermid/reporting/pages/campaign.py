@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from thermid.model.tree.model import Model
     from thermid.simulation.solution import Solution
 
-__all__ = ["report"]
-
 FEW = 4
 """Up to so many traces stand open on the page; more are folded away."""
 

@@ -18,8 +18,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.cells import Cell, Column, Line, Table, absolute, number, pretty, significant
 from thermid.reporting.pages.tables import STRONG, at_bound, criterion_words
 
-__all__ = ["Glance", "glance", "interval", "tightest"]
-
 MOST, LINES = 8, 5
 """Fitted values, and remarks of each kind, at the top; the rest stands below."""
 VAGUE = 0.25

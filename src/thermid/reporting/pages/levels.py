@@ -9,8 +9,6 @@ from thermid.fit.uncertainty.moves import MOVED, NOT_REJECTED, UNDECIDED, Group,
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, significant
 from thermid.units import unit
 
-__all__ = ["moved"]
-
 LOOKS = {MOVED: "bad", NOT_REJECTED: "good", UNDECIDED: "soft"}
 
 

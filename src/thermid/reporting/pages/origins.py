@@ -16,8 +16,6 @@ from thermid.model.tree.resolve import ParameterSet
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, duration, plain, pretty
 from thermid.units import NAMES, Dimension, unit
 
-__all__ = ["data", "held", "inputs", "made_records", "models", "versions"]
-
 
 def _uses(campaign: Campaign) -> Iterator[tuple[str, str, str, bool, Record | None]]:
     """Yield record, checksum, what it was used for, whether it is synthetic, and the record itself where it is kept."""

@@ -16,8 +16,6 @@ from thermid.reporting.pages import origins
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
 
-__all__ = ["Structure", "structures_report"]
-
 CLOSE = 1.05
 """Errors on unseen runs within this factor of the lowest say nothing between structures."""
 LITTLE = 10.0

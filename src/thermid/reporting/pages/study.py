@@ -20,8 +20,6 @@ from thermid.reporting.blocks.sections import Block, Facts, Heading, Notes, Sect
 from thermid.reporting.pages import origins, tables
 from thermid.reporting.pages.glance import glance, tightest
 
-__all__ = ["parts", "provenance", "step_log", "steps", "study_report", "tile"]
-
 
 @takes_objects
 def study_report(

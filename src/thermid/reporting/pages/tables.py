@@ -20,7 +20,6 @@ from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, abso
 from thermid.units import unit
 
 __all__ = ["HTC_NAMES", "STRONG", "areas", "at_bound", "correlations", "instruments", "levels", "locals_", "parameters", "records"]
-__all__ += ["sensors", "verdicts"]
 
 Names = tuple[tuple[str, str], ...]
 HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")

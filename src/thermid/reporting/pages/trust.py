@@ -10,8 +10,6 @@ from thermid.explain.criticism import criticise
 from thermid.fit.calibration import Calibration
 from thermid.inference.identifiability import identifiability
 
-__all__ = ["trust"]
-
 MOST = 12
 """Records of a stage up to which the page says of each trace what is left in it."""
 

@@ -16,8 +16,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GRID", "Area", "Line", "Panel", "chart", "nice_ticks", "number_text", "thinned"]
-
 Array = NDArray[np.float64]
 
 GRID = 10_000

@@ -12,8 +12,6 @@ from thermid.reporting.blocks.sections import Drawn, Entry
 from thermid.reporting.pictures.chart import Area, Line, Panel, chart
 from thermid.reporting.pictures.figures import INK, MEASURED, RESIDUAL, SERIES, SIMULATED, time_unit
 
-__all__ = ["Band", "Curve", "curves"]
-
 Array = NDArray[np.float64]
 
 LOOKS: dict[str, tuple[tuple[str, str], float, str]] = {

@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 from thermid.fit.problem.residuals import Block
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.sections import Drawn, Entry
-from thermid.reporting.pictures.chart import Area, Line, Panel, chart, nice_ticks, number_text, thinned
+from thermid.reporting.pictures.chart import Area, Line, Panel, chart, nice_ticks, number_text
 
 if TYPE_CHECKING:
     from thermid.simulation.solution import Solution
-
-__all__ = ["Dots", "choose", "compared", "overview", "prediction", "thinned", "time_unit", "trace"]
 
 Array = NDArray[np.float64]
 

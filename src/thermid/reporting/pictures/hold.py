@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_hold"]
-
 MOST = 6
 """Limits drawn; those that are passed first."""
 

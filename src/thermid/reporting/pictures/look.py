@@ -25,8 +25,6 @@ from thermid.reporting.pictures.chart import Line, Panel, chart
 from thermid.reporting.pictures.figures import DASHES, SERIES, time_unit
 from thermid.units import counted
 
-__all__ = ["Look", "look"]
-
 Array = NDArray[np.float64]
 
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"

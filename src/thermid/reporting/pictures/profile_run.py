@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_run"]
-
 MOST = 6
 """Nodes drawn; those with the widest swings."""
 SHADES = {

@@ -8,8 +8,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.cells import DASH, Cell, plain
 from thermid.sourced.marks import MARKS
 
-__all__ = ["celsius", "given", "hours", "mark", "verdict"]
-
 
 def verdict(passed: bool | None, why: str = "") -> Cell:
     """Return a verdict as a cell, why it is not decided behind it."""

@@ -15,8 +15,6 @@ from thermid.reporting.blocks.sections import Drawn
 from thermid.reporting.pictures.curves import Band, Curve, curves
 from thermid.reporting.pictures.figures import compared
 
-__all__ = ["course", "overlay"]
-
 
 def overlay(o: Overlay, key: str, label: str) -> Drawn:
     """Return readings with the band of their sensor's error (95 %), the simulation over them, and the difference below."""

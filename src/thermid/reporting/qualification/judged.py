@@ -10,8 +10,6 @@ from thermid.qualify.trial import Trial
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, plain, signed
 from thermid.reporting.qualification.cells import celsius, given, hours, mark, verdict
 
-__all__ = ["checks", "deviations", "diagnoses", "excluded", "gates", "settled"]
-
 
 def deviations(c: Correlation) -> Table:
     """Return mean, spread and largest deviation per sensor and case."""

@@ -8,8 +8,6 @@ from thermid.qualify.programme import Qualification
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, pretty, signed
 from thermid.reporting.qualification.cells import celsius, given, hours, verdict
 
-__all__ = ["assumed", "counted", "margin_table", "outside", "service"]
-
 
 def margin_table(q: Qualification) -> Table:
     """Return what is added up from the predicted temperature to the limit, the flat rule beside it, and what the calibration bought."""

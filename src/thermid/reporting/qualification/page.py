@@ -21,8 +21,6 @@ from thermid.reporting.qualification.sections import all_overlays, sections
 from thermid.sourced.marks import VERDICTS, weigh
 from thermid.units import counted
 
-__all__ = ["correlation_report", "qualification_report"]
-
 
 @takes_objects
 def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Path:

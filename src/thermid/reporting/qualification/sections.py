@@ -17,8 +17,6 @@ from thermid.reporting.qualification.cells import hours, mark
 from thermid.reporting.qualification.figures import overlay
 from thermid.sourced.marks import VERDICTS
 
-__all__ = ["all_overlays", "sections"]
-
 SYNTHETIC = "synthetic"
 
 

@@ -15,8 +15,6 @@ from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, abso
 from thermid.reporting.blocks.sections import Block, as_block, folded
 from thermid.reporting.qualification.cells import celsius, hours, mark, verdict
 
-__all__ = ["boundaries", "changes", "duties", "flows", "foreseen", "phases", "sensors", "tests"]
-
 
 def tests(q: Qualification) -> Table:
     """Return the tests: kind, state, course, criteria, limits and correlation."""

@@ -13,8 +13,6 @@ from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import CONDUCT, Signal, Table, conducted
 from thermid.units import TEMPERATURE
 
-__all__ = ["LogColumns"]
-
 
 @dataclass(frozen=True)
 class LogColumns:

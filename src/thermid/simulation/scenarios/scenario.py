@@ -14,8 +14,6 @@ from thermid.network.irradiation import Irradiation, OpenSky
 from thermid.network.medium import Media
 from thermid.units import TEMPERATURE
 
-__all__ = ["MEAN", "PERIODIC", "SLOTS", "STEADY", "Scenario", "Start", "sampled_logs"]
-
 SLOTS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ""}
 """Tables of signals, and what each holds; only the model knows the unit of a scheduled parameter."""
 STEADY = "steady"

@@ -22,8 +22,6 @@ from thermid.physics.exposure import molecular_heating
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import TEMPERATURE
 
-__all__ = ["SPACE", "Trajectory", "ascent_scenario", "read_trajectory"]
-
 Array = NDArray[np.float64]
 
 SPACE = 2.725

@@ -12,8 +12,6 @@ from thermid.model.parts.facing import degrees
 from thermid.network.irradiation import Irradiation
 from thermid.physics.exposure import SOLAR_CONSTANT, eclipse, planet_share
 
-__all__ = ["eclipse_signal", "orbit_irradiation"]
-
 
 def orbit_irradiation(
     altitude: str | float,

@@ -27,8 +27,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.sites.site import Site, quiet
 from thermid.units import TEMPERATURE
 
-__all__ = ["open_sky", "pad_scenario", "wind_htc"]
-
 Array = NDArray[np.float64]
 
 STEP = 600.0

@@ -21,8 +21,6 @@ from thermid.physics.atmosphere import standard_atmosphere
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["Site", "SunPath", "quiet"]
-
 Array = NDArray[np.float64]
 
 

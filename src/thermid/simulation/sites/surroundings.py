@@ -16,8 +16,6 @@ from thermid.simulation.sites.pad import pad_scenario
 from thermid.simulation.sites.site import Site
 from thermid.units import TEMPERATURE
 
-__all__ = ["KEYS", "surrounded"]
-
 KEYS: Mapping[str, tuple[str, ...]] = {
     "site": ("name", "latitude", "longitude", "altitude", "timezone"),
     "weather": ("file", "columns", "begin", "starts", "max_gap", "year", "time", "averaged", "air", "air_temperature"),

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from thermid.model.laws.curves import Curve
 from thermid.network.network import Network, Numbers
 
-__all__ = ["NEAR", "left_tables", "read_nodes", "refused_tables", "refuses"]
-
 Array = NDArray[np.float64]
 NEAR: Final = 0.1
 """How close to the end of its table a run stands that cannot go on. [K]"""

@@ -22,8 +22,6 @@ from thermid.simulation.solver.squares import LOSSES, Squares, Weighing
 from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
-__all__ = ["Answer", "Engine", "Options"]
-
 Array = NDArray[np.float64]
 
 

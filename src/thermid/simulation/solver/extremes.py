@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from thermid.model.laws.signal import Drawn
 from thermid.physics.constants import ICE_POINT
 
-__all__ = ["Dense", "Extreme", "MemberTurnings", "Turnings", "by_column", "first_above", "resolved", "signal_turnings"]
-
 Array = NDArray[np.float64]
 PIECES = 16
 """Into how many an interval is divided in which a course passes a level."""

@@ -17,8 +17,6 @@ from thermid.network.rows import ConductorRow, LoadRow
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import TEMPERATURE, require
 
-__all__ = ["Schedule", "check_courses", "load_inputs", "normalised", "read_schedule", "scheduled"]
-
 Array = NDArray[np.float64]
 
 

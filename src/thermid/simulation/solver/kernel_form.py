@@ -13,8 +13,6 @@ from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, Table
 from thermid.network.rows import LOADS, conductor_law, curve_arrays, tables_behind
 
-__all__ = ["break_times", "ending", "ints", "kernel_input", "row_form"]
-
 Array = NDArray[np.float64]
 
 

@@ -16,8 +16,6 @@ from thermid.simulation.solver.extremes import Turnings, by_column
 from thermid.simulation.solver.kernel_form import break_times, runs_away, unsolved
 from thermid.simulation.solver.sparse import SparseNetwork
 
-__all__ = ["METHODS", "NAMES", "LargeAnswer", "Watched", "integrate"]
-
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 

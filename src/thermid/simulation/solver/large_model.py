@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from thermid.simulation.solver.engine import Answer, Engine, Options
     from thermid.simulation.solver.wiring import Assembled
 
-__all__ = ["LARGE_FROM", "integrate_model", "refusal", "settle_model", "takes_over"]
-
 Array = NDArray[np.float64]
 LARGE_FROM: Final = 500
 """Nodes from which a model is run as a large network: the small integrator's dense matrices grow with the third power."""

@@ -12,8 +12,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solver.settling import unsettled
 from thermid.simulation.solver.sparse import NONE, SparseNetwork
 
-__all__ = ["settle_large"]
-
 Array = NDArray[np.float64]
 MOST_NEWTON = 60
 LARGEST_MOVE = 100.0

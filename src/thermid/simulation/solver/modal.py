@@ -15,8 +15,6 @@ from thermid.model.laws.signal import Constant, Sine, Table
 from thermid.network.eliminate import held_in
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
-__all__ = ["METHODS", "Exact", "Modal", "Work"]
-
 Array = NDArray[np.float64]
 METHODS = ("auto", "modal", "integrator")
 REMEMBERED = 64  # lengths of stretches that the kernel has in mind, at least

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from thermid.simulation.solver.engine import Engine
     from thermid.simulation.solver.wiring import Assembled
 
-__all__ = ["beginning", "settle", "unsettled"]
-
 Array = NDArray[np.float64]
 MOST_ITERATIONS = 200
 DIRECT = 40

@@ -17,8 +17,6 @@ from thermid.network.rows import CONTROLS, LOADS, conductor_law, curve_arrays, t
 from thermid.simulation.solver.extremes import Turnings, signal_turnings
 from thermid.simulation.solver.kernel_form import kernel_input
 
-__all__ = ["Csr", "Grid", "LoadGroup", "RowGroup", "SparseNetwork", "link_arrays"]
-
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 NONE = -1

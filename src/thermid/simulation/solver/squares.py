@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 
-__all__ = ["LOSSES", "Squares", "Weighing"]
-
 Array = NDArray[np.float64]
 
 LOSSES = {"linear": _kernel.SQUARE, "soft_l1": _kernel.SOFT_L1, "huber": _kernel.HUBER, "cauchy": _kernel.CAUCHY}

@@ -14,8 +14,6 @@ from thermid.model.laws.curves import evaluate, value_and_slope
 from thermid.network.eliminate import held_in
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
-__all__ = ["Traces", "kept_for"]
-
 Array = NDArray[np.float64]
 
 

@@ -22,8 +22,6 @@ from thermid.simulation.scenarios.scenario import PERIODIC, STEADY, Scenario, St
 from thermid.simulation.solver.inputs import check_courses, load_inputs, normalised, read_schedule, scheduled
 from thermid.units import TEMPERATURE
 
-__all__ = ["Assembled", "Wiring"]
-
 Array = NDArray[np.float64]
 Csr = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 Row = TypeVar("Row", ConductorRow, LoadRow)

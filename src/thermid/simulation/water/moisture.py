@@ -24,8 +24,6 @@ from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
 from thermid.simulation.water.vapour import Followed, Volume, WaterBalance, follow
 
-__all__ = ["Moisture", "SurfaceMoisture", "moisture"]
-
 Array = NDArray[np.float64]
 
 SETTLED: Final = 1e-3

@@ -33,8 +33,6 @@ from thermid.physics.moist import (
 )
 from thermid.simulation.solution import Solution
 
-__all__ = ["CLOSED", "Followed", "Volume", "WaterBalance", "follow"]
-
 Array = NDArray[np.float64]
 
 CLOSED: Final = 1e-6
