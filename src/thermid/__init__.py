@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from thermid.campaign.stages import Campaign as Campaign
     from thermid.campaign.stages import joint as joint
     from thermid.campaign.stages import run_stages as run_stages
-    from thermid.design.actions import Action as Action
-    from thermid.design.actions import Aim as Aim
+    from thermid.design.next_test import Action as Action
+    from thermid.design.next_test import Advice as Advice
+    from thermid.design.next_test import Aim as Aim
     from thermid.design.next_test import next_test as next_test
-    from thermid.design.ranking import Advice as Advice
     from thermid.errors import ThermidError as ThermidError
     from thermid.errors import ThermidWarning as ThermidWarning
     from thermid.explain.balance import EnergyBalance as EnergyBalance
@@ -248,9 +248,9 @@ _PUBLIC = {
     "plausibility": "explain.plausibility",
     "Plausibility": "explain.plausibility",
     "next_test": "design.next_test",
-    "Action": "design.actions",
-    "Aim": "design.actions",
-    "Advice": "design.ranking",
+    "Action": "design.next_test",
+    "Aim": "design.next_test",
+    "Advice": "design.next_test",
     "load_values": "knowledge.values",
     "power_history": "power.inverse",
     "PowerHistory": "power.history",

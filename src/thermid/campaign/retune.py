@@ -15,18 +15,16 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.campaign.file import CampaignSource, read_campaign
 from thermid.campaign.file import placed as placed_in
-from thermid.campaign.sharing import Level, places_of
-from thermid.campaign.stages import Campaign
-from thermid.campaign.staging import request_of
+from thermid.campaign.joint import Level, places_of
+from thermid.campaign.stages import Campaign, request_of
 from thermid.dual import value_of
 from thermid.errors import DeckError, IdentificationError, MissingDataError, SolverError, ThermidError
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.keys import key_of
 from thermid.fit.problem.request import Request
-from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import Normal, Source
-from thermid.knowledge.store import State, Store, ValueOrigin
+from thermid.knowledge.store import State, Store, ValueOrigin, graft
 from thermid.knowledge.values import view
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import Constant

@@ -10,7 +10,7 @@ from pathlib import Path
 from thermid.campaign.cache import recall
 from thermid.campaign.file import CampaignSource, local_of, placed, read_campaign, scenario_of
 from thermid.campaign.schema import StageTable, VerdictTable
-from thermid.campaign.staging import keyed, readings_of, request_of
+from thermid.campaign.stages import keyed, readings_of, request_of
 from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration

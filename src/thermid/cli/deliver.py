@@ -31,7 +31,7 @@ def deliver(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Write decks, values, a reduced deck and what must come out into a folder, and check it from there."""
-    from thermid.campaign.filed import filed
+    from thermid.campaign.hand import filed
     from thermid.errors import DeckError
     from thermid.knowledge.store import model_standing
     from thermid.model.deck.modelfile import load_model

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 if TYPE_CHECKING:
-    from thermid.campaign.filed import Filed
+    from thermid.campaign.hand import Filed
     from thermid.model.parts.standing import Standing
     from thermid.model.tree.model import Model
 
@@ -37,7 +37,7 @@ def with_fitted(model: Model, file: Path | None, keep: bool = False) -> Model:
     """
     if file is None:
         return model
-    from thermid.campaign.filed import filed
+    from thermid.campaign.hand import filed
 
     found = filed(file, model, keep=keep)
     say_first(found, file)

@@ -9,12 +9,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.design.actions import Action, Aim, usual_actions
 from thermid.design.planned import Sensor, planned_record, sensors_of
-from thermid.design.ranking import Advice, Option
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibration import Calibration
@@ -23,8 +20,10 @@ from thermid.fit.problem.gather import prior_of, problem_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
+from thermid.fit.uncertainty.grouping import percent
 from thermid.knowledge.sources import Normal, Source
-from thermid.model.laws.signal import Signal, literal
+from thermid.measure.amounts import duration_text, short
+from thermid.model.laws.signal import Constant, Signal, Table, literal
 from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
@@ -34,8 +33,13 @@ from thermid.prediction.known import Known, Rows, instruments_of, rows_of
 from thermid.prediction.setting import Setting
 from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.simulator import network_for
 
+CHAMBER_STEP = 20.0
+"""Step of a chamber that costs little and is far from what most parts fear. [K]"""
 Array = NDArray[np.float64]
+FELT = 0.1
+"""Part of the error now below which what else a prediction has is not spoken of."""
 WITHOUT_GAS = " without gas"
 """After the name of a value that is another one without gas."""
 BESIDE = (CONSTANT, MISFIT)
@@ -53,6 +57,164 @@ NAME = "next test"
 DURATIONS = 24
 ENOUGH = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
+
+
+@dataclass(frozen=True)
+class Aim:
+    """A temperature that is to be known better.
+
+    Parameters
+    ----------
+    scenario : Scenario     Where.
+    node : str              Of what.
+    at : str or float       When; the end when empty. [s]
+    """
+
+    scenario: Scenario
+    node: str
+    at: str | float = ""
+
+    def __str__(self) -> str:
+        """It in words."""
+        when = f" at {self.at}" if self.at else " at the end"
+        return f"'{self.node}' in '{self.scenario.title}'{when}"
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """A test that could be made.
+
+    Parameters
+    ----------
+    name : str                  In words.
+    scenario : Scenario         What is done; its duration is the longest that is thought of.
+    sensors : tuple of Sensor   What is logged; empty for the sensors there are.
+    """
+
+    name: str
+    scenario: Scenario
+    sensors: tuple[Sensor, ...] = ()
+
+
+def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -> tuple[Action, ...]:
+    """Return the tests that are usually at hand: the same for longer, power and chamber steps, other powers, another sensor, a pump-down.
+
+    Parameters
+    ----------
+    model : Model
+    scenario : Scenario             A test as it was made; its duration holds for all.
+    sensors : sequence of Sensor    What is logged.
+    """
+    network = network_for(model, scenario)
+    half = 0.5 * scenario.seconds
+    out = [Action("the same test again", scenario)]
+    powers = {row.name: float(value_of(row.coefficients[0])) for row in network.numbers().loads if row.fixed}
+    metered = {s.target for s in sensors if s.role == "load"} | set(scenario.loads)
+    for load, own in powers.items():
+        watts = _level(scenario.loads.get(load), own)
+        if watts > 0 and load not in scenario.commands:
+            # a power that nobody meters is as unknown at twice its level as it is now: then the command changes, not the power
+            table, unit = ("loads", watts) if load in metered else ("commands", 1.0)
+            words = f"from {watts:.3g} to {2 * watts:.3g} W" if load in metered else "to twice its power"
+            up, off = (Table(np.array([0.0, half]), unit * np.array([1.0, end]), True) for end in (2.0, 0.0))
+            out.append(Action(f"'{load}' {words} after half the time", scenario.with_(**{table: {load: up}})))
+            twice = f"at {2 * watts:.3g} W" if load in metered else "at twice its power"
+            out.append(Action(f"'{load}' {twice}", scenario.with_(**{table: {load: Constant(2.0 * unit)}})))
+            out.append(Action(f"'{load}' off after half the time", scenario.with_(**{table: {load: off}})))
+    for boundary, signal in scenario.boundaries.items():
+        level = _level(signal, 0.0)
+        ramp = Table(
+            np.array([0.0, half, half + 600.0, max(2.0 * half, half + 601.0)]), level + np.array([0.0, 0.0, 1.0, 1.0]) * CHAMBER_STEP
+        )
+        made = scenario.with_(boundaries={boundary: ramp})
+        out.append(Action(f"'{boundary}' {CHAMBER_STEP:g} K warmer after half the time", made))
+    seen = {s.target for s in sensors if s.role == "node"}
+    noise = min((s.noise for s in sensors if s.role == "node" and s.noise), default=0.1)
+    accuracy = next((s.accuracy for s in sensors if s.role == "node" and s.accuracy), None)
+    for node in (n for n in network.nodes if n not in seen):
+        more = Sensor(f"new sensor at {node}", node, "node", noise, accuracy)
+        out.append(Action(f"the same with a sensor at '{node}'", scenario, (*sensors, more)))
+    out.append(Action("the same, pumped down", scenario.vacuum()))
+    return tuple(out)
+
+
+def _level(signal: Signal | None, own: float) -> float:
+    """Return where a signal begins."""
+    return own if signal is None else float(signal.at(np.zeros(1))[0])
+
+
+@dataclass(frozen=True)
+class Option:
+    """A test that could be made, and what it would be worth.
+
+    Parameters
+    ----------
+    name : str              What is done.
+    error : float           Standard error of the target after all of it; infinite where it cannot be made. [SI]
+    hours : float           Duration after which the goal is met, or, without one, nine tenths of the gain are in; infinite where never.
+    longest : float         Its whole duration. [h]
+    errors : array (durations, 2)   Duration [h] and error [SI].
+    refused : str           Why it cannot be made; empty where it can.
+    """
+
+    name: str
+    error: float
+    hours: float
+    longest: float
+    errors: Array
+    refused: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Advice:
+    """What to test next.
+
+    Parameters
+    ----------
+    target : str            What is to be known better.
+    value, now : float      Its value and standard error now. [SI]
+    unit : str              'K' for a prediction; SI unit of a parameter otherwise.
+    goal : float            Error to be reached; nan without one. [SI]
+    options : tuple         The best first.
+    beside : dict           Of a prediction: cause -> standard error [K] that it has besides and that these figures leave out.
+    """
+
+    target: str
+    value: float
+    now: float
+    unit: str
+    goal: float
+    options: tuple[Option, ...]
+    beside: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def best(self) -> Option:
+        """The first option."""
+        return self.options[0]
+
+    def _shown(self, error: float) -> str:
+        return f"{short(error)} K" if self.unit == "K" else percent(error / abs(self.value) if self.value else np.inf)
+
+    def __str__(self) -> str:
+        """Return a table: what to do, what error it leaves, how long it takes."""
+        aim = f", wanted +- {self._shown(self.goal)}" if np.isfinite(self.goal) else ""
+        lines = [f"Next test for {self.target}: now +- {self._shown(self.now)}{aim}"]
+        width = max(len(o.name) for o in self.options)
+        for o in self.options:
+            if o.refused:
+                lines.append(f"  {o.name:<{width}}  cannot be made: {o.refused}")
+                continue
+            gain = f"{short(self.now / o.error)} times better" if self.now > 1.02 * o.error else "no better"
+            took = duration_text(3600 * o.hours) if np.isfinite(o.hours) else ""
+            what = "goal after" if np.isfinite(self.goal) else "most of it after"
+            long = duration_text(3600 * o.longest)
+            when = f"{what} {took} of {long}" if took else f"goal not within {long}"
+            lines.append(f"  {o.name:<{width}}  +- {self._shown(o.error):<10} {gain:<20} {when}")
+        felt = {cause: error for cause, error in self.beside.items() if error >= FELT * self.now}
+        if felt:
+            named = ", ".join(f"{cause} +- {short(error)} K" for cause, error in felt.items())
+            lines.append(f"  Not in these figures: {named}.")
+        return "\n".join(lines)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.campaign.filed import filed
+from thermid.campaign.hand import filed
 from thermid.errors import DeckError, nearest
 from thermid.knowledge.values import FittedValues
 from thermid.model.deck.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside

@@ -13,9 +13,8 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
-from thermid.knowledge.graft import graft, structural_under
 from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
-from thermid.knowledge.store import Store, model_standing
+from thermid.knowledge.store import Store, graft, model_standing, structural_under
 from thermid.knowledge.values import FittedValue, FittedValues, as_store
 from thermid.model.parts.standing import Standing, worst
 from thermid.model.tree.model import Model

@@ -12,8 +12,7 @@ import numpy as np
 from thermid.campaign.cache import changed_since, file_name, recall, remember
 from thermid.campaign.file import CampaignSource, read_campaign
 from thermid.campaign.retune import RetunePlan, plan_retune
-from thermid.campaign.stages import Campaign
-from thermid.campaign.staging import keyed, request_of
+from thermid.campaign.stages import Campaign, keyed, request_of
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit, fit_problem
 from thermid.fit.calibration import Calibration

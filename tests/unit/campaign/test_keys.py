@@ -11,8 +11,7 @@ import pytest
 
 from thermid.campaign.cache import changed_since, remember
 from thermid.campaign.file import read_campaign
-from thermid.campaign.stages import run_stages
-from thermid.campaign.staging import keyed, request_of
+from thermid.campaign.stages import keyed, request_of, run_stages
 from thermid.fit.problem import keys as room
 from thermid.fit.problem.keys import ingredients_of, key_for
 from thermid.fit.problem.request import LocalSpec, Reading, Request

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 
 import thermid as td
 from thermid.campaign.file import read_campaign
-from thermid.campaign.stages import Campaign, run_stages
-from thermid.campaign.staging import request_of
+from thermid.campaign.stages import Campaign, request_of, run_stages
 from thermid.errors import DeckError
 from thermid.fit.standings import rests_on
 from thermid.knowledge.store import model_standing

@@ -114,7 +114,7 @@ def test_draws_are_not_symmetric_where_it_bends(found: Calibration) -> None:
 
 
 def test_values_held_from_a_stage_below_are_not_exact(found: Calibration) -> None:
-    from thermid.knowledge.graft import graft
+    from thermid.knowledge.store import graft
 
     store, _ = graft(pair(), [("a", found.store)])
     model = store.on(pair())
