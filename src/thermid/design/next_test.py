@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.design.planned import Sensor, planned_record, sensors_of
@@ -35,9 +36,9 @@ from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 
+Array = NDArray[np.float64]
 CHAMBER_STEP = 20.0
 """Step of a chamber that costs little and is far from what most parts fear. [K]"""
-Array = NDArray[np.float64]
 FELT = 0.1
 """Part of the error now below which what else a prediction has is not spoken of."""
 WITHOUT_GAS = " without gas"
