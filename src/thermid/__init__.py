@@ -54,21 +54,21 @@ if TYPE_CHECKING:
     from thermid.interop.initfcn import read_initfcn as read_initfcn
     from thermid.interop.octave import to_octave as to_octave
     from thermid.interop.spice import to_spice as to_spice
-    from thermid.judge.compare import compare as compare
     from thermid.judge.correlation import Correlation as Correlation
     from thermid.judge.correlation import correlate as correlate
+    from thermid.judge.criteria import Criteria as Criteria
     from thermid.judge.criteria import CriteriaSet as CriteriaSet
     from thermid.judge.difference import Difference as Difference
     from thermid.judge.difference import difference as difference
-    from thermid.judge.heaters import heater_duty as heater_duty
-    from thermid.judge.limit_checks import check_limits as check_limits
     from thermid.judge.limits import Limits as Limits
+    from thermid.judge.limits import check_limits as check_limits
     from thermid.judge.limits import load_limits as load_limits
     from thermid.judge.margins import Margin as Margin
+    from thermid.judge.margins import heater_duty as heater_duty
     from thermid.judge.margins import margins as margins
-    from thermid.judge.validate import Criteria as Criteria
-    from thermid.judge.validate import Verdict as Verdict
-    from thermid.judge.validate import validate as validate
+    from thermid.judge.verdict import Verdict as Verdict
+    from thermid.judge.verdict import compare as compare
+    from thermid.judge.verdict import validate as validate
     from thermid.knowledge.values import load_values as load_values
     from thermid.measure import Channel as Channel
     from thermid.measure import Record as Record
@@ -228,7 +228,7 @@ _PUBLIC = {
     "look": "reporting.pictures.look",
     "Look": "reporting.pictures.look",
     "read_record": "measure",
-    "compare": "judge.compare",
+    "compare": "judge.verdict",
     "align": "fit.clocks.alignment",
     "Alignment": "fit.clocks.alignment",
     "calibrate": "fit.calibrate",
@@ -273,10 +273,10 @@ _PUBLIC = {
     "CredibilityRecord": "campaign.credibility",
     "difference": "judge.difference",
     "Difference": "judge.difference",
-    "Criteria": "judge.validate",
+    "Criteria": "judge.criteria",
     "Standing": "model.parts.standing",
-    "validate": "judge.validate",
-    "Verdict": "judge.validate",
+    "validate": "judge.verdict",
+    "Verdict": "judge.verdict",
     "load_study": "campaign.methodology",
     "Study": "campaign.methodology",
     "macro_model": "reduction.macro",
@@ -305,13 +305,13 @@ _PUBLIC = {
     "Forecast": "steadiness.foretold",
     "Limits": "judge.limits",
     "load_limits": "judge.limits",
-    "check_limits": "judge.limit_checks",
+    "check_limits": "judge.limits",
     "Known": "prediction.known",
     "Foresight": "prediction.foresight",
     "foresee": "prediction.foresight",
     "margins": "judge.margins",
     "Margin": "judge.margins",
-    "heater_duty": "judge.heaters",
+    "heater_duty": "judge.margins",
     "CriteriaSet": "judge.criteria",
     "correlate": "judge.correlation",
     "Correlation": "judge.correlation",

@@ -40,7 +40,7 @@ NO_INPUT = {
     "thermid.acquire.sensormap": "the map is changed in its place",
     "thermid.acquire.store": "the log is continued",
     "thermid.campaign.cache": "results of its own, and the code",
-    "thermid.judge.looks": "verdicts of its own",
+    "thermid.judge.verdict": "verdicts of its own",
     "thermid.model.deck.save": "a deck may be changed in its place",
     "thermid.cli.deliver": "the delivery of this command",
     "thermid.qualify.deliver": "the delivery of this command, or one that is checked",

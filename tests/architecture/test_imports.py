@@ -16,10 +16,11 @@ import thermid
 
 from .source import Module, room_of, within
 
-FOUNDATION = {"arguments", "errors", "files", "seals", "memo", "_units_table", "units", "expression", "dual"}
+FOUNDATION = {"arguments", "errors", "files", "toml_files", "grammar", "seals", "memo", "_units_table", "units", "expression", "dual"}
 
 MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck", "model.blocks"}
 SIMULATION = {"simulation", "simulation.scenarios", "simulation.solver"}
+MEASURE = {"measure", "measure.amounts", "measure.record", "measure.readers"}
 # Moisture, and sites with their weather, are optional: none of the rooms but those that say so imports them.
 OPTIONAL = {"simulation.sites", "simulation.water"}
 
@@ -30,6 +31,8 @@ ARROWS: dict[str, set[str]] = {
     "arguments": {"errors"},
     "seals": set(),
     "files": {"errors", "seals"},
+    "toml_files": {"errors", "files"},
+    "grammar": {"errors"},
     "memo": set(),
     "_units_table": set(),
     "dual": set(),
@@ -43,15 +46,18 @@ ARROWS: dict[str, set[str]] = {
     "model.deck": FOUNDATION | {"physics", "model.laws", "model.parts", "model.tree"},
     "model.blocks": FOUNDATION | {"model.laws", "model.tree", "model.deck"},
     "network": FOUNDATION | MODEL | {"physics", "_kernel"},
-    "measure": FOUNDATION,
-    "knowledge": FOUNDATION | MODEL | {"physics", "measure"},
+    "measure.amounts": FOUNDATION,
+    "measure.record": FOUNDATION | {"measure.amounts"},
+    "measure.readers": FOUNDATION | {"measure.amounts", "measure.record"},
+    "measure": FOUNDATION | MEASURE - {"measure"},
+    "knowledge": FOUNDATION | MODEL | MEASURE | {"physics"},
     "simulation.scenarios": FOUNDATION | MODEL | {"physics", "network", "measure"},
     "simulation.sites": FOUNDATION | MODEL | {"physics", "network", "measure", "simulation.scenarios"},
     "simulation.solver": FOUNDATION | MODEL | {"physics", "network", "knowledge", "simulation.scenarios", "_kernel"},
     "simulation": FOUNDATION | MODEL | SIMULATION | {"physics", "network", "knowledge", "simulation.sites", "_kernel"},
     "simulation.water": FOUNDATION | MODEL | SIMULATION | {"physics", "network"},
 }
-LOW = FOUNDATION | MODEL | SIMULATION | {"physics", "network", "measure", "knowledge"}
+LOW = FOUNDATION | MODEL | SIMULATION | MEASURE | {"physics", "network", "knowledge"}
 FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
 REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages", "reporting.qualification"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
@@ -84,7 +90,7 @@ ARROWS |= {
     | FIT
     | {"campaign", "explain", "judge", "inference", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
     "reporting.qualification": LOW | {"sourced", "judge", "qualify", "reporting.blocks", "reporting.pictures", "reporting.pages"},
-    "acquire": FOUNDATION | {"measure"},
+    "acquire": FOUNDATION | MEASURE,
     "interop": FOUNDATION | MODEL | SIMULATION | {"physics", "network"},
 }
 TOP = {"cli", "studio", "__main__"}
@@ -173,7 +179,7 @@ def allowed_rooms(package: str) -> set[str]:
     return {room for room in rooms if room.rpartition(".")[0] not in rooms}
 
 
-SAYING = FIT | ABOVE_FIT | TESTED | REPORTING | {"campaign", "qualify"} | MODEL | SIMULATION | OPTIONAL
+SAYING = MEASURE - {"measure.amounts"} | FIT | ABOVE_FIT | TESTED | REPORTING | {"campaign", "qualify"} | MODEL | SIMULATION | OPTIONAL
 
 
 @pytest.mark.parametrize("package", sorted(SAYING - {"model", "simulation"}))

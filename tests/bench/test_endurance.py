@@ -17,8 +17,8 @@ from thermid.acquire.board import Board
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.port import LONGEST
 from thermid.acquire.terminal import Terminal
+from thermid.acquire.wire import parse_line
 from thermid.errors import ThermidError
-from thermid.measure.wire import parse_line
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
 

@@ -16,13 +16,13 @@ from pydantic import BaseModel
 import thermid as td
 from thermid import errors
 from thermid.campaign import schema as campaign_schema
-from thermid.judge.criteria import KEYS as CRITERIA_KEYS
+from thermid.judge.criteria import PLAIN
 from thermid.judge.limits import KEYS as LIMIT_KEYS
-from thermid.judge.validate import Criteria
+from thermid.judge.metrics import METRICS
 from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.measure.bindings import _KEYS as CHANNEL_KEYS
-from thermid.measure.part import _NUMBERS as PART_NUMBERS
-from thermid.measure.steps import STEPS
+from thermid.measure.readers.bindings import _KEYS as CHANNEL_KEYS
+from thermid.measure.record.sensor import _NUMBERS as PART_NUMBERS
+from thermid.measure.record.steps import STEPS
 from thermid.model.deck import schema
 from thermid.model.laws.signal import Sine, Table
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS
@@ -69,7 +69,6 @@ PLAN |= {"Margins": "Margin", "Sensor": "PlanSensor", "Exclusions": "Exclusion",
 PLAN_UNITS = {"accuracy": "K", "noise": "K", "cap": "1", "temperature": TEMPERATURE, "pressure": "Pa", "power": "W", "gravity": "m/s^2"}
 TEST_UNITS = {"every": "s", "weights": "1", "steady": "s", "spread": ANY, "heaters": "W", "gravity": "m/s^2"}
 LIMIT_UNITS = dict.fromkeys(("operating", "non_operating", "start_up"), TEMPERATURE)
-CRITERIA_UNITS = {**dict.fromkeys(("mean", "spread", "each", "rmse"), "K"), "share": "1"}
 LOCAL_UNITS = {"start": TEMPERATURE, "sd": "K"}
 ERROR_UNITS = {"noise": ANY, "accuracy": ANY, "resolution": ANY}
 SENSOR_UNITS = {k: "K" if v == "temperature" else v for k, v in PART_NUMBERS.items()} | {"mass": "kg", "specific_heat": "J/(kg K)"}
@@ -165,7 +164,8 @@ def by_heading() -> dict[str, Names]:
         "Scenario of a stage": _model(campaign_schema.ScenarioTable, SCENARIO_UNITS),
         "Joint fit of a campaign": _model(campaign_schema.JointFitTable, CAMPAIGN_UNITS),
         "Verdict of a campaign": _model(campaign_schema.VerdictTable),
-        "Criteria": _of(_plain(dataclasses.fields(Criteria)), {"rmse": "K", "max_error": "K", "mean_error": "K"}),
+        "Metrics": _of(METRICS, dict.fromkeys(METRICS, "K")),
+        "Criteria": _of(("sensors",)),
         "Profile": _of([*KEYS, *SLOTS, *WORDS], SLOTS | {"predicted": TEMPERATURE}),
         "Number of a profile": _of(("value", "mark", "clause", "note"), {"value": ANY}),
         "Step of a profile": _of(STEP_KEYS, STEP_UNITS),
@@ -174,7 +174,7 @@ def by_heading() -> dict[str, Names]:
         "Plan": _model(plan_schema.PlanFile),
         **{f"{name} of a plan": _model(getattr(plan_schema, f"{table}Table"), PLAN_UNITS) for name, table in PLAN.items()},
         "Limits of a plan": _of(LIMIT_KEYS, LIMIT_UNITS),
-        "Criteria of a plan": _of(CRITERIA_KEYS, CRITERIA_UNITS),
+        "Criteria of a plan": _of(("each", *PLAIN), {"each": "K", "share": "1"}),
         "Test of a plan": _model(plan_schema.TestTable, TEST_UNITS),
         "Log of a test": _model(plan_schema.LogTable),
         "Options of the integrator": _of(

@@ -74,7 +74,7 @@ def test_W2_a_log_of_every_kind_of_profile_is_judged(tmp_path: Path, course: str
     assert set(trial.correlation.verdicts) == {"ECSS", "ours"}
     steady = [d for d in trial.correlation.deviations if d.kind == "steady"]
     assert steady
-    assert all(d.mean == pytest.approx(0.3, abs=0.15) for d in steady)
+    assert all(d["mean"] == pytest.approx(0.3, abs=0.15) for d in steady)
 
 
 def test_A12_a_plan_lists_its_tests_and_turns_into_verdicts_as_logs_come_back(tmp_path: Path) -> None:  # noqa: N802

@@ -131,9 +131,9 @@ def test_K4_a_log_of_every_step(study: td.Study, project: Path) -> None:  # noqa
     ]
     for step in log:
         assert step.action in {a.name for a in study.actions}
-        assert step.rmse == pytest.approx(0.05, rel=0.1)
-        assert 2 * step.rmse < abs(step.max_error) < 5 * step.rmse
-        assert abs(step.final_error) < 3 * 0.05 / np.sqrt(16)  # mean of the last 16 samples
+        assert step["rmse"] == pytest.approx(0.05, rel=0.1)
+        assert 2 * step["rmse"] < abs(step["max_error"]) < 5 * step["rmse"]
+        assert abs(step["final_error"]) < 3 * 0.05 / np.sqrt(16)  # mean of the last 16 samples
 
 
 @pytest.mark.parametrize(

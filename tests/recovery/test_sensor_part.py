@@ -12,9 +12,10 @@ from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
 from thermid.fit.least_squares.solve import covariances, ended
 from thermid.fit.problem.sensor_parts import attached
-from thermid.judge.validate import Criteria, validate
+from thermid.judge.criteria import Criteria
+from thermid.judge.verdict import validate
 from thermid.measure import Channel, Record
-from thermid.measure.part import SensorCertificate, SensorPart, worn
+from thermid.measure.record.sensor import SensorCertificate, SensorPart, worn
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario

@@ -153,7 +153,7 @@ def of_a_run(folder: Path) -> dict[str, Any]:
         "certificate": td.SensorCertificate(0.1, 0.02),
         "part": td.SensorPart(lag=20.0),
         "weather": td.Weather("w", None, {}, {}),
-        "criteria": td.CriteriaSet("ours", each=1.0, kinds=("steady",)),
+        "criteria": td.Criteria("ours", each=1.0, kinds=("steady",)),
     }
 
 

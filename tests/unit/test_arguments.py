@@ -43,7 +43,7 @@ ANY: Any = None
         (lambda: td.simulate(ANY or {}, BENCH), r"`model` takes Model or Block, not a dictionary. Make it with td.model_from_dict"),
         (lambda: td.model_from_dict(ANY or "part.toml"), "`data` takes a dictionary, not the text 'part.toml'"),
         (
-            lambda: td.validate(ANY or PART, LOG, td.Criteria("1 [K]")),
+            lambda: td.validate(ANY or PART, LOG, td.Criteria(rmse="1 [K]")),
             "`calibration` takes Calibration, not Model. Make it with td.c",
         ),
         (

@@ -11,9 +11,8 @@ import pytest
 import thermid as td
 from thermid.errors import DeckError, IdentificationError, RecordError, SolverError, UnitError
 from thermid.judge.correlation import correlate
-from thermid.judge.criteria import CriteriaSet
-from thermid.judge.limit_checks import check_limits
-from thermid.judge.limits import Limits
+from thermid.judge.criteria import Criteria
+from thermid.judge.limits import Limits, check_limits
 from thermid.model.deck.modelfile import save_model
 from thermid.model.parts.kinds import KINDS
 from thermid.model.tree.written import to_dict
@@ -234,10 +233,10 @@ def test_a_blank_tail_of_the_simulation_does_not_agree() -> None:
     """The simulated column ends at 3600 s, where both are at 300 K: its last number was kept, "met, 0.00 K". In truth it goes on rising."""
     truth = 300.0 + 3.42 * np.clip((MINUTES - 3600.0) / 1800.0, 0.0, 1.0)
     measured = log("bench", np.full(MINUTES.size, 300.0))
-    ours = CriteriaSet("ours", each=3.0, kinds=("steady",))
+    ours = Criteria("ours", each=3.0, kinds=("steady",))
     whole = correlate((measured, log("run", truth)), [ours], steady=LEVEL)
     assert not whole.passed("ours")
-    assert whole.deviations[0].mean == pytest.approx(-3.42)
+    assert whole.deviations[0]["mean"] == pytest.approx(-3.42)
     early = MINUTES <= 3600.0
     with pytest.raises(RecordError, match=r"simulated numbers of 'T1' run from 0 s to 3600 s, its readings from 0 s to 7200 s"):
         correlate((measured, log("run", np.where(early, truth, np.nan), early)), [ours], steady=LEVEL)

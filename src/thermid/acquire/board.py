@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from thermid.acquire.wire import crc8, sealed, unsealed
 from thermid.errors import RecordError
-from thermid.measure.wire import crc8, sealed, unsealed
 
 FIRMWARE = "thermid-bench 1"
 

@@ -12,7 +12,7 @@ import numpy as np
 from thermid.acquire.logger import Logger
 from thermid.acquire.sensormap import Sensor, save_sensor
 from thermid.errors import RecordError
-from thermid.measure.part import ICE, SensorCertificate
+from thermid.measure.record.sensor import ICE, SensorCertificate
 
 _RISE = 2.0
 """Rise that a hand gives a sensor within seconds, and no draught does. [K]"""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from thermid.acquire.programme import Programme
-from thermid.measure.wire import sealed
+from thermid.acquire.wire import sealed
 
 if TYPE_CHECKING:
     from thermid.acquire.settings import Settings

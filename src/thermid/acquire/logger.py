@@ -19,8 +19,8 @@ from thermid.acquire.sensormap import Sensor
 from thermid.acquire.settings import Settings as Settings
 from thermid.acquire.store import Store
 from thermid.acquire.watch import Watch
+from thermid.acquire.wire import Line, parse_line
 from thermid.errors import RecordError
-from thermid.measure.wire import Line, parse_line
 
 _JUMP = 1.0
 _WALL_EVERY = 600.0

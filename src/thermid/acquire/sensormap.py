@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from thermid.acquire.wire import rom_is_good
 from thermid.errors import MissingDataError, RecordError, nearest
 from thermid.files import OWN, parse_toml, write_text
-from thermid.measure.part import ICE, SensorCertificate
-from thermid.measure.wire import rom_is_good
+from thermid.measure.record.sensor import ICE, SensorCertificate
 
 _KEYS = ("rom", "note", "certificate")
 _BROKEN = 5.0

@@ -8,10 +8,11 @@ import re
 import tempfile
 from pathlib import Path
 
+from thermid.acquire.benchlog import log_line
+from thermid.acquire.wire import MAGIC
 from thermid.errors import OutputError, RecordError
 from thermid.files import COPY, write_bytes
-from thermid.measure.benchlog import is_bench_log, log_line
-from thermid.measure.wire import MAGIC
+from thermid.measure.readers.formats import is_bench_log
 
 _SESSION = re.compile(rb'^# session \{"number": (\d{1,6})', re.MULTILINE)
 _WALL = re.compile(rb'^# session \{"number": (\d{1,6}), "wall": "([^"]*)"', re.MULTILINE)

@@ -20,8 +20,8 @@ import numpy as np
 
 from thermid.errors import MissingDataError, NameNotFoundError, RecordError
 from thermid.files import read_bytes
-from thermid.measure.channel import Channel
-from thermid.measure.record import Record
+from thermid.measure.record.channel import Channel
+from thermid.measure.record.record import Record
 
 SYNC = b"\xeb\x90"
 _HEAD = struct.Struct(">HIB")

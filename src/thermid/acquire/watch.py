@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from thermid.measure.benchlog import MOST_CURRENT, RANGE
-from thermid.measure.wire import Line
+from thermid.acquire.benchlog import MOST_CURRENT, RANGE
+from thermid.acquire.wire import Line
 
 _WORDS = {
     "crc": "three readings with a wrong CRC",

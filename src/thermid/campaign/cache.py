@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from thermid.errors import ThermidError
 from thermid.files import OWN, read_bytes, replacing, write_text
 from thermid.measure import Channel, Record
-from thermid.measure.channel import Origin
-from thermid.measure.part import SensorPart
+from thermid.measure.record.channel import Origin
+from thermid.measure.record.sensor import SensorPart
 
 Array = NDArray[np.float64]
 _ARRAYS = ("values", "valid", "masks")

@@ -14,11 +14,11 @@ from thermid.errors import DeckError, MissingDataError, RecordError, ThermidErro
 from thermid.fit.problem.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.memo import Memo
-from thermid.model.deck.faults import deck_error
-from thermid.model.deck.modelfile import load_model, read_toml, resolve_inside
+from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.toml_files import Places, read_toml, resolve_inside
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
@@ -57,7 +57,7 @@ class CampaignSource:
 
     def where(self, key: str) -> str:
         """Return file, line and key path."""
-        return line_of(self.path.name, self.lines, key)
+        return Places(self.path.name, self.lines)(key)
 
     def names(self) -> dict[str, tuple[Path, RecordTable]]:
         """Return record name -> file and table; a pattern of files gives one record per file, named after it.
@@ -247,7 +247,7 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     content, lines = read_toml(target)
     if "stages" not in content and ("nodes" in content or "submodels" in content):
         raise DeckError("this is a deck. A campaign has records and stages, and names the deck of each stage under 'model'.", target.name)
-    checked: CampaignFile = by_grammar("CampaignFile", content, lines, target.name)
+    checked: CampaignFile = by_grammar("CampaignFile", content, Places(target.name, lines))
     given = data if data is not None else os.environ.get(DATA)
     folder = Path(given).resolve() if given else None
     if folder is not None and not folder.is_dir():
@@ -257,21 +257,16 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     return source
 
 
-def by_grammar(grammar: Literal["CampaignFile", "StudyFile"], content: Mapping[str, Any], lines: Mapping[str, int], file: str) -> Any:
+def by_grammar(grammar: Literal["CampaignFile", "StudyFile"], content: Mapping[str, Any], where: Places) -> Any:
     """Return the content of a file as its grammar has it.
 
     Raises
     ------
-    DeckError   When it does not follow the grammar, with file, line and key path.
+    DeckError   When it does not follow the grammar, with every fault and its place.
     """
-    from pydantic import ValidationError
+    from thermid.campaign import schema  # pydantic waits until a file is read
 
-    from thermid.campaign import schema
-
-    try:
-        return getattr(schema, grammar).model_validate(content)
-    except ValidationError as error:
-        raise deck_error(error, content, lambda key: line_of(file, lines, key), getattr(schema, grammar)) from None
+    return getattr(schema, grammar).from_file(content, where)
 
 
 def accepting(source: CampaignSource, stages: Sequence[str]) -> CampaignSource:
@@ -291,13 +286,6 @@ def placed(error: ThermidError, where: str) -> ThermidError:
     file = where.partition(":")[0].partition(",")[0]
     known = error.where.startswith((f"{file}:", f"{file},"))
     return error if known else type(error)(error.message, f"{where}: {error.where}" if error.where else where)
-
-
-def line_of(file: str, lines: Mapping[str, int], key: str) -> str:
-    """Return file, line and key path; the line of the nearest key above where its own is not known."""
-    steps = key.split(".")
-    line = next((lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in lines), None)
-    return f"{file}:{line}, {key}" if line else f"{file}, {key}"
 
 
 def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts: Sequence[VerdictTable]) -> None:

@@ -9,15 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from thermid.arguments import takes_objects
-from thermid.campaign.file import by_grammar, line_of, read_campaign
+from thermid.campaign.file import by_grammar, read_campaign
 from thermid.campaign.stages import Campaign
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.files import STUDY, write_text
 from thermid.fit.problem.residuals import Block
-from thermid.model.deck.modelfile import load_model, read_toml, resolve_inside
+from thermid.judge.metrics import Residuals, metric
+from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.model.tree.boxes import node_boxes, part_boxes
 from thermid.model.tree.model import Model
@@ -25,13 +24,11 @@ from thermid.model.tree.names import Names
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution
 from thermid.simulation.solver.engine import Options
+from thermid.toml_files import Places, read_toml, resolve_inside
 from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import ComponentTable, SensorTable, StudyFile
-
-SETTLED = 0.05
-"""Share of a record, at its end, over which the final error is the mean, so that noise does not decide it. [-]"""
 
 
 @dataclass(frozen=True)
@@ -91,7 +88,7 @@ class ProcedureAction:
     note: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LogEntry:
     """One line of the log: how one sensor was met in one record of one stage or verdict.
 
@@ -99,8 +96,7 @@ class LogEntry:
     ----------
     action : str                            The action that the stage belongs to.
     stage, record, sensor : str
-    rmse, max_error, final_error : float    Of measured less simulated, the sensor's constant error taken off; the largest by size; the mean
-                                            over the last 5 % of the record. [K]
+    residuals : Residuals                   Measured less simulated, the sensor's constant error taken off. [K]
     held_out : bool                         Whether no stage has seen the record.
     """
 
@@ -108,10 +104,12 @@ class LogEntry:
     stage: str
     record: str
     sensor: str
-    rmse: float
-    max_error: float
-    final_error: float
+    residuals: Residuals
     held_out: bool = False
+
+    def __getitem__(self, key: str) -> float:
+        """A metric of the residuals, by its key or an alias. [K]"""
+        return metric(key).of(self.residuals)
 
 
 @dataclass(frozen=True)
@@ -257,10 +255,7 @@ def _passed(name: str, component: Component, solution: Solution, node: str) -> l
 
 
 def _entry(action: str, stage: str, block: Block, held_out: bool = False) -> LogEntry:
-    r = block.residuals
-    end = block.times >= block.times[-1] - SETTLED * (block.times[-1] - block.times[0])
-    largest = float(r[np.argmax(np.abs(r))])
-    return LogEntry(action, stage, block.record, block.sensor, float(np.sqrt(np.mean(r**2))), largest, float(np.mean(r[end])), held_out)
+    return LogEntry(action, stage, block.record, block.sensor, Residuals.of(block.times, block.residuals), held_out)
 
 
 @takes_objects
@@ -276,10 +271,10 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     target = Path(path)
     data, lines = read_toml(target)
 
-    def where(key: str) -> str:
-        return line_of(target.name, lines, key)
-
-    content: StudyFile = by_grammar("StudyFile", data, lines, target.name)
+    where = Places(target.name, lines)
+    content: StudyFile = by_grammar("StudyFile", data, where)
+    for k, key in enumerate(content.procedure.metrics):
+        metric(key, where(f"procedure.metrics.{k}"))
     if not content.knowledge.use.strip():
         raise DeckError("a study needs the intended use of its model; it decides the box colours and the criteria.", where("knowledge.use"))
     if not content.components:

@@ -5,23 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema
+from pydantic import Field, WithJsonSchema
 
-from thermid.measure.bindings import channel_schema
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+from thermid.grammar import StrictTable
+from thermid.measure.readers.bindings import channel_schema
 
 
-class LocalTable(_Strict):
+class LocalTable(StrictTable):
     """A value that each record has for itself."""
 
     start: str
     sd: str | None = None
 
 
-class JoinedTable(_Strict):
+class JoinedTable(StrictTable):
     """Another log of the same test, on a clock of its own; pairs are ranges in which the fit finds offset and rate."""
 
     record: str
@@ -29,7 +26,7 @@ class JoinedTable(_Strict):
     rate: float | tuple[float, float] = 1.0
 
 
-class RecordTable(_Strict):
+class RecordTable(StrictTable):
     """A log, or a pattern of logs, with what its columns are."""
 
     file: str | None = None
@@ -46,7 +43,7 @@ class RecordTable(_Strict):
     get: str = ""
 
 
-class ScenarioTable(_Strict):
+class ScenarioTable(StrictTable):
     """What the logs do not say."""
 
     boundaries: dict[str, Any] = {}
@@ -59,14 +56,14 @@ class ScenarioTable(_Strict):
     initial: dict[str, str] = {}
 
 
-class ReadingTable(_Strict):
+class ReadingTable(StrictTable):
     """A channel whose first reading stands for a temperature, and a parameter [K] that is added to it."""
 
     channel: str
     offset: str = ""
 
 
-class InheritTable(_Strict):
+class InheritTable(StrictTable):
     """Values of a stage below, at every depth, handed to a submodel; ``fixed`` or with their covariance as ``prior``."""
 
     stage: str | list[str]
@@ -81,14 +78,14 @@ class InheritTable(_Strict):
         return [self.stage] if isinstance(self.stage, str) else self.stage
 
 
-class PriorTable(_Strict):
+class PriorTable(StrictTable):
     """A normal prior."""
 
     mean: str = ""
     sd: str
 
 
-class SteadyTable(_Strict):
+class SteadyTable(StrictTable):
     """A settled stretch of a log, fitted as a steady point."""
 
     record: str
@@ -98,7 +95,7 @@ class SteadyTable(_Strict):
     limit: str = "1 [K/h]"
 
 
-class StageTable(_Strict):
+class StageTable(StrictTable):
     """One level of aggregation."""
 
     name: str
@@ -129,7 +126,7 @@ class StageTable(_Strict):
         return {**self.priors, **{path: PriorTable(sd=sd) for path, sd in spreads.items()}}
 
 
-class VerdictTable(_Strict):
+class VerdictTable(StrictTable):
     """A judgement of a stage on a record that no stage used."""
 
     name: str = ""
@@ -142,7 +139,7 @@ class VerdictTable(_Strict):
     values: Literal["stage", "joint"] = "stage"
 
 
-class JointFitTable(_Strict):
+class JointFitTable(StrictTable):
     """A last fit over the records of all levels at once."""
 
     stages: list[str] = []
@@ -153,7 +150,7 @@ class JointFitTable(_Strict):
     note: str = ""
 
 
-class CampaignFile(_Strict):
+class CampaignFile(StrictTable):
     """What is asked of the data."""
 
     title: str
@@ -177,7 +174,7 @@ def json_schema() -> dict[str, Any]:
     return CampaignFile.model_json_schema()
 
 
-class KnowledgeTable(_Strict):
+class KnowledgeTable(StrictTable):
     """Step 1: what is modelled, what for, and what is known of it."""
 
     subject: str = ""
@@ -187,7 +184,7 @@ class KnowledgeTable(_Strict):
     facts: list[str] = []
 
 
-class ComponentTable(_Strict):
+class ComponentTable(StrictTable):
     """A physical item: where it stands in the model, and the limits at its reference point."""
 
     at: str
@@ -197,13 +194,13 @@ class ComponentTable(_Strict):
     basis: str = ""
 
 
-class BoxTable(_Strict):
+class BoxTable(StrictTable):
     """Step 2: why the parts have the box colours that their decks say."""
 
     reason: str = ""
 
 
-class TheoryTable(_Strict):
+class TheoryTable(StrictTable):
     """Step 3, theory: what solves the equations, and how closely."""
 
     solver: str = ""
@@ -212,14 +209,14 @@ class TheoryTable(_Strict):
     notes: list[str] = []
 
 
-class ExperimentTable(_Strict):
+class ExperimentTable(StrictTable):
     """Step 3, experiment: the bench."""
 
     platform: str = ""
     notes: list[str] = []
 
 
-class SensorTable(_Strict):
+class SensorTable(StrictTable):
     """Step 3, experiment: what a kind of sensor is said to do."""
 
     accuracy: str
@@ -231,15 +228,15 @@ class SensorTable(_Strict):
     basis: str = ""
 
 
-class ProcedureTable(_Strict):
+class ProcedureTable(StrictTable):
     """Step 4: the campaign, its rules and its metrics."""
 
     campaign: str
     rules: list[str] = []
-    metrics: list[Literal["rmse", "max_error", "final_error"]] = ["rmse", "max_error", "final_error"]
+    metrics: list[str] = ["rmse", "max_error", "final_error"]
 
 
-class ActionTable(_Strict):
+class ActionTable(StrictTable):
     """One action of the procedure, with the stages of the campaign that do it."""
 
     name: str
@@ -248,7 +245,7 @@ class ActionTable(_Strict):
     note: str = ""
 
 
-class StudyFile(_Strict):
+class StudyFile(StrictTable):
     """The four steps of a study."""
 
     title: str

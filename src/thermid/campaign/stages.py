@@ -21,16 +21,16 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.keys import digest, ingredients_of
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.selection import freed, priors_of
-from thermid.judge.looks import look
-from thermid.judge.validate import Criteria, Verdict, not_judged, validate
+from thermid.judge.criteria import Criteria
+from thermid.judge.verdict import Verdict, look, not_judged, validate
 from thermid.knowledge.store import Store, graft
 from thermid.measure import Record
-from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.model.parts.standing import Standing, worst
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet, parameter_table
 from thermid.simulation.scenarios.scenario import STEADY, Scenario
+from thermid.toml_files import resolve_inside
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import InheritTable, StageTable, VerdictTable
@@ -476,5 +476,5 @@ def _verdict_standing(failed: list[Verdict], accepted: bool) -> Standing | None:
     missed = [c for v in failed for c in v.checks if not c.passed]
     first = max(missed, key=lambda c: c.found / c.limit)
     records = ", ".join(dict.fromkeys(v.record for v in failed))
-    words = f"verdict on {records}: {first.sensor} {first.criterion.replace('_', ' ')} {first.found:.3g} K, limit {first.limit:.3g} K"
+    words = f"verdict on {records}: {first.sensor} {first.words}"
     return Standing("failed", words, failed[0].model, accepted)

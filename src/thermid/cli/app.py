@@ -14,6 +14,7 @@ from thermid.cli.commands import MODULES
 from thermid.cli.pages import Force, Page, Pdf, ready, written
 from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
 from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, nearest
+from thermid.toml_files import read_toml
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -140,7 +141,7 @@ def _with_unit(value: str, unit: str) -> str:
 @app.command()
 def check(deck: Deck, data: Data = None, as_json: Json = False) -> None:
     """Check a deck or campaign, with its logs, for errors and questionable values. Exit code 2 if it cannot be used."""
-    from thermid.model.deck.modelfile import load_model, read_toml
+    from thermid.model.deck.modelfile import load_model
 
     content, _ = read_toml(deck)
     inputs: dict[str, InputTable] = {}

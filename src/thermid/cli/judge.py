@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from thermid.errors import RecordError
-from thermid.measure.channel import Channel
-from thermid.measure.part import ICE
-from thermid.measure.record import Record
-from thermid.measure.stability import SHORTEST, StabilityRule, channel_stability, rule_of
+from thermid.measure.record.channel import Channel
+from thermid.measure.record.record import Record
+from thermid.measure.record.sensor import ICE
+from thermid.measure.record.stability import SHORTEST, StabilityRule, channel_stability, rule_of
 
 if TYPE_CHECKING:
     from types import TracebackType

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from thermid.measure.amounts import duration_text
-from thermid.measure.part import ICE
+from thermid.measure.record.sensor import ICE
 
 if TYPE_CHECKING:
     from rich.text import Text

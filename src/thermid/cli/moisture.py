@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
+from thermid.toml_files import read_toml
 
 if TYPE_CHECKING:
     from thermid.simulation.water.moisture import Moisture
@@ -36,7 +37,7 @@ def moisture(
     from thermid.cli.app import _pairs, _scenario, _with_unit
     from thermid.cli.output import clean
     from thermid.knowledge.store import model_standing
-    from thermid.model.deck.modelfile import load_model, read_toml
+    from thermid.model.deck.modelfile import load_model
     from thermid.model.laws.signal import literal
     from thermid.simulation.water.moisture import moisture as run
 

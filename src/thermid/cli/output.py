@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration
     from thermid.fit.problem.statistics import SensorStatistics
     from thermid.fit.uncertainty.moves import Moves
-    from thermid.judge.validate import Verdict
+    from thermid.judge.verdict import Verdict
     from thermid.simulation.solution import Solution
 
 SCHEMA = 1

@@ -132,7 +132,7 @@ def correlate(
     from thermid.cli.output import clean
     from thermid.errors import ScenarioError
     from thermid.judge.correlation import correlate as compare
-    from thermid.judge.twologs import read_two
+    from thermid.judge.correlation import read_two
     from thermid.sourced.marks import weigh
 
     ready(to, pdf)

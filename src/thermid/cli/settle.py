@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from thermid.measure.record import Record
+    from thermid.measure.record.record import Record
     from thermid.simulation.solution import Solution
     from thermid.steadiness.foretold import Forecast
 
@@ -89,7 +89,7 @@ def _object(stable: dict[str, Any], told: dict[str, Forecast | str], times: Text
 
 def _run(rule: str, model: Path | None, scenario: Path | None) -> Solution | None:
     """Return the run of a model for a rule on stored heat."""
-    from thermid.measure.stability import rule_of
+    from thermid.measure.record.stability import rule_of
     from thermid.model.deck.modelfile import load_model
     from thermid.simulation.scenario_file import load_scenario
     from thermid.simulation.transient import simulate
@@ -133,7 +133,7 @@ def _forecast(
 def _read(log: Path, channel: Texts, reference: str, time: str | None) -> Record:
     """Return the temperatures of a log."""
     from thermid.errors import RecordError
-    from thermid.measure.readers import read_record, temperature_columns
+    from thermid.measure.readers.log_reader import read_record, temperature_columns
 
     sits = {n: node or n for n, _, node in (given.partition("=") for given in channel)}
     names = list(sits) or [n for n in temperature_columns(log) if n != reference]

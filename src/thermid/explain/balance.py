@@ -16,7 +16,7 @@ from thermid.fit.problem.experiment import meet, role_and_target
 from thermid.fit.problem.sensor_parts import at_their_seats, attached
 from thermid.measure import Record
 from thermid.measure.amounts import short
-from thermid.measure.steady import SteadyPoint
+from thermid.measure.record.steady import SteadyPoint
 from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT

@@ -1,28 +1,122 @@
-"""Readings beside a simulation: deviations per sensor, settled and moving apart, by several sets of criteria at once."""
+"""Readings beside a simulation: deviations of every sensor, settled and moving apart, judged by several sets of criteria at once."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.errors import IdentificationError, NameNotFoundError, RecordError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.fit.uncertainty.grouping import listed
-from thermid.judge.criteria import CRITERIA, CriteriaSet, Deviation, Gate, judge
-from thermid.judge.overlay import Overlay, overlays, paired
+from thermid.judge.criteria import CRITERIA, Check, Criteria, Deviation, judge
+from thermid.judge.metrics import Residuals
 from thermid.knowledge.store import model_standing
-from thermid.measure import Record
-from thermid.measure.windows import usual_step
+from thermid.measure import Record, read_record
+from thermid.measure.readers.columns import name_and_unit
+from thermid.measure.readers.formats import log_cells
+from thermid.measure.record.windows import gap_from, usual_step
 from thermid.model.parts.standing import UNJUDGED, Standing
+from thermid.sourced.marks import weigh
 
+Array = NDArray[np.float64]
 Window = tuple[float, float]
 ENDS = 2.0
 """Usual steps by which readings may begin after a settled stretch does, or end before it. [-]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """Readings of one sensor and what a simulation says in their place, at the same times.
+
+    Parameters
+    ----------
+    case, sensor : str          The test, and the channel.
+    node : str                  Where it sits in the model; empty where only two logs are compared.
+    times : array (times,)      [s]
+    measured, simulated : array (times,)    [K]
+    accuracy : float            Standard deviation of the sensor's constant error; 0 where nobody stated one. [K]
+    noise : float               Standard deviation of one reading. [K]
+    """
+
+    case: str
+    sensor: str
+    node: str
+    times: Array
+    measured: Array
+    simulated: Array
+    accuracy: float = 0.0
+    noise: float = 0.0
+
+    @property
+    def residuals(self) -> Array:
+        """Measured less simulated (times,). [K]"""
+        return self.measured - self.simulated
+
+
+def overlays(fit: Calibration, case: str = "") -> tuple[Overlay, ...]:
+    """Return the readings of a fit, or of `compare`, beside what its model says."""
+    noted = {(e.record.name, o.sensor): o for e in fit.experiments for o in e.observations}
+    out = []
+    for b in fit.blocks:
+        o = noted[b.record, b.sensor]
+        errors = (float(o.accuracy or 0.0), float(o.noise or 0.0))
+        out.append(Overlay(case or b.record, b.sensor, b.node, b.times, b.measured, b.predicted, *errors))
+    return tuple(out)
+
+
+def paired(measured: Record, simulated: Record, case: str = "") -> tuple[Overlay, ...]:
+    """Return the channels that two logs have in common, the second at the times of the first.
+
+    Raises
+    ------
+    RecordError   When they share no channel, or the simulation has no numbers where there are readings.
+    """
+    common = [n for n in measured.channels if n in simulated.channels]
+    if not common:
+        known = ", ".join(simulated.channels)
+        raise RecordError(
+            f"'{measured.name}' and '{simulated.name}' have no column of one name; the second has {known}. "
+            "Give the columns of the simulation the names of the sensors.",
+            "two logs",
+        )
+    out = []
+    for name in common:
+        channel, other = measured[name], simulated[name]
+        times, run = measured.times[channel.valid], simulated.times[other.valid]
+        _refuse_blank(name, times, simulated.times, other.valid)
+        at_readings = np.interp(times, run, other.values[other.valid])
+        accuracy, noise = float(channel.accuracy or 0.0), float(channel.noise or 0.0)
+        out.append(Overlay(case or measured.name, name, "", times, channel.values[channel.valid], at_readings, accuracy, noise))
+    return tuple(out)
+
+
+def _refuse_blank(name: str, times: Array, rows: Array, valid: NDArray[np.bool_]) -> None:
+    """Refuse readings (times,) at times at which the simulated column (rows,) has no number: nothing can be compared with them.
+
+    Blank rows between two numbers are passed over where these are no further apart than samples of a log without gaps.
+    """
+    run, places, where = rows[valid], np.flatnonzero(valid), "two logs"
+    if not times.size or not run.size:
+        raise RecordError(f"'{name}' has no {'simulated number' if times.size else 'reading'} at all. Leave the column out.", where)
+    if times[0] < run[0] - 1e-9 or times[-1] > run[-1] + 1e-9:
+        raise RecordError(
+            f"the simulated numbers of '{name}' run from {run[0]:g} s to {run[-1]:g} s, its readings from {times[0]:g} s to "
+            f"{times[-1]:g} s. Cut the readings or simulate longer.",
+            where,
+        )
+    gaps = np.flatnonzero((np.diff(places) > 1) & (np.diff(run) >= gap_from(run)))
+    for a, b in zip(run[gaps], run[gaps + 1], strict=True):
+        if ((times > a + 1e-9) & (times < b - 1e-9)).any():
+            raise RecordError(
+                f"the simulation has no numbers for '{name}' between {a:g} s and {b:g} s, where there are readings. Mask these.", where
+            )
 
 
 @dataclass(frozen=True)
@@ -67,7 +161,7 @@ class Correlation:
     title : str
     overlays : tuple of Overlay         Per case and sensor.
     deviations : tuple of Deviation     Per case, sensor and kind.
-    gates : tuple of Gate               Every criterion of every set.
+    gates : tuple of Check              Every criterion of every set.
     exclusions : Exclusions
     windows : dict                      Case -> its settled stretches. [s]
     standing : Standing                 Of the values that the simulation rests on; unjudged where only its log is known.
@@ -76,13 +170,13 @@ class Correlation:
     title: str
     overlays: tuple[Overlay, ...]
     deviations: tuple[Deviation, ...]
-    gates: tuple[Gate, ...]
+    gates: tuple[Check, ...]
     exclusions: Exclusions
     windows: Mapping[str, Sequence[Window]]
     standing: Standing = UNJUDGED
 
     @property
-    def failed(self) -> tuple[Gate, ...]:
+    def failed(self) -> tuple[Check, ...]:
         """The gates that are not met."""
         return tuple(g for g in self.gates if g.passed is False)
 
@@ -93,11 +187,11 @@ class Correlation:
         ------
         NameNotFoundError   When no such set was asked for.
         """
-        own = [g.passed for g in self.gates if g.criteria == criteria]
-        if not own:
+        outcomes = [g.passed for g in self.gates if g.criteria == criteria]
+        if not outcomes:
             known = dict.fromkeys(g.criteria for g in self.gates)
             raise NameNotFoundError(f"nothing was judged by '{criteria}'.{nearest(criteria, known)}", self.title)
-        return False if False in own else None if None in own else True
+        return weigh(outcomes)
 
     @property
     def verdicts(self) -> dict[str, bool | None]:
@@ -106,11 +200,12 @@ class Correlation:
 
     def to_dict(self) -> dict[str, Any]:
         """Return verdicts, gates and deviations as plain numbers."""
-        named = ("criteria", "kind", "case", "name", "mark", "passed", "worst", "outside")
-        gates = [{k: getattr(g, k) for k in named} | {"found_K": g.found, "limit_K": g.limit} for g in self.gates]
+        keys = {"criteria": "criteria", "kind": "kind", "case": "case", "name": "criterion", "mark": "mark", "passed": "passed"}
+        keys |= {"worst": "sensor", "outside": "outside", "found_K": "found", "limit_K": "limit"}
+        gates = [{key: getattr(g, name) for key, name in keys.items()} for g in self.gates]
         sizes = ("mean", "spread", "largest", "rmse")
         sensors = [
-            {k: getattr(d, k) for k in ("sensor", "case", "kind", "samples", "excluded")} | {f"{k}_K": getattr(d, k) for k in sizes}
+            {k: getattr(d, k) for k in ("sensor", "case", "kind", "samples", "excluded")} | {f"{k}_K": d[k] for k in sizes}
             for d in self.deviations
         ]
         return {"standing": self.standing.to_dict(), "verdicts": self.verdicts, "gates": gates, "sensors": sensors}
@@ -128,7 +223,7 @@ class Correlation:
 @takes_objects
 def correlate(
     readings: Sequence[Overlay] | Calibration | tuple[Record, Record],
-    criteria: Sequence[str | CriteriaSet] = ("ECSS",),
+    criteria: Sequence[str | Criteria] = ("ECSS",),
     *,
     steady: Mapping[str, Sequence[Window]] | None = None,
     weights: Mapping[str, float] | None = None,
@@ -155,38 +250,38 @@ def correlate(
     """
     standing = UNJUDGED
     if isinstance(readings, Calibration):
-        seen, standing = overlays(readings), model_standing(readings.fitted_model)
+        pairs, standing = overlays(readings), model_standing(readings.fitted_model)
     elif len(readings) == 2 and isinstance(readings[0], Record) and isinstance(readings[1], Record):
-        seen = paired(readings[0], readings[1])
+        pairs = paired(readings[0], readings[1])
     else:
-        seen = tuple(o for o in readings if isinstance(o, Overlay))
-    if not seen:
+        pairs = tuple(o for o in readings if isinstance(o, Overlay))
+    if not pairs:
         raise IdentificationError("there are no readings to compare with.", title)
-    sensors = list(dict.fromkeys(o.sensor for o in seen))
+    sensors = list(dict.fromkeys(o.sensor for o in pairs))
     left_out = exclusions or Exclusions()
     left_out.check(sensors)
     for sensor, weight in (weights or {}).items():
         if sensor not in sensors or not weight > 0:
             raise IdentificationError(f"'{sensor}' has weight {weight:g}: a weight is above zero and belongs to a sensor.", title)
-    windows = {case: tuple(several) for case, several in (steady or {}).items()}
+    windows = {case: tuple(stretches) for case, stretches in (steady or {}).items()}
     for case in windows:
-        if case not in {o.case for o in seen}:
+        if case not in {o.case for o in pairs}:
             raise IdentificationError(
-                f"settled stretches are given for '{case}', of which there is no log.{nearest(case, [o.case for o in seen])}", title
+                f"settled stretches are given for '{case}', of which there is no log.{nearest(case, [o.case for o in pairs])}", title
             )
-    found = []
-    for o in seen:
+    deviations = []
+    for o in pairs:
         weight, reason = (weights or {}).get(o.sensor, 1.0), left_out.reasons.get(o.sensor, "")
-        own = [w for w in windows.get(o.case, ()) if not reason or _inside(o, w).any()]
-        found += [_deviation(o, "steady", w, weight, reason) for w in own]
-        found.append(_deviation(o, "transient", (float(o.times[0]), float(o.times[-1])), weight, reason))
+        read = [w for w in windows.get(o.case, ()) if not reason or _inside(o, w).any()]
+        deviations += [_deviation(o, "steady", w, weight, reason) for w in read]
+        deviations.append(_deviation(o, "transient", (float(o.times[0]), float(o.times[-1])), weight, reason))
     sets = [_named(c) for c in criteria]
-    gates = [g for c in sets for g in judge(c, found, title)]
-    return Correlation(title, seen, tuple(found), tuple(gates), left_out, windows, standing)
+    gates = [g for c in sets for g in judge(c, deviations, title)]
+    return Correlation(title, pairs, tuple(deviations), tuple(gates), left_out, windows, standing)
 
 
-def _named(criteria: str | CriteriaSet) -> CriteriaSet:
-    if isinstance(criteria, CriteriaSet):
+def _named(criteria: str | Criteria) -> Criteria:
+    if isinstance(criteria, Criteria):
         return criteria
     if criteria not in CRITERIA:
         raise NameNotFoundError(f"no criteria '{criteria}'; there are {listed(list(CRITERIA))}.{nearest(criteria, CRITERIA)}", "criteria")
@@ -203,11 +298,10 @@ def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str
         )
     if kind == "steady" and not reason:
         _refuse_partly_read(o, window, o.times[inside])
-    z = o.residuals[inside]
     case = o.case if kind == "transient" else f"{o.case}, {window[0] / 3600:.4g} .. {window[1] / 3600:.4g} h"
-    levels = (float(o.measured[inside].mean()), float(o.simulated[inside].mean()))
-    sizes = (float(z.std()), float(z[np.abs(z).argmax()]), float(np.sqrt(z @ z / z.size)))
-    return Deviation(case, o.sensor, kind, z.size, *levels, *sizes, o.accuracy, weight, reason)
+    residuals = Residuals.of(o.times[inside], o.residuals[inside])
+    means = (float(o.measured[inside].mean()), float(o.simulated[inside].mean()))
+    return Deviation(case, o.sensor, kind, residuals, *means, o.accuracy, weight, reason)
 
 
 def _inside(o: Overlay, window: Window) -> NDArray[np.bool_]:
@@ -223,3 +317,40 @@ def _refuse_partly_read(o: Overlay, window: Window, seen: NDArray[np.float64]) -
             f"{seen[-1]:g} s only. Name a stretch that it covers, or exclude the sensor and say why.",
             o.case,
         )
+
+
+_METER = re.compile(r"[PQIU](_|\d|\Z)")
+"""How the name of a column begins that holds a power, a heat, a current or a voltage."""
+_TEMPERATURES = ("degC", "°C", "K", "degF")
+
+
+def read_two(measured: Path, simulated: Path, *, accuracy: str = "", time: str | None = None) -> tuple[Record, Record]:
+    """Return the temperatures that two logs have in common; a column with another unit, or named as a meter's (``P_ACC``), is none.
+
+    Parameters
+    ----------
+    measured, simulated : Path  The logs.
+    accuracy : str              Standard deviation of the sensors' constant error, as text.
+    time : str                  The time column, where it has no usual name.
+
+    Raises
+    ------
+    RecordError   When they have no column in common.
+    """
+    first, second = _columns(measured), _columns(simulated)
+    common = [c for c in first if c in second and c != (time or first[0])]
+    if not common:
+        raise RecordError(
+            f"'{measured.name}' and '{simulated.name}' have no column of one name besides the time: {', '.join(first)} against "
+            f"{', '.join(second)}. Give the columns of the simulation the names of the sensors.",
+            "two logs",
+        )
+    extra: dict[str, object] = {"accuracy": accuracy} if accuracy else {}
+    one = read_record(measured, {c: {"node": c} | extra for c in common}, time=time, name=measured.stem)
+    return one, read_record(simulated, {c: {"node": c} for c in common}, time=time, name=f"{simulated.stem}, simulated")
+
+
+def _columns(path: Path) -> list[str]:
+    """Return the names of a log's columns, without units."""
+    named = [name_and_unit(c) for c in log_cells(path).header]
+    return [n for at, (n, u) in enumerate(named) if at == 0 or u in _TEMPERATURES or (u is None and not _METER.match(n))]

@@ -1,37 +1,174 @@
-"""Sets of criteria for a correlation, each a few gates: mean and spread over sensors, every sensor, the share of sensors in a band."""
+"""Criteria and their checks: limits of metrics at each sensor or over all of them, for verdicts, correlations and plans alike."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ScenarioError, nearest
+from thermid.judge.metrics import METRICS, Residuals, metric, metric_keys
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.sourced.marks import check_mark
 
 KINDS = ("steady", "transient")
-KELVIN = ("mean", "spread", "each", "rmse")
-KEYS = (*KELVIN, "share", "kinds", "mark", "source")
+EACH = {"steady": "mean", "transient": "largest"}
+"""Kind of case -> the metric that ``each`` limits: the mean of a settled stretch, or every single reading."""
+PLAIN = ("share", "kinds", "mark", "source")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
+class Criteria:
+    """Limits that a model must meet.
+
+    Parameters
+    ----------
+    name : str              Of the set.
+    limits : dict           Metric -> limit: a key of `METRICS`, an alias, or ``each``; a text with unit, or a number in kelvin. Each may be
+                            an argument of its own too. [K]
+    sensors : dict          Sensor -> limits of its own, in place of the above; of a verdict only.
+    share : float           Part of the sensors of a correlation that must meet a limit at each sensor; 1 for all of them. [-]
+    kinds : tuple of str    What a correlation applies them to: steady, transient or both. A verdict is about every reading.
+    mark : str              How sure the limits are, a key of `MARKS`.
+    source : str            Document and clause.
+    where : str             Its place in a file, for messages.
+
+    Raises
+    ------
+    ScenarioError   When a metric, kind or mark is none, a limit is not above zero, or a named set has none.
+
+    >>> Criteria(rmse="0.5 [K]", max_error="2 [K]").limits
+    {'rmse': 0.5, 'max_error': 2.0}
+    """
+
+    name: str
+    limits: Mapping[str, float]
+    sensors: Mapping[str, Mapping[str, float]]
+    share: float
+    kinds: tuple[str, ...]
+    mark: str
+    source: str
+
+    def __init__(
+        self,
+        name: str = "",
+        limits: Mapping[str, str | float] | None = None,
+        *,
+        sensors: Mapping[str, Mapping[str, str | float]] | None = None,
+        share: float = 1.0,
+        kinds: Sequence[str] = ("steady",),
+        mark: str = "project",
+        source: str = "",
+        where: str = "",
+        **more: str | float,
+    ) -> None:
+        place = where or (f"criteria '{name}'" if name else "criteria")
+        common = _kelvin({**(limits or {}), **more}, place)
+        own = {sensor: _kelvin(table, f"{place}.sensors.{sensor}") for sensor, table in (sensors or {}).items()}
+        check_mark(mark, place)
+        if name and not common:
+            raise ScenarioError(f"a set of criteria needs a limit above zero: {', '.join(known_criteria())}.", place)
+        if not isinstance(share, int | float) or not 0 < share <= 1:
+            raise ScenarioError(f"the share of sensors that must meet a limit lies above 0 and up to 1, not at {share}.", place)
+        for kind in kinds or ("",):
+            if kind not in KINDS:
+                raise ScenarioError(f"criteria apply to steady or transient cases, not to '{kind}'.{nearest(kind, KINDS)}", place)
+        fields = {"name": name, "limits": common, "sensors": own, "share": share, "kinds": tuple(kinds), "mark": mark, "source": source}
+        for key, value in fields.items():
+            object.__setattr__(self, key, value)
+
+    @classmethod
+    @takes_objects
+    def read(cls, table: Mapping[str, Any], where: str, name: str = "") -> Criteria:
+        """Criteria from a table of a plan, which gives them a name, or of a verdict of a campaign, which has `sensors`."""
+        known = (*known_criteria(), *(PLAIN if name else ("sensors",)))
+        for key in table:
+            if key not in known:
+                raise ScenarioError(f"there is no criterion '{key}'.{nearest(key, known)}", where)
+        fields = {k: table[k] for k in PLAIN if k in table}
+        limits = _parsed({k: v for k, v in table.items() if k not in (*PLAIN, "sensors")}, where)
+        own = {s: _parsed(t, f"{where}.sensors.{s}") for s, t in table.get("sensors", {}).items()}
+        return cls(name, sensors=own, where=where, **fields, **limits)
+
+    def limits_at(self, sensor: str) -> Mapping[str, float]:
+        """Metric -> limit at a sensor. [K]
+
+        Raises
+        ------
+        IdentificationError   When nothing is asked of it.
+        """
+        limits = {**self.limits, **self.sensors.get(sensor, {})}
+        if not limits:
+            raise IdentificationError(
+                f"no criterion is given for '{sensor}'. A verdict needs at least one limit: rmse, max_error or mean_error."
+            )
+        return limits
+
+
+def known_criteria() -> tuple[str, ...]:
+    """Keys of the limits: every metric, its aliases, and ``each``."""
+    return (*metric_keys(), "each")
+
+
+def heading(key: str) -> str:
+    """What a column of limits is called."""
+    return "every sensor" if key == "each" else metric(key).short
+
+
+def _parsed(table: Any, where: str) -> Any:
+    """Texts of a file in kelvin, where a plain number is refused; what is no table as it is."""
+    return {k: literal(v, "K", f"{where}.{k}") for k, v in table.items() if v != ""} if isinstance(table, Mapping) else table
+
+
+def _kelvin(limits: Mapping[str, str | float], where: str) -> dict[str, float]:
+    """Limits in kelvin by known metrics; an empty text is none."""
+    if not isinstance(limits, Mapping):
+        raise ScenarioError("the criteria of a sensor are a table such as { rmse = '1 [K]' }.", where)
+    out: dict[str, float] = {}
+    for key, limit in limits.items():
+        if key != "each":
+            metric(key, where, "criterion")
+        if limit == "":
+            continue
+        out[key] = float(limit) if isinstance(limit, int | float) else literal(limit, "K", f"{where}.{key}")
+        if not math.isfinite(out[key]) or out[key] <= 0:
+            raise ScenarioError("a limit must be above zero.", where)
+    return out
+
+
+CriteriaSet = Criteria
+"""Earlier public name."""
+
+ECSS_SOURCE = "practice for balance tests by a public technical note: 2 K, 3 K, below 5 K"
+GOAL = "MIL-HDBK-340 (1985), 8.7.3: goal of +-3 C, else explain or change the model"
+APPLIED = "the goal of 8.7.3, applied to every reading; the handbook's own clause is about balance tests"
+CRITERIA = {
+    c.name: c
+    for c in (
+        Criteria("ECSS", mean=2.0, spread=3.0, each=5.0, mark="secondary", source=ECSS_SOURCE),
+        Criteria("MIL-HDBK-340", each=3.0, mark="read", source=GOAL),
+        Criteria("MIL-HDBK-340, transient", each=3.0, kinds=("transient",), mark="project", source=APPLIED),
+    )
+}
+"""Named sets; a project may give its own."""
+
+
+@dataclass(frozen=True, eq=False)
 class Deviation:
-    """How far one sensor lies from the simulation in one case.
+    """Residuals of one sensor in one case.
 
     Parameters
     ----------
     case, sensor : str
-    kind : str              'steady', the mean of a settled stretch; 'transient', every reading.
-    samples : int
+    kind : str              'steady', a settled stretch; 'transient', every reading.
+    residuals : Residuals   Measured less simulated. [K]
     measured : float        Mean of the readings. [K]
     simulated : float       Mean of the simulation. [K]
-    spread : float          Standard deviation of the difference over time. [K]
-    largest : float         Largest difference by size, with its sign. [K]
-    rmse : float            [K]
     accuracy : float        Of the sensor. [K]
     weight : float          In the means over sensors. [-]
     excluded : str          Why it does not count; empty where it does.
@@ -40,129 +177,44 @@ class Deviation:
     case: str
     sensor: str
     kind: str
-    samples: int
+    residuals: Residuals
     measured: float
     simulated: float
-    spread: float
-    largest: float
-    rmse: float
-    accuracy: float
+    accuracy: float = 0.0
     weight: float = 1.0
     excluded: str = ""
 
     @property
-    def mean(self) -> float:
-        """Mean of measured less simulated. [K]"""
-        return self.measured - self.simulated
+    def samples(self) -> int:
+        """How many readings."""
+        return self.residuals.kelvin.size
 
-    @property
-    def size(self) -> float:
-        """What a limit for each sensor looks at: the mean where it is settled, the largest difference where it moves. [K]"""
-        return abs(self.mean) if self.kind == "steady" else abs(self.largest)
+    def __getitem__(self, key: str) -> float:
+        """A metric of it. [K]"""
+        return metric(EACH[self.kind] if key == "each" else key).of(self.residuals)
 
     def __str__(self) -> str:
         """Return it as a line."""
         out = f"; left out: {self.excluded}" if self.excluded else ""
         return (
             f"{self.case}, {self.sensor}, {self.kind}: measured {self.measured - ICE_POINT:.2f}, simulated "
-            f"{self.simulated - ICE_POINT:.2f} degC, mean {self.mean:+.2f}, spread {self.spread:.2f}, largest {self.largest:+.2f} K{out}"
+            f"{self.simulated - ICE_POINT:.2f} degC, mean {self['mean']:+.2f}, spread {self['spread']:.2f}, "
+            f"largest {self['largest']:+.2f} K{out}"
         )
 
 
 @dataclass(frozen=True)
-class CriteriaSet:
-    """What a correlation is held to.
+class Check:
+    """One criterion, judged.
 
     Parameters
     ----------
-    name : str
-    mean : float            Largest mean of the deviations over sensors, by size; 0 where it is not asked. [K]
-    spread : float          Largest standard deviation over sensors. [K]
-    each : float            Largest deviation of every sensor: of the mean in a settled case, of any reading in a transient. [K]
-    rmse : float            Largest root mean square of every sensor. [K]
-    share : float           Part of the sensors that must meet `each`; 1 for all of them. [-]
-    kinds : tuple of str    What it applies to: steady, transient or both.
-    mark : str              How sure its numbers are, a key of `MARKS`.
-    source : str            Document and clause.
-    """
-
-    name: str
-    mean: float = 0.0
-    spread: float = 0.0
-    each: float = 0.0
-    rmse: float = 0.0
-    share: float = 1.0
-    kinds: tuple[str, ...] = ("steady",)
-    mark: str = "project"
-    source: str = ""
-
-    def __post_init__(self) -> None:
-        """Refuse a set without a limit, a limit below zero, and kinds that are none.
-
-        Raises
-        ------
-        ScenarioError   What is wrong.
-        """
-        where = f"criteria '{self.name}'"
-        check_mark(self.mark, where)
-        sizes = [getattr(self, k) for k in KELVIN]
-        if any(not np.isfinite(s) or s < 0 for s in sizes) or not any(sizes):
-            raise ScenarioError(f"a set of criteria needs a limit above zero: {', '.join(KELVIN)}.", where)
-        if not 0 < self.share <= 1:
-            raise ScenarioError(f"the share of sensors that must meet a limit lies above 0 and up to 1, not at {self.share:g}.", where)
-        for kind in self.kinds or ("",):
-            if kind not in KINDS:
-                raise ScenarioError(f"criteria apply to steady or transient cases, not to '{kind}'.{nearest(kind, KINDS)}", where)
-
-
-CRITERIA = {
-    c.name: c
-    for c in (
-        CriteriaSet(
-            "ECSS", 2.0, 3.0, 5.0, mark="secondary", source="practice for balance tests by a public technical note: 2 K, 3 K, below 5 K"
-        ),
-        CriteriaSet(
-            "MIL-HDBK-340", each=3.0, mark="read", source="MIL-HDBK-340 (1985), 8.7.3: goal of +-3 C, else explain or change the model"
-        ),
-        CriteriaSet(
-            "MIL-HDBK-340, transient",
-            each=3.0,
-            kinds=("transient",),
-            mark="project",
-            source="the goal of 8.7.3, applied to every reading; the handbook's own clause is about balance tests",
-        ),
-    )
-}
-"""Named sets; a project may give its own."""
-
-
-def read_criteria(name: str, table: Mapping[str, Any], where: str) -> CriteriaSet:
-    """Return the project's own set from a table: mean, spread, each, rmse with units, share, kinds, mark, source.
-
-    Raises
-    ------
-    ScenarioError   When a key is unknown or nothing is asked.
-    """
-    for key in table:
-        if key not in KEYS:
-            raise ScenarioError(f"criteria have {', '.join(KEYS)}, not '{key}'.{nearest(key, KEYS)}", where)
-    sizes: dict[str, Any] = {k: literal(table[k], "K", f"{where}.{k}") for k in KELVIN if k in table}
-    kinds = table.get("kinds", ["steady"])
-    plain: dict[str, Any] = {k: str(table[k]) for k in ("mark", "source") if k in table}
-    return CriteriaSet(name, **sizes, share=float(table.get("share", 1.0)), kinds=tuple(kinds), **plain)
-
-
-@dataclass(frozen=True)
-class Gate:
-    """One criterion of one set.
-
-    Parameters
-    ----------
-    criteria, kind, case, name : str    The set; steady or transient; the case; mean, spread, each or rmse.
+    criteria, kind, case : str  The set; steady or transient; the case.
+    criterion : str             Key of the metric, as the criteria name it.
     found, limit : float        [K]
-    worst : str                 The sensor that lies furthest out; empty for a mean.
+    sensor : str                Where it is found: the sensor that lies furthest out; empty over all sensors together.
     outside : tuple of str      Sensors beyond the limit.
-    counted : int               Deviations that counted.
+    counted : int               Sensors that counted.
     met : bool                  Whether it is met.
     mark : str                  Of its limit.
     """
@@ -170,39 +222,63 @@ class Gate:
     criteria: str
     kind: str
     case: str
-    name: str
+    criterion: str
     found: float
     limit: float
-    worst: str
+    sensor: str
     outside: tuple[str, ...]
     counted: int
     met: bool
-    mark: str
+    mark: str = "project"
 
     @property
     def passed(self) -> bool | None:
         """Whether it is met; None where its limit is from memory and decides nothing."""
         return None if self.mark == "memory" else self.met
 
+    @property
+    def title(self) -> str:
+        """What people call the criterion at one sensor."""
+        return "deviation" if self.criterion == "each" else metric(self.criterion).title
+
+    @property
+    def over_sensors(self) -> str:
+        """What people call it where it judges the sensors of a case together."""
+        if self.criterion == "each":
+            return heading("each")
+        row = metric(self.criterion)
+        return f"{row.title} of every sensor" if self.sensor else f"{row.short} over sensors"
+
+    @property
+    def words(self) -> str:
+        """The criterion as verdicts name it, with what is found."""
+        return f"{self.criterion.replace('_', ' ')} {self.found:.3g} K, limit {self.limit:.3g} K"
+
     def __str__(self) -> str:
-        """Return the gate as a line."""
+        """Return the check as a line."""
         word = "not decided: limit from memory" if self.passed is None else "met" if self.met else "NOT met"
-        worst = f" at {self.worst}" if self.worst else ""
+        at = f" at {self.sensor}" if self.sensor else ""
         more = f", {len(self.outside)} of {self.counted} beyond" if self.outside else ""
-        return f"{self.case}, {self.kind}: {WORDS[self.name]} {self.found:.2f} K{worst}, limit {self.limit:g} K [{self.mark}]{more}: {word}"
+        what = {"each": "largest sensor"}.get(self.criterion, f"largest {self.title}" if self.sensor else self.over_sensors)
+        return f"{self.case}, {self.kind}: {what} {self.found:.2f} K{at}, limit {self.limit:g} K [{self.mark}]{more}: {word}"
 
 
-WORDS = {"mean": "mean over sensors", "spread": "spread over sensors", "each": "largest sensor", "rmse": "largest RMSE"}
-"""Gate -> what people call it."""
+def judge_sensors(criteria: Criteria, deviations: Sequence[Deviation]) -> Iterator[Check]:
+    """Yield every criterion at every sensor, by the sensor's own limits where it has some."""
+    for d in deviations:
+        for key, limit in criteria.limits_at(d.sensor).items():
+            yield _at_sensors(criteria, d.kind, d.case, key, limit, [d])
 
 
-def judge(criteria: CriteriaSet, deviations: Sequence[Deviation], where: str) -> Iterator[Gate]:
-    """Yield every gate of a set.
+def judge(criteria: Criteria, deviations: Sequence[Deviation], where: str) -> Iterator[Check]:
+    """Yield every criterion of a set over the sensors of every case.
 
     Raises
     ------
-    IdentificationError   When a criterion has no data.
+    IdentificationError   When a criterion has no data, or limits of single sensors are given, which a verdict judges.
     """
+    if criteria.sensors:
+        raise IdentificationError(f"limits of single sensors, such as '{next(iter(criteria.sensors))}', are judged by a verdict.", where)
     for kind in criteria.kinds:
         counted = [d for d in deviations if d.kind == kind and not d.excluded]
         if not counted:
@@ -210,27 +286,28 @@ def judge(criteria: CriteriaSet, deviations: Sequence[Deviation], where: str) ->
             raise IdentificationError(f"the criteria '{criteria.name}' judge {kind} cases, and there is no data for them; {how}.", where)
         # each case by itself, or too warm in one would make up for too cold in another
         for case in dict.fromkeys(d.case for d in counted):
-            yield from _gates(criteria, kind, case, [d for d in counted if d.case == case])
+            sensors = [d for d in counted if d.case == case]
+            for key, limit in criteria.limits.items():
+                row = METRICS.get(key)
+                check = _pooled if row is not None and row.pooled else _at_sensors
+                yield check(criteria, kind, case, key, limit, sensors)
 
 
-def _gates(c: CriteriaSet, kind: str, case: str, found: Sequence[Deviation]) -> Iterator[Gate]:
-    """Yield the gates of one case."""
-    weights = np.array([d.weight for d in found])
-    weights = weights / weights.sum()
-    means = np.array([d.mean for d in found])
-    bias = float(weights @ means)
-    # over sensors, and over time where they move
-    inner = np.array([d.spread for d in found]) ** 2 if kind == "transient" else np.zeros(len(found))
-    over = {"mean": abs(bias), "spread": float(np.sqrt(weights @ ((means - bias) ** 2 + inner)))}
-    for name, size in over.items():
-        limit = getattr(c, name)
-        if limit:
-            yield Gate(c.name, kind, case, name, size, limit, "", (), len(found), size <= limit, c.mark)
-    for name in ("each", "rmse"):
-        limit = getattr(c, name)
-        if limit:
-            sizes = [d.size if name == "each" else d.rmse for d in found]
-            outside = tuple(d.sensor for d, s in zip(found, sizes, strict=True) if s > limit)
-            met = len(outside) <= (1.0 - c.share) * len(found) + 1e-9
-            worst = found[int(np.argmax(sizes))].sensor
-            yield Gate(c.name, kind, case, name, max(sizes), limit, worst, outside, len(found), met, c.mark)
+def _at_sensors(c: Criteria, kind: str, case: str, key: str, limit: float, sensors: Sequence[Deviation]) -> Check:
+    """Judge a metric at each sensor; the worst is what is found."""
+    sizes = [abs(d[key]) for d in sensors]
+    outside = tuple(d.sensor for d, size in zip(sensors, sizes, strict=True) if size > limit)
+    met = len(outside) <= (1.0 - c.share) * len(sensors) + 1e-9
+    worst = sensors[int(np.argmax(sizes))].sensor
+    return Check(c.name, kind, case, key, max(sizes), limit, worst, outside, len(sensors), met, c.mark)
+
+
+def _pooled(c: Criteria, kind: str, case: str, key: str, limit: float, sensors: Sequence[Deviation]) -> Check:
+    """Judge a metric of all sensors together: of their means where settled, of every reading where they move."""
+    total = sum(d.weight for d in sensors)
+    if kind == "steady":
+        parts = [Residuals(np.zeros(1), np.array([d["mean"]]), np.array([d.weight / total])) for d in sensors]
+    else:
+        parts = [Residuals(d.residuals.times, d.residuals.kelvin, d.residuals.weights * (d.weight / total)) for d in sensors]
+    size = abs(METRICS[key].of(Residuals(*(np.concatenate([getattr(p, k) for p in parts]) for k in ("times", "kelvin", "weights")))))
+    return Check(c.name, kind, case, key, size, limit, "", (), len(sensors), size <= limit, c.mark)

@@ -9,6 +9,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, nearest
+from thermid.judge.metrics import Residuals, rmse
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
@@ -83,6 +84,6 @@ def difference(old: Model, new: Model, scenario: Scenario, *, nodes: Sequence[st
     for n in asked:
         apart = after[n].kelvin - before[n].kelvin
         k = int(np.abs(apart).argmax())
-        found[n] = Apart(float(apart[k]), float(before.times[k]), float(np.sqrt(np.mean(apart**2))), float(apart[-1]))
+        found[n] = Apart(float(apart[k]), float(before.times[k]), rmse(Residuals.of(before.times, apart)), float(apart[-1]))
     gone, added = (tuple(n for n in a.nodes if n not in b.nodes) for a, b in ((before, after), (after, before)))
     return Difference(old.identity(), new.identity(), scenario.title, found, gone, added)

@@ -1,23 +1,28 @@
-"""Limits of temperature at reference points, and the file that holds them."""
+"""Temperature limits at reference points, their file, and the check of a run or of readings against them: by how much, where, when."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError, nearest
-from thermid.model.deck.modelfile import read_toml
+from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation.solution import Solution, Trace
+from thermid.simulation.solver.extremes import Dense, resolved
 from thermid.sourced.marks import check_mark
+from thermid.toml_files import read_toml
 from thermid.units import TEMPERATURE
 
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 Ends = tuple[float, float]
 STATES = {"operating": "operating", "non-operating": "non_operating", "start-up": "start_up"}
 """State of a unit -> the limit that holds in it."""
@@ -127,3 +132,270 @@ def _ends(given: Any, where: str) -> Ends:
         raise ScenarioError('a limit is a pair, ["-20 [degC]", "55 [degC]"]; an empty text for an end that nobody set.', where)
     low, high = (literal(t, TEMPERATURE, where) if t else None for t in given)
     return (-np.inf if low is None else low, np.inf if high is None else high)
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A limit that was passed.
+
+    Parameters
+    ----------
+    side : str          'low' or 'high'.
+    limit : float       [K]
+    time : float        When it was first passed; of readings, by straight lines between them. [s]
+    worst : float       The temperature that lies furthest beyond. [K]
+    worst_time : float  [s]
+    outside : float     How long the point was beyond it. [s]
+    """
+
+    side: str
+    limit: float
+    time: float
+    worst: float
+    worst_time: float
+    outside: float
+
+
+@dataclass(frozen=True)
+class LimitCheck:
+    """One reference point in one state during a run.
+
+    Parameters
+    ----------
+    point, node, state : str
+    limits : (low, high)        [K]
+    lowest, highest : float     In that state, between samples too unless `sampled`. [K]
+    lowest_time, highest_time : float   [s]
+    crossings : tuple of Crossing
+    mark : str                  Of the limits.
+    by : str                    'predicted' or 'measured'.
+    stand_in : bool             Whether operating limits stand for those of a unit switched off, which nobody gave: it bears at least these.
+    sampled : bool              Whether only samples are known, as of readings: what lies between them is unknown.
+    """
+
+    point: str
+    node: str
+    state: str
+    limits: Ends
+    lowest: float
+    lowest_time: float
+    highest: float
+    highest_time: float
+    crossings: tuple[Crossing, ...]
+    mark: str
+    by: str = "predicted"
+    stand_in: bool = False
+    sampled: bool = False
+
+    @property
+    def room(self) -> float:
+        """What is left to the nearer limit, below zero where it is passed. [K]"""
+        return min(self.limits[1] - self.highest, self.lowest - self.limits[0])
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether no limit was passed; None where the limits are from memory, or are those of another state and passed."""
+        if self.mark == "memory" or (self.stand_in and self.crossings):
+            return None
+        return not self.crossings
+
+    @property
+    def undecided(self) -> str:
+        """Why it is not decided; empty where it is."""
+        if self.mark == "memory":
+            return f"the limits of {self.point} are from memory"
+        if self.stand_in and self.crossings:
+            return f"{self.point} is beyond its operating limits while it is switched off, and no non-operating limits are given"
+        return ""
+
+    def __str__(self) -> str:
+        """Return the check as a line."""
+        ends = " .. ".join(map(text_of, self.limits))
+        how = ("" if self.by == "predicted" else f", {self.by}") + (", between samples unknown" if self.sampled else "")
+        head = f"{self.point} {self.state}{how}: {text_of(self.lowest)} .. {text_of(self.highest)} within {ends}"
+        if not self.crossings:
+            return f"{head}, {self.room:.1f} K left"
+        words = {"high": "upper", "low": "lower"}
+        said = "; ".join(
+            f"passes the {words[c.side]} limit at {c.time:.0f} s, furthest {text_of(c.worst)} at {c.worst_time:.0f} s, "
+            f"{c.outside:.0f} s beyond"
+            for c in self.crossings
+        )
+        return f"{head}: {said}" + (f" (not decided: {self.undecided})" if self.undecided else "")
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of a run in which a state, and with it its limits (low, high) [K], holds for a reference point.
+
+    Parameters
+    ----------
+    state : str
+    limits : (low, high)    [K]
+    start, end : float      First and last stored time in that state. [s]
+    """
+
+    state: str
+    limits: Ends
+    start: float
+    end: float
+
+
+def spans(run: Solution, limits: Limits, default: str = "operating") -> tuple[Span, ...]:
+    """Return where the limits of a reference point hold, to the instant of switching; of a state without limits nothing is returned.
+
+    Parameters
+    ----------
+    run, limits, default    As in `times_in_state`.
+    """
+    out = []
+    run = run.refined([limits.node]) if limits.loads else run
+    for state in STATES:
+        ends = limits.ends(state)
+        if ends is None:
+            continue
+        inside = times_in_state(run, limits, state, default)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+        out += [Span(state, ends, float(run.times[a]), float(run.times[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return tuple(out)
+
+
+def times_in_state(run: Solution, limits: Limits, state: str, default: str = "operating") -> Bools:
+    """Return at which stored times (times,) a reference point is in a state.
+
+    Parameters
+    ----------
+    run : Solution      The run.
+    limits : Limits     Of the point; its loads say when it is on.
+    state : str         operating, non-operating or start-up.
+    default : str       The state of a point whose limits name no loads.
+
+    Raises
+    ------
+    NameNotFoundError   When a load of the limits is not in the model.
+    """
+    if not limits.loads:
+        return np.full(run.times.size, state == default)
+    powers = run.load_powers
+    on = np.zeros(run.times.size, dtype=bool)
+    for load in limits.loads:
+        if load not in powers:
+            raise NameNotFoundError(f"no load '{load}'.{nearest(load, powers)}", f"limits of '{limits.point}'")
+        on |= np.broadcast_to(powers[load], run.times.shape) != 0.0  # a cooler takes heat: its power is negative
+    if state == "start-up":
+        return np.asarray(on & ~np.concatenate([[False], on[:-1]]))
+    return on if state == "operating" else np.asarray(~on)
+
+
+@takes_objects
+def check_limits(run: Solution, limits: Sequence[Limits], *, state: str = "operating") -> tuple[LimitCheck, ...]:
+    """Return every reference point of a run in every state that it was in, held against its limits, at all times between samples too.
+
+    Where no limits are given for a unit that is switched off, the operating ones stand for them; what lies beyond those is not decided.
+
+    Parameters
+    ----------
+    run : Solution              The run. Extremes between stored samples count; a check of a run without tracking is marked.
+    limits : sequence of Limits
+    state : str                 operating or non-operating: of points whose limits name no loads.
+
+    Raises
+    ------
+    NameNotFoundError   When a node or a load is not in the model.
+    ScenarioError       When the state is none.
+    """
+    if state not in ("operating", "non-operating"):
+        raise ScenarioError(f"a run is operating or non-operating, not '{state}'.", run.scenario)
+    fine = run.refined([one.node for one in limits])
+    out = []
+    for one in limits:
+        trace = fine[one.node]
+        if one.loads:
+            times, kelvin = fine.times, trace.kelvin
+            inside = {name: times_in_state(fine, one, name, state) for name in STATES}
+        else:
+            times, kelvin = trace.course
+            inside = {name: np.full(times.size, name == state) for name in STATES}
+        out += _checks(one, times, kelvin, inside, "predicted", trace)
+    return tuple(out)
+
+
+def check_readings(
+    readings: Sequence[tuple[str, Array, Array]], limits: Sequence[Limits], run: Solution, *, state: str = "operating"
+) -> tuple[LimitCheck, ...]:
+    """Return the reference points that a sensor sat at, its readings held against their limits.
+
+    Parameters
+    ----------
+    readings : sequence         Node, times (samples,) [s] and temperatures (samples,) [K] of each sensor.
+    limits : sequence of Limits
+    run : Solution              Says at which times each point was on.
+    state : str                 As in `check_limits`.
+    """
+    out = []
+    for one, times, kelvin in ((x, t, k) for x in limits for node, t, k in readings if node == x.node):
+        # the state of the last stored time of the run before each reading
+        at = np.clip(np.searchsorted(run.times, times, side="right") - 1, 0, run.times.size - 1)
+        on = times_in_state(run, one, "operating", state)[at]
+        started = on & ~np.concatenate([[False], on[:-1]]) if one.loads else np.zeros(times.size, dtype=bool)
+        out += _checks(one, times, kelvin, {"operating": on, "non-operating": ~on, "start-up": started}, "measured")
+    return tuple(out)
+
+
+def _checks(one: Limits, times: Array, kelvin: Array, states: Mapping[str, Bools], by: str, trace: Trace | None = None) -> list[LimitCheck]:
+    """Return one point in every state that it was in; `trace` is the course behind the samples, where there is one."""
+    out = []
+    for name, inside in states.items():
+        ends, stand_in = one.ends(name), False
+        if ends is None and name == "non-operating":
+            ends, stand_in = one.operating, True
+        if ends is not None and inside.any():
+            out.append(_check(one, name, ends, times, kelvin, inside, by, stand_in, trace))
+    return out
+
+
+def _check(
+    one: Limits,
+    state: str,
+    ends: Ends,
+    times: Array,
+    kelvin: Array,
+    inside: Bools,
+    by: str,
+    stand_in: bool,
+    trace: Trace | None,
+) -> LimitCheck:
+    at = np.flatnonzero(inside)
+    low, high = int(at[kelvin[at].argmin()]), int(at[kelvin[at].argmax()])
+    dense = trace.dense if trace is not None else None
+    found = [_crossing(side, limit, times, kelvin, inside, dense) for side, limit in zip(("low", "high"), ends, strict=True)]
+    sampled, crossings = trace is None or trace.turnings is None, tuple(c for c in found if c is not None)
+    extremes = (float(kelvin[low]), float(times[low]), float(kelvin[high]), float(times[high]))
+    return LimitCheck(one.point, one.node, state, ends, *extremes, crossings, one.mark, by, stand_in, sampled)
+
+
+def _crossing(side: str, limit: float, times: Array, kelvin: Array, inside: Bools, dense: Dense | None) -> Crossing | None:
+    """Return when a limit is first passed, and how far and how long; None where it is not."""
+    if not np.isfinite(limit):
+        return None
+    sign = 1.0 if side == "high" else -1.0
+    beyond = (kelvin - limit) * sign
+    if dense is not None:
+        known, states = times, inside
+        times, beyond = resolved(times, beyond, lambda t: sign * (dense.kelvin(t) - limit))
+        inside = states[np.searchsorted(known, times, side="right") - 1]  # it changes at known times only
+    past = inside & (beyond > 0)
+    if not past.any():
+        return None
+    first = int(past.argmax())
+    begin = float(times[first])
+    # the unit may have been beyond before it came into this state; then the change of state is what counts
+    if first and inside[first - 1]:
+        begin = float(np.interp(0.0, beyond[first - 1 : first + 1], times[first - 1 : first + 1]))
+    worst = int(np.flatnonzero(past)[beyond[past].argmax()])
+    outside = 0.0
+    for k in np.flatnonzero(inside[:-1] & inside[1:]):
+        a, b = beyond[k], beyond[k + 1]
+        share = 1.0 if min(a, b) >= 0 else 0.0 if max(a, b) <= 0 else max(a, b) / abs(a - b)
+        outside += share * float(times[k + 1] - times[k])
+    return Crossing(side, limit, begin, limit + sign * float(beyond[worst]), float(times[worst]), outside)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from thermid.errors import RecordError
 from thermid.fit.calibration import Calibration
 from thermid.measure import Record
-from thermid.measure.windows import gap_from
+from thermid.measure.record.windows import gap_from
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from thermid.errors import RecordError
 from thermid.measure import Record, read_record
-from thermid.measure.columns import name_and_unit
-from thermid.measure.formats import log_cells
+from thermid.measure.readers.columns import name_and_unit
+from thermid.measure.readers.formats import log_cells
 
 _METER = re.compile(r"[PQIU](_|\d|\Z)")
 """How the name of a column begins that holds a power, a heat, a current or a voltage."""

@@ -1,12 +1,17 @@
-"""Records of measured temperatures: channels, readers of logs, preparation. It knows nothing of models."""
+"""Records of measured temperatures: a record and its channels, readers of logs, steadiness of readings. It knows nothing of models.
 
-from thermid.measure.channel import Channel as Channel
-from thermid.measure.channel import Origin as Origin
-from thermid.measure.part import SensorCertificate as SensorCertificate
-from thermid.measure.part import SensorPart as SensorPart
-from thermid.measure.plain import read_plain as read_plain
-from thermid.measure.readers import read_record as read_record
-from thermid.measure.record import Record as Record
-from thermid.measure.record import Table as Table
+In: logs in the formats of laboratories, arrays, weather files. Out: a `Record`, a plain table, a `Weather`; how steady readings are, with
+the error of that.
+May import: `measure.amounts`, `measure.readers`, `measure.record` and the foundation.
+"""
+
+from thermid.measure.readers.log_reader import read_record as read_record
+from thermid.measure.readers.plain import read_plain as read_plain
+from thermid.measure.record.channel import Channel as Channel
+from thermid.measure.record.channel import Origin as Origin
+from thermid.measure.record.record import Record as Record
+from thermid.measure.record.record import Table as Table
+from thermid.measure.record.sensor import SensorCertificate as SensorCertificate
+from thermid.measure.record.sensor import SensorPart as SensorPart
 from thermid.measure.weather import Weather as Weather
 from thermid.measure.weather import read_weather as read_weather

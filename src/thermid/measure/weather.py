@@ -13,7 +13,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import MissingDataError, NameNotFoundError, RecordError, nearest
 from thermid.expression import parse
-from thermid.measure.channel import FloatArray
+from thermid.measure.record.channel import FloatArray
 from thermid.measure.weather_files import QUANTITIES, Columns, read_columns
 from thermid.units import require
 

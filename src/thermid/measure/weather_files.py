@@ -12,8 +12,8 @@ import numpy as np
 
 from thermid.errors import NameNotFoundError, RecordError, nearest
 from thermid.files import was_read
-from thermid.measure.channel import FloatArray
-from thermid.measure.plain import read_plain
+from thermid.measure.readers.plain import read_plain
+from thermid.measure.record.channel import FloatArray
 from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:

@@ -12,13 +12,14 @@ from thermid.arguments import takes_objects
 from thermid.campaign.hand import filed
 from thermid.errors import DeckError, nearest
 from thermid.knowledge.values import FittedValues
-from thermid.model.deck.modelfile import load_model, read_toml, refuse_another_kind, resolve_inside
+from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
 from thermid.monte_carlo.hold import Hold, check_members, hold, limits_of
 from thermid.monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs
 from thermid.reduction.macro import macro_model
 from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.toml_files import Places, read_toml, refuse_another_kind, resolve_inside
 
 KEYS: Mapping[str, tuple[type, ...]] = {
     "title": (str,),
@@ -108,12 +109,8 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     """
     target = Path(path)
     data, lines = read_toml(target)
-
     refuse_another_kind(data, "a hold question, which names the deck under 'model'", target.name)
-
-    def where(key: str) -> str:
-        return f"{target.name}:{lines[key]}, {key}" if key in lines else f"{target.name}, {key}"
-
+    where = Places(target.name, lines)
     for key, value in data.items():
         if key not in KEYS:
             raise DeckError(f"a hold question has no '{key}'.{nearest(key, KEYS)} It has {', '.join(KEYS)}.", where(key))

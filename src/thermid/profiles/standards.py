@@ -11,10 +11,10 @@ from typing import Any, Final
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
-from thermid.measure.stability import rule_of
-from thermid.model.deck.modelfile import read_toml
+from thermid.measure.record.stability import rule_of
 from thermid.profiles.profile import KINDS, ThermalProfile, pair_of
 from thermid.sourced.number import SLOTS, WORDS, Number, number
+from thermid.toml_files import read_toml
 
 LIBRARY: Final = Path(__file__).parent / "library"
 OWN: Final = {"ambient": "23 [degC]", "longest_wait": "72 [h]"}

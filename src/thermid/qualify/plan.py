@@ -17,15 +17,15 @@ from thermid.campaign.stages import run_stages
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.files import read_bytes
 from thermid.fit.uncertainty.grouping import listed
-from thermid.judge.criteria import CRITERIA, CriteriaSet, read_criteria
+from thermid.judge.criteria import CRITERIA, Criteria
 from thermid.judge.limits import Limits, load_limits, read_limits
-from thermid.measure.stability import rule_of
-from thermid.model.deck.faults import deck_error
-from thermid.model.deck.modelfile import load_model, project_root, read_toml, refuse_another_kind, resolve_inside
+from thermid.measure.record.stability import rule_of
+from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.prediction.known import Known
 from thermid.reduction.macro import macro_model
 from thermid.sourced.policies import POLICIES
+from thermid.toml_files import Places, project_root, read_toml, refuse_another_kind, resolve_inside
 from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Plan:
     path: Path
     content: PlanFile
     limits: tuple[Limits, ...]
-    criteria: Mapping[str, CriteriaSet]
+    criteria: Mapping[str, Criteria]
     files: Mapping[str, str] = field(repr=False)
     data: Path | None = None
 
@@ -143,31 +143,21 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     DeckError           When it does not follow the grammar, says no objective, test or limit, or a test has no course.
     NameNotFoundError   When a test names a sensor, a set of criteria or a host that the plan does not have.
     """
-    from pydantic import ValidationError
-
     from thermid.qualify.plan_schema import PlanFile
 
     target = Path(path)
     raw, lines = read_toml(target)
     refuse_another_kind(raw, "a qualification plan, which names it under [model] beside objectives, limits and tests", target.name)
     _not_empty(raw, target.name)
-
-    def where(key: str) -> str:
-        steps = key.split(".")
-        line = next((lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in lines), None)
-        return f"{target.name}:{line}, {key}" if line else f"{target.name}, {key}"
-
-    try:
-        content = PlanFile.model_validate(raw)
-    except ValidationError as error:
-        raise deck_error(error, raw, where, PlanFile) from None
+    where = Places(target.name, lines)
+    content = PlanFile.from_file(raw, where)
     source = content.model
     if bool(source.deck) == bool(source.campaign) or bool(source.campaign) != bool(source.stage):
         raise DeckError(
             "the model is a deck, with a values file if there is one, or a stage of a campaign: campaign and stage.", where("model")
         )
     limits = _limits(content.limits, target.parent, where("limits"))
-    own = {name: read_criteria(name, table, where(f"criteria.{name}")) for name, table in content.criteria.items()}
+    own = {name: Criteria.read(table, where(f"criteria.{name}"), name) for name, table in content.criteria.items()}
     criteria = CRITERIA | own
     check_parts(content, where)
     for k, test in enumerate(content.tests):
@@ -320,7 +310,7 @@ def check_parts(content: PlanFile, where: Where) -> None:
             raise DeckError(f"where the model was calibrated is a pair, lowest first, not {given}.", where(f"validity.{key}"))
 
 
-def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, CriteriaSet], where: Where) -> None:
+def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criteria], where: Where) -> None:
     """Refuse a test without a name or course of its own, and names and stretches that do not fit.
 
     Raises

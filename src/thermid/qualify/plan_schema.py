@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from thermid.grammar import StrictTable
 
 KINDS = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity", "transport", "hold", "ascent", "coast", "on-board", "other")
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class DocumentTable(_Strict):
+class DocumentTable(StrictTable):
     """What a report is filed under."""
 
     number: str = ""
@@ -24,14 +22,14 @@ class DocumentTable(_Strict):
     approved: str = ""
 
 
-class DifferenceTable(_Strict):
+class DifferenceTable(StrictTable):
     """Something that is tested otherwise than it flies."""
 
     what: str
     effect: str = ""
 
 
-class ConfigurationTable(_Strict):
+class ConfigurationTable(StrictTable):
     """The hardware and its model as they are tested and as they fly."""
 
     as_tested: str = ""
@@ -39,7 +37,7 @@ class ConfigurationTable(_Strict):
     differences: list[DifferenceTable] = []
 
 
-class SourceTable(_Strict):
+class SourceTable(StrictTable):
     """The model: a deck with its values file, or a stage of a campaign."""
 
     deck: str = ""
@@ -50,14 +48,14 @@ class SourceTable(_Strict):
     reasons: dict[str, str] = {}
 
 
-class HostTable(_Strict):
+class HostTable(StrictTable):
     """A macro model whose unit is the model."""
 
     deck: str
     unit: str = "unit"
 
 
-class PlanSensorTable(_Strict):
+class PlanSensorTable(StrictTable):
     """A sensor: where it sits, why there, and how far it can be believed."""
 
     node: str
@@ -68,21 +66,21 @@ class PlanSensorTable(_Strict):
     certificate: str = ""
 
 
-class MarginTable(_Strict):
+class MarginTable(StrictTable):
     """What is added to a predicted temperature."""
 
     policy: str = "SMC-S-016"
     balance_tested: bool = False
 
 
-class ExclusionTable(_Strict):
+class ExclusionTable(StrictTable):
     """Sensors that do not count, with reasons, and how large a part of all they may be."""
 
     cap: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     reasons: dict[str, str] = {}
 
 
-class ValidityTable(_Strict):
+class ValidityTable(StrictTable):
     """Where the model was calibrated."""
 
     temperature: list[str] = []
@@ -93,7 +91,7 @@ class ValidityTable(_Strict):
     basis: str = ""
 
 
-class LogTable(_Strict):
+class LogTable(StrictTable):
     """What was measured, and what a log's columns drive."""
 
     file: str
@@ -105,7 +103,7 @@ class LogTable(_Strict):
     prepare: list[dict[str, Any]] = []
 
 
-class TestTable(_Strict):
+class TestTable(StrictTable):
     """One environmental test, or the experiment on board."""
 
     name: str
@@ -138,7 +136,7 @@ class TestTable(_Strict):
     note: str = ""
 
 
-class PlanFile(_Strict):
+class PlanFile(StrictTable):
     """A qualification plan."""
 
     title: str

@@ -10,9 +10,8 @@ import numpy as np
 
 from thermid.explain.diagnosis import Diagnosis
 from thermid.judge.correlation import Correlation
-from thermid.judge.heaters import HeaterDuty
-from thermid.judge.limit_checks import LimitCheck
-from thermid.judge.limits import Limits
+from thermid.judge.limits import LimitCheck, Limits
+from thermid.judge.margins import HeaterDuty
 from thermid.prediction.foresight import Foresight
 from thermid.prediction.known import Known
 from thermid.profile_runs.profile_run import ProfileRun

@@ -12,16 +12,13 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, RecordError, ScenarioError, nearest
 from thermid.explain.diagnosis import diagnose
-from thermid.judge.compare import compare
-from thermid.judge.correlation import Exclusions, correlate
-from thermid.judge.heaters import heater_duty
-from thermid.judge.limit_checks import LimitCheck, check_limits, check_readings
-from thermid.judge.limits import Limits
-from thermid.judge.overlay import Overlay, overlays, paired
+from thermid.judge.correlation import Exclusions, Overlay, correlate, overlays, paired
+from thermid.judge.limits import LimitCheck, Limits, check_limits, check_readings
+from thermid.judge.margins import heater_duty
+from thermid.judge.verdict import compare
 from thermid.measure import Record, read_record
 from thermid.measure.amounts import duration_text
-from thermid.measure.stability import rule_of
-from thermid.model.deck.modelfile import resolve_inside
+from thermid.measure.record.stability import rule_of
 from thermid.model.laws.signal import literal
 from thermid.model.tree.flat import flatten
 from thermid.physics.constants import ICE_POINT
@@ -38,6 +35,7 @@ from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.steadiness.stabilisation import Stability, stability
+from thermid.toml_files import resolve_inside
 
 if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration

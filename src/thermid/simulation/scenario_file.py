@@ -9,13 +9,13 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, ThermidError, nearest
-from thermid.model.deck.modelfile import read_toml, refuse_another_kind
 from thermid.model.laws.signal import literal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import SLOTS, Scenario
 from thermid.simulation.sites.surroundings import surrounded
+from thermid.toml_files import read_toml, refuse_another_kind
 from thermid.units import TEMPERATURE
 
 SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent")

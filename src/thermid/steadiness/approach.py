@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.measure.steady import correlation_factor
+from thermid.measure.record.steady import correlation_factor
 from thermid.memo import Memo
 from thermid.steadiness.mixture import Mixture
 

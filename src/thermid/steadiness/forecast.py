@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError
 from thermid.measure.amounts import amount, duration_text, positive_seconds
-from thermid.measure.prepare import stretch, within_log
-from thermid.measure.stability import StabilityRule, resolution_of, rule_of
+from thermid.measure.record.prepare import stretch, within_log
+from thermid.measure.record.stability import StabilityRule, resolution_of, rule_of
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.transient import simulate
 from thermid.steadiness.approach import Approach, approach
 from thermid.steadiness.foretold import REACH, Forecast, IntervalEstimate, estimate, with_step
 
 if TYPE_CHECKING:
-    from thermid.measure.channel import Channel
-    from thermid.measure.record import Record
+    from thermid.measure.record.channel import Channel
+    from thermid.measure.record.record import Record
     from thermid.model.tree.model import Model
     from thermid.simulation.scenarios.scenario import Scenario
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from thermid.errors import RecordError
 from thermid.measure.amounts import duration_text, seconds
-from thermid.measure.stability import StabilityRule
+from thermid.measure.record.stability import StabilityRule
 from thermid.physics.constants import ICE_POINT
 from thermid.steadiness.approach import Approach
 from thermid.steadiness.mixture import Mixture

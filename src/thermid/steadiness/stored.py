@@ -14,9 +14,9 @@ import numpy as np
 from thermid.dual import value_of
 from thermid.errors import RecordError
 from thermid.measure.amounts import duration_text
-from thermid.measure.record import Record
-from thermid.measure.stability import SHORTEST, SURE, ChannelStability, StabilityRule, channel_drift
-from thermid.measure.steady import FEWEST
+from thermid.measure.record.record import Record
+from thermid.measure.record.stability import SHORTEST, SURE, ChannelStability, StabilityRule, channel_drift
+from thermid.measure.record.steady import FEWEST
 from thermid.simulation.solution import Solution
 
 SHORT: Final = 60.0

@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError, MissingDataError, RecordError, ThermidError
-from thermid.measure.benchlog import is_bench_log
-from thermid.measure.channel import Channel
-from thermid.measure.readers import read_record, temperature_columns
-from thermid.measure.record import Record
-from thermid.measure.stability import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
-from thermid.model.deck.modelfile import project_root, resolve_inside
+from thermid.measure.readers.formats import is_bench_log
+from thermid.measure.readers.log_reader import read_record, temperature_columns
+from thermid.measure.record.channel import Channel
+from thermid.measure.record.record import Record
+from thermid.measure.record.stability import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.physics.constants import ICE_POINT
 from thermid.steadiness.forecast import forecast
 from thermid.steadiness.stabilisation import Stability
 from thermid.studio.answers import window_of
 from thermid.studio.curves import Window, thinned
+from thermid.toml_files import project_root, resolve_inside
 
 Array = NDArray[np.float64]
 KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError
-from thermid.judge.limit_checks import LimitCheck, check_limits, spans
-from thermid.judge.limits import Limits
+from thermid.judge.limits import LimitCheck, Limits, check_limits, spans
 from thermid.judge.margins import Margin, margins
 from thermid.model.parts.standing import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT

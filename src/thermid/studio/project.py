@@ -21,7 +21,7 @@ from thermid.fit.problem.request import Request
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.knowledge.values import save_store
-from thermid.model.deck.modelfile import load_model, read_toml, resolve_inside
+from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import ParameterSet, deck_text, parameter_table
 from thermid.network.network import compile_network
@@ -32,6 +32,7 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.studio.desk import Desk
 from thermid.studio.stage_state import StageState
 from thermid.studio.watch import Watch
+from thermid.toml_files import read_toml, resolve_inside
 from thermid.units import unit
 
 Told = Callable[[int, float], None]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.errors import ThermidError
-from thermid.model.deck.modelfile import project_root, read_toml
+from thermid.toml_files import project_root, read_toml
 
 Stamp = tuple[int, int, int] | None
 GLOB = "*?["

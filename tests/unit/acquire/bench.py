@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from thermid.acquire.benchlog import log_line
 from thermid.acquire.logger import Logger
-from thermid.measure.benchlog import log_line
-from thermid.measure.wire import MAGIC, sealed
+from thermid.acquire.wire import MAGIC, sealed
 
 
 def until(log: Logger, what: Callable[[], bool], limit: float = 20.0) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from thermid.acquire.board import Board
-from thermid.measure.wire import Line, parse_line, sealed
+from thermid.acquire.wire import Line, parse_line, sealed
 
 
 def lines(board: Board) -> list[Line]:

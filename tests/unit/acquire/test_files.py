@@ -12,7 +12,7 @@ from thermid.acquire.guide import certificate_of
 from thermid.acquire.programme import load_programme
 from thermid.acquire.sensormap import Sensor, load_sensors, save_sensor
 from thermid.errors import MissingDataError, RecordError, UnitError
-from thermid.measure.part import SensorCertificate
+from thermid.measure.record.sensor import SensorCertificate
 
 A, B = made_up_rom(0), made_up_rom(1)
 GOOD = f'[sensors.T1]\nrom = "{A}"\n'

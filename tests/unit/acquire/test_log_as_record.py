@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.acquire.benchlog import log_line
 from thermid.acquire.board import made_up_rom
 from thermid.errors import NameNotFoundError, RecordError
-from thermid.measure.benchlog import log_line
 
 from .bench import Sheet
 

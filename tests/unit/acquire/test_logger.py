@@ -17,8 +17,8 @@ from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.programme import Programme
 from thermid.acquire.sensormap import Sensor
 from thermid.acquire.terminal import Terminal
+from thermid.acquire.wire import sealed
 from thermid.errors import RecordError
-from thermid.measure.wire import sealed
 
 from .bench import cycles, marks, until
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from thermid.acquire.board import made_up_rom
+from thermid.acquire.wire import crc8, crc16, parse_line, rom_is_good, sealed, unsealed
 from thermid.errors import RecordError
-from thermid.measure.wire import crc8, crc16, parse_line, rom_is_good, sealed, unsealed
 
 ROM = made_up_rom(0)
 

@@ -14,7 +14,7 @@ import thermid as td
 from thermid.campaign.stages import Campaign
 from thermid.cli.app import app
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.judge.looks import FILE, look, looks_at
+from thermid.judge.verdict import FILE, look, looks_at
 from unit.fit.bench import HTC, MASS, box, pair
 from unit.fit.project import CAMPAIGN, make_project
 

@@ -14,12 +14,12 @@ import thermid as td
 from thermid.acquire.board import made_up_rom
 from thermid.acquire.logger import Logger
 from thermid.acquire.sensormap import Sensor
+from thermid.acquire.wire import sealed
 from thermid.cli.judge import Judge
 from thermid.cli.live import live_table, plain_line
 from thermid.errors import RecordError
-from thermid.measure.part import ICE, SensorCertificate
-from thermid.measure.stability import channel_stability, rule_of
-from thermid.measure.wire import sealed
+from thermid.measure.record.sensor import ICE, SensorCertificate
+from thermid.measure.record.stability import channel_stability, rule_of
 from thermid.steadiness.forecast import forecast
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a log is locked by posix means")

@@ -17,7 +17,7 @@ from thermid.fit.problem.request import Request
 from thermid.fit.refusals import refuse_after
 from thermid.fit.summary import summarise
 from thermid.fit.uncertainty.responses import responses
-from thermid.judge.compare import compare
+from thermid.judge.verdict import compare
 from thermid.measure import Record
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Options

@@ -7,9 +7,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
-from thermid.judge.correlation import Exclusions, correlate
-from thermid.judge.criteria import CRITERIA, CriteriaSet, read_criteria
-from thermid.judge.overlay import Overlay
+from thermid.judge.correlation import Exclusions, Overlay, correlate
+from thermid.judge.criteria import CRITERIA, Criteria
 from unit.qualify.things import soak, unit
 
 TIMES = np.arange(0.0, 7200.1, 60.0)
@@ -23,7 +22,7 @@ def seen(*shifts: float, case: str = "hot") -> list[Overlay]:
 
 
 def gates(found, kind: str = "steady") -> dict[str, object]:
-    return {g.name: g for g in found.gates if g.kind == kind}
+    return {g.criterion: g for g in found.gates if g.kind == kind}
 
 
 def test_bias_and_spread_are_told_apart() -> None:
@@ -46,24 +45,24 @@ def test_bias_and_spread_are_told_apart() -> None:
 )
 def test_the_gate_that_failed_is_named(shifts: tuple[float, ...], failed: set[str]) -> None:
     found = correlate(seen(*shifts), ["ECSS"], steady=SETTLED)
-    assert {g.name for g in found.failed} == failed
+    assert {g.criterion for g in found.failed} == failed
     assert found.passed("ECSS") is (not failed)
 
 
 def test_several_sets_at_once_each_with_its_verdict() -> None:
-    own = CriteriaSet("ours", each=1.0, kinds=("steady", "transient"))
+    own = Criteria("ours", each=1.0, kinds=("steady", "transient"))
     found = correlate(seen(2.5, 0.5, -1.5), ["ECSS", "MIL-HDBK-340", own], steady=SETTLED)
     assert found.verdicts == {"ECSS": True, "MIL-HDBK-340": True, "ours": False}
     assert {g.kind for g in found.failed} == {"steady", "transient"}
     (steady,) = (g for g in found.failed if g.kind == "steady")
-    assert steady.worst == "T1"
+    assert steady.sensor == "T1"
     assert steady.outside == ("T1", "T3")
     assert "ours: NOT met" in str(found)
 
 
 def test_a_case_too_warm_does_not_make_up_for_one_too_cold() -> None:
     found = correlate([*seen(2.5, 2.5), *seen(-2.5, -2.5, case="cold")], ["ECSS"], steady=SETTLED | {"cold": [(3600.0, 7200.0)]})
-    assert [(g.case.split(",")[0], g.name) for g in found.failed] == [("hot", "mean"), ("cold", "mean")]
+    assert [(g.case.split(",")[0], g.criterion) for g in found.failed] == [("hot", "mean"), ("cold", "mean")]
 
 
 def test_weights_move_the_mean() -> None:
@@ -73,7 +72,7 @@ def test_weights_move_the_mean() -> None:
 
 
 def test_a_part_of_the_sensors_may_lie_outside_where_the_set_says_so() -> None:
-    most = CriteriaSet("most", each=1.0, share=0.75)
+    most = Criteria("most", each=1.0, share=0.75)
     assert correlate(seen(2.0, 0.0, 0.0, 0.0), [most], steady=SETTLED).passed("most")
     assert not correlate(seen(2.0, 2.0, 0.0, 0.0), [most], steady=SETTLED).passed("most")
 
@@ -93,7 +92,7 @@ def test_an_exclusion_needs_a_reason_and_room_under_the_cap() -> None:
 
 
 def test_a_limit_from_memory_decides_nothing() -> None:
-    heard = CriteriaSet("heard", each=1.0, mark="memory")
+    heard = Criteria("heard", each=1.0, mark="memory")
     found = correlate(seen(2.0, 0.0), [heard], steady=SETTLED)
     assert found.passed("heard") is None
     assert found.failed == ()
@@ -126,12 +125,12 @@ def test_words_that_mean_nothing_are_refused() -> None:
         ({"each": "1 [K]", "mark": "heard"}, "is no mark"),
     ):
         with pytest.raises(ScenarioError, match=word):
-            read_criteria("ours", table, "plan.toml")
-    assert read_criteria("ours", {"mean": "1.5 [K]", "kinds": ["transient"]}, "plan.toml").mean == 1.5
+            Criteria.read(table, "plan.toml", "ours")
+    assert Criteria.read({"mean": "1.5 [K]", "kinds": ["transient"]}, "plan.toml", "ours").limits == {"mean": 1.5}
 
 
 def test_published_sets_carry_their_marks() -> None:
-    assert (CRITERIA["ECSS"].mean, CRITERIA["ECSS"].spread, CRITERIA["ECSS"].each) == (2.0, 3.0, 5.0)
+    assert CRITERIA["ECSS"].limits == {"mean": 2.0, "spread": 3.0, "each": 5.0}
     assert CRITERIA["ECSS"].mark == "secondary"
     assert CRITERIA["MIL-HDBK-340"].mark == "read"
     assert all(c.source for c in CRITERIA.values())

@@ -7,8 +7,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
-from thermid.judge.limit_checks import check_limits
-from thermid.judge.limits import Limits, load_limits, read_limits
+from thermid.judge.limits import Limits, check_limits, load_limits, read_limits
 
 ONE = td.model_from_dict(
     {

@@ -9,9 +9,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
-from thermid.judge.heaters import heater_duty
 from thermid.judge.limits import Limits
-from thermid.judge.margins import margins
+from thermid.judge.margins import heater_duty, margins
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
 from thermid.sourced.policies import POLICIES, flat_margin

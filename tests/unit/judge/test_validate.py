@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.errors import IdentificationError, UnitError
+from thermid.errors import IdentificationError, ScenarioError, UnitError
 from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
-from thermid.judge.validate import Criteria, validate
+from thermid.judge.criteria import Criteria
+from thermid.judge.verdict import validate
 from thermid.measure import Record
 from unit.fit.bench import HTC, MASS, box, log, metered
 
@@ -37,9 +38,9 @@ def test_it_passes_and_fails_by_its_limits(found: Calibration) -> None:
     assert good.passed
     assert [c.criterion for c in good.checks] == ["rmse", "max_error", "mean_error"]
     for check in good.checks:
-        own = replace(Criteria(), **{check.criterion: f"{check.found * 0.999!r} [K]"})
+        own = Criteria(**{check.criterion: f"{check.found * 0.999!r} [K]"})
         assert not validate(found, held, own).passed
-        own = replace(Criteria(), **{check.criterion: f"{check.found!r} [K]"})
+        own = Criteria(**{check.criterion: f"{check.found!r} [K]"})
         assert validate(found, held, own).passed, "a limit that is just met is met"
 
 
@@ -105,14 +106,14 @@ def test_criteria_of_a_sensor_stand_in_place_of_the_common_ones(found: Calibrati
     ("table", "error", "words"),
     [
         ({}, IdentificationError, r"no criterion is given for 'T'\. A verdict needs at least one limit: rmse, max_error or mean_error"),
-        ({"rms": "1 [K]"}, IdentificationError, r"here: there is no criterion 'rms'\. Did you mean 'rmse'"),
-        ({"sensors": {"T": {"rms": "1 [K]"}}}, IdentificationError, r"here\.sensors\.T: there is no criterion 'rms'\. Did you mean 'rmse'"),
-        ({"sensors": {"T": "1 [K]"}}, IdentificationError, r"here\.sensors\.T: the criteria of a sensor are a table"),
+        ({"rms": "1 [K]"}, ScenarioError, r"here: there is no criterion 'rms'\. Did you mean 'rmse'"),
+        ({"sensors": {"T": {"rms": "1 [K]"}}}, ScenarioError, r"here\.sensors\.T: there is no criterion 'rms'\. Did you mean 'rmse'"),
+        ({"sensors": {"T": "1 [K]"}}, ScenarioError, r"here\.sensors\.T: the criteria of a sensor are a table"),
         ({"rmse": "1 [K]", "sensors": {"TT": {"rmse": "1 [K]"}}}, IdentificationError, r"criteria are given for 'TT'.*Did you mean 'T'"),
-        ({"rmse": 0.8}, UnitError, r"criteria\.rmse: this is a plain number; a temperature difference \[K\] is needed here"),
-        ({"rmse": "0 [K]"}, IdentificationError, r"a limit must be above zero"),
-        ({"rmse": "inf [K]"}, IdentificationError, r"a limit must be above zero"),
-        ({"rmse": "1 [degC]"}, UnitError, r"criteria\.rmse"),
+        ({"rmse": 0.8}, UnitError, r"here\.rmse: this is a plain number; a temperature difference \[K\] is needed here"),
+        ({"rmse": "0 [K]"}, ScenarioError, r"a limit must be above zero"),
+        ({"rmse": "inf [K]"}, ScenarioError, r"a limit must be above zero"),
+        ({"rmse": "1 [degC]"}, UnitError, r"here\.rmse"),
     ],
 )
 def test_refused_criteria(found: Calibration, table: dict[str, object], error: type[Exception], words: str) -> None:

@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from thermid.errors import ThermidError
 from thermid.measure import Record, read_record
-from thermid.measure.formats import FORMATS, log_cells
+from thermid.measure.readers.formats import FORMATS, log_cells
 
 from .samples import SAMPLES, Sample
 
@@ -69,7 +69,7 @@ def test_every_sample_of_a_binary_format_is_refused_when_it_is_cut_short(log):
 
 
 def test_a_package_that_is_missing_is_named_with_its_extra(log, monkeypatch):
-    from thermid.measure import binary
+    from thermid.measure.readers import binary
 
     def absent(name: str) -> object:
         raise ImportError(name)
@@ -82,7 +82,7 @@ def test_a_package_that_is_missing_is_named_with_its_extra(log, monkeypatch):
 def test_a_matlab_object_is_refused_with_the_lines_that_save_it(log):
     from scipy.io.matlab import MatlabOpaque
 
-    from thermid.measure import binary
+    from thermid.measure.readers import binary
 
     held = {"ts": MatlabOpaque(np.zeros((), dtype=[("s0", "O")]))}
     with pytest.raises(ThermidError, match=r"t = ts.Time; T = ts.Data; save\('log.mat'"):

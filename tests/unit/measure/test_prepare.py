@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, UnitError
 from thermid.measure import Channel, Record
-from thermid.measure.windows import hampel, low_pass, moving_median
+from thermid.measure.record.windows import hampel, low_pass, moving_median
 
 
 def made(times, **channels) -> Record:

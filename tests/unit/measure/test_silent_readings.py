@@ -6,7 +6,7 @@ import pytest
 
 from thermid.errors import RecordError, ThermidError, UnitError
 from thermid.measure import read_record
-from thermid.measure.columns import name_and_unit
+from thermid.measure.readers.columns import name_and_unit
 
 ICE = 273.15
 

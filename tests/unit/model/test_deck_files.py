@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from thermid.errors import DeckError, ExpressionError, ThermidError
-from thermid.model.deck.lines import line_numbers
-from thermid.model.deck.modelfile import load_model, model_from_dict, project_root, resolve_inside
+from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model
+from thermid.toml_files import line_numbers, project_root, resolve_inside
 
 Decks = Callable[..., Model]
 

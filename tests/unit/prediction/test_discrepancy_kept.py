@@ -77,8 +77,8 @@ def test_a_plan_counts_what_its_own_logs_show(tmp_path: Path) -> None:
     assert hot.shares == {IN_TESTS: pytest.approx(1.0)}
     assert found["hot"].correlation is not None
     (proc,) = [d for d in found["hot"].correlation.deviations if (d.sensor, d.kind) == ("T_PROC", "transient")]
-    assert 1.2 < proc.rmse < 1.5
-    assert hot.error == pytest.approx(proc.rmse)
+    assert 1.2 < proc["rmse"] < 1.5
+    assert hot.error == pytest.approx(proc["rmse"])
     assert "not counted" not in str(hot)
 
 

@@ -12,9 +12,8 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.cli.app import app
 from thermid.judge.correlation import correlate
-from thermid.judge.criteria import CRITERIA, CriteriaSet
-from thermid.judge.limit_checks import check_limits
-from thermid.judge.limits import Limits
+from thermid.judge.criteria import CRITERIA, Criteria
+from thermid.judge.limits import Limits, check_limits
 from thermid.qualify.trial import Trial
 from thermid.sourced.marks import MARKS
 from thermid.sourced.policies import POLICIES
@@ -197,7 +196,7 @@ def test_no_number_from_memory_decides_whatever_it_is(tmp_path: Path) -> None:
     for size in (1e-6, 1e6):
         for name in ("mean", "spread", "each", "rmse"):
             for kinds in (("steady",), ("transient",)):
-                own = CriteriaSet("own", kinds=kinds, mark="memory", **{name: size})
+                own = Criteria("own", kinds=kinds, mark="memory", **{name: size})
                 found = correlate(seen.overlays, [own], steady=seen.windows)
                 assert found.verdicts == {"own": None}
                 assert not found.failed

@@ -13,8 +13,7 @@ import pytest
 import thermid as td
 from oracle import Oracle, flatten, si
 from switched import switched
-from thermid.judge.limit_checks import check_limits, check_readings
-from thermid.judge.limits import Limits
+from thermid.judge.limits import Limits, check_limits, check_readings
 from thermid.judge.margins import margins
 from thermid.model.laws.signal import Table
 from thermid.monte_carlo.hold import hold

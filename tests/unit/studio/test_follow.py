@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.acquire.benchlog import log_line
+from thermid.acquire.wire import crc16
 from thermid.errors import DeckError, RecordError
-from thermid.measure.benchlog import log_line
-from thermid.measure.wire import crc16
 from thermid.studio.answers import as_json
 from thermid.studio.follow import UNFINISHED, Follower
 

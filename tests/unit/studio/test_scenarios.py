@@ -11,8 +11,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, NameNotFoundError, RecordError, ScenarioError
-from thermid.judge.limit_checks import check_limits
-from thermid.judge.limits import load_limits
+from thermid.judge.limits import check_limits, load_limits
 from thermid.studio.answers import as_json, shelf_object, window_of
 from thermid.studio.courses import profile_for, profile_object
 from thermid.studio.outcomes import outcome_object

@@ -14,8 +14,8 @@ from thermid.fit.problem.sensor_parts import Seat, attached
 from thermid.fit.problem.starts import HiddenStart, first_reading, hidden_starts, starts_of
 from thermid.fit.problem.ticks import Ticks
 from thermid.measure import Channel, Record
-from thermid.measure.join import SecondClock
-from thermid.measure.part import SensorPart
+from thermid.measure.record.join import SecondClock
+from thermid.measure.record.sensor import SensorPart
 from thermid.memo import Memo
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network

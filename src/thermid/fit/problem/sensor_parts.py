@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from thermid.errors import NameNotFoundError, RecordError
 from thermid.fit.problem.unknowns import Prior, Target, Unknown
 from thermid.measure import Channel, Record
-from thermid.measure.part import SensorPart
+from thermid.measure.record.sensor import SensorPart
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.tree.model import Model, Submodel
 from thermid.model.tree.names import Names

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.fit.problem.statistics import Sums, loss_of
 from thermid.fit.problem.unknowns import Target, Unknown
-from thermid.measure.join import SecondClock
+from thermid.measure.record.join import SecondClock
 from thermid.model.laws.signal import Signal, Table
 
 if TYPE_CHECKING:

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, nearest
+from thermid.errors import DeckError
 from thermid.expression import NAME
-from thermid.files import parse_toml, read_text
-from thermid.model.deck.lines import line_numbers
 from thermid.model.laws.curves import Curve
 from thermid.model.parts.build import elements_from, made_from
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.identity import definition_of
 from thermid.model.tree.model import Model, Submodel
+from thermid.toml_files import Places, read_toml, resolve_inside
 
-MARKER = "thermid.toml"
-LARGEST_FILE = 4_000_000
 DEEPEST = 20
 _OTHERS = (
     ({"tests", "limits"}, "this is a qualification plan, not a deck. `thermid plan` reads it."),
@@ -29,71 +25,6 @@ _OTHERS = (
     ({"boundaries"}, "this is a scenario, not a deck. It is laid over a deck with --scenario."),
 )
 """Keys by which a file of another kind is known."""
-
-
-def refuse_another_kind(content: Mapping[str, Any], wanted: str, where: str) -> None:
-    """Refuse a deck or a campaign where a file of another kind is read.
-
-    Raises
-    ------
-    DeckError   Says what it is.
-    """
-    campaign = {"records", "stages"} <= set(content)
-    if campaign or {"nodes", "submodels"} & set(content):
-        raise DeckError(f"this is a {'campaign' if campaign else 'deck'}, not {wanted}.", where)
-
-
-def project_root(start: Path) -> Path:
-    """Return the nearest folder upward that holds ``thermid.toml``, or the start folder itself."""
-    start = start.resolve()
-    return next((folder for folder in (start, *start.parents) if (folder / MARKER).is_file()), start)
-
-
-def resolve_inside(folder: Path, name: str, where: str, roots: tuple[Path, ...] = ()) -> Path:
-    """Return the path of a file named in a deck; it must lie in the project or in one of `roots`.
-
-    Raises
-    ------
-    DeckError   When it leaves them, symbolic links resolved.
-    """
-    root = project_root(folder)
-    if "\0" in name:
-        raise DeckError(f"{name!r} is no file name.", where)
-    path = (folder / name).resolve()
-    if not any(path.is_relative_to(r) for r in (root, *(r.resolve() for r in roots))):
-        raise DeckError(f"'{name}' leaves the project ({MARKER} marks its root). Copy the file into the project.", where)
-    return path
-
-
-def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
-    """Return the content of a TOML file and the line of each key.
-
-    Raises
-    ------
-    DeckError   When the file is missing, too large, not text, or no TOML.
-    """
-    if not path.is_file():
-        if path.is_dir():
-            raise DeckError(f"there is no file '{path}': it is a folder.")
-        if not path.parent.is_dir():
-            raise DeckError(f"there is no file '{path.name}', and no folder '{path.parent}'.")
-        near = nearest(path.stem, {p.stem for p in path.parent.glob(f"*{path.suffix}")})
-        near = near.replace("'?", f"{path.suffix}'?")
-        raise DeckError(f"there is no file '{path.name}' in {f'{path.parent.name}/' if path.parent.name else 'this folder'}.{near}")
-    if path.stat().st_size > LARGEST_FILE:
-        raise DeckError(
-            f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text of a few kilobytes. Put tables of data into a log.",
-            path.name,
-        )
-    try:
-        text = read_text(path, "utf-8-sig")
-        return parse_toml(text), line_numbers(text)
-    except UnicodeDecodeError:
-        raise DeckError("the file is not UTF-8 text.", path.name) from None
-    except tomllib.TOMLDecodeError as error:
-        raise DeckError(
-            f"this is no TOML: {error}. Texts stand in quotes, numbers with units too; comments begin with #.", path.name
-        ) from None
 
 
 @takes_objects
@@ -161,12 +92,12 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
     curves = _curves(plain)
     for group, name in curves:
         plain[group] = plain[group] | {name: plain[group][name] | {"table": {"points": []}}}
-    deck = _validated(plain, file, places)
+    from thermid.model.deck.schema import Deck
+
+    where = Places(file or str(data.get("title", "deck")), places)
+    deck = Deck.from_file(plain, where).model_dump(exclude_none=True)
     for (group, name), shape in curves.items():
         deck[group][name]["table"] = shape
-
-    def where(key: str) -> str:
-        return _place(key, file or str(data.get("title", "")), places)
 
     submodels = {}
     for name, table in deck["submodels"].items():
@@ -207,27 +138,6 @@ def _curves(data: Mapping[str, Any]) -> dict[tuple[str, str], Curve]:
     """Return (table, element) -> curve of the elements that have one where a deck has points."""
     found = {(group, name): t.get("table") for group in ("conductors", "loads") for name, t in _tables(data.get(group))}
     return {key: shape for key, shape in found.items() if isinstance(shape, Curve)}
-
-
-def _validated(data: Mapping[str, Any], file: str, lines: Mapping[str, int]) -> dict[str, Any]:
-    """Check a dictionary against the grammar and return it with defaults filled in."""
-    from pydantic import ValidationError
-
-    from thermid.model.deck.faults import deck_error
-    from thermid.model.deck.schema import Deck
-
-    try:
-        return Deck.model_validate(dict(data)).model_dump(exclude_none=True)
-    except ValidationError as error:
-        raise deck_error(error, data, lambda key: _place(key, file or str(data.get("title", "deck")), lines), Deck) from None
-
-
-def _place(key: str, file: str, lines: Mapping[str, int]) -> str:
-    """Return file, line of the key or of the table around it, and key path."""
-    steps = key.split(".")
-    line = next((lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in lines), None)
-    place = f"{file}:{line}" if line else file
-    return f"{place}, {key}" if place else key
 
 
 def _check_names(model: Model) -> None:

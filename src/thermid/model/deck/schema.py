@@ -7,23 +7,19 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import BaseModel, Field, create_model
 
+from thermid.grammar import StrictTable
 from thermid.model.laws.options import Box, Source, StandsFor
 from thermid.model.parts.elements import LOAD_SLOTS
 from thermid.model.parts.kinds import KINDS
 from thermid.physics.view_factors import SHAPES
 
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
 Real: TypeAlias = Annotated[float, Field(strict=True)]
 """A number; true and false are none."""
 
 
-class ValueTable(_Strict):
+class ValueTable(StrictTable):
     """A value with its bounds and where it comes from."""
 
     value: str | Real
@@ -37,14 +33,14 @@ class ValueTable(_Strict):
 Value: TypeAlias = str | Real | ValueTable
 
 
-class PowerLaw(_Strict):
+class PowerLaw(StrictTable):
     """h = coefficient |dT / 1 K|^exponent."""
 
     coefficient: Value
     exponent: Value
 
 
-class Correlated(_Strict):
+class Correlated(StrictTable):
     """h by a correlation, from the properties of the gas at film temperature, its pressure, gravity and wind."""
 
     correlation: str = ""
@@ -52,7 +48,7 @@ class Correlated(_Strict):
     orientation: Literal["vertical", "up", "down"] = "vertical"
 
 
-class Points(_Strict):
+class Points(StrictTable):
     """A table over a temperature or a temperature difference: straight lines; a third text of a point is its slope and makes it smooth."""
 
     over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
@@ -63,7 +59,7 @@ class Points(_Strict):
     basis: str = ""
 
 
-class Property(_Strict):
+class Property(StrictTable):
     """A property over temperature: straight lines; a third text of a point is its slope and makes it smooth."""
 
     points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
@@ -73,7 +69,7 @@ class Property(_Strict):
     basis: str = ""
 
 
-class NodeTable(_Strict):
+class NodeTable(StrictTable):
     """A node: mass and specific_heat or enthalpy, or capacitance, or nothing."""
 
     mass: Value | None = None
@@ -89,14 +85,14 @@ class NodeTable(_Strict):
     test_only: bool = False
 
 
-class FacingTable(_Strict):
+class FacingTable(StrictTable):
     """Where a surface looks: tilt from looking up, azimuth from north over east; without azimuth it goes all around."""
 
     tilt: str | Real
     azimuth: str | Real | None = None
 
 
-class SurfaceTable(_Strict):
+class SurfaceTable(StrictTable):
     """The outer surface of a node."""
 
     of: str
@@ -113,7 +109,7 @@ class SurfaceTable(_Strict):
     test_only: bool = False
 
 
-class Gap(_Strict):
+class Gap(StrictTable):
     """An air gap beside a contact: area of each face."""
 
     area: Value
@@ -121,7 +117,7 @@ class Gap(_Strict):
     to: str
 
 
-class JointTable(_Strict):
+class JointTable(StrictTable):
     """Two surfaces pressed together."""
 
     between: tuple[str, str]
@@ -137,7 +133,7 @@ class JointTable(_Strict):
 Rows: TypeAlias = list[list[Real]]
 
 
-class EnclosureTable(_Strict):
+class EnclosureTable(StrictTable):
     """Surfaces that radiate to one another: view factors of a shape, given ones, or exchange factors."""
 
     faces: Annotated[dict[str, str], Field(min_length=2)]
@@ -149,21 +145,21 @@ class EnclosureTable(_Strict):
     test_only: bool = False
 
 
-class Periodic(_Strict):
+class Periodic(StrictTable):
     """On for `duty` of every `period`."""
 
     period: Value
     duty: Value
 
 
-class SinePower(_Strict):
+class SinePower(StrictTable):
     """A sine on top of the power."""
 
     amplitude: Value
     period: Value
 
 
-class Thermostat(_Strict):
+class Thermostat(StrictTable):
     """On below one temperature, off above another."""
 
     sensor: str = ""
@@ -171,7 +167,7 @@ class Thermostat(_Strict):
     off_above: Value
 
 
-class Proportional(_Strict):
+class Proportional(StrictTable):
     """A control that lets through a share of the load: what is missing to the set point over the band, between zero and one.
 
     The band is `power` over `gain`, or given itself.
@@ -183,7 +179,7 @@ class Proportional(_Strict):
     setpoint: Value
 
 
-class LoadTable(_Strict):
+class LoadTable(StrictTable):
     """Heat put into a node."""
 
     into: str
@@ -202,14 +198,14 @@ class LoadTable(_Strict):
     test_only: bool = False
 
 
-class AirAndSees(_Strict):
+class AirAndSees(StrictTable):
     """A need bound to two nodes: what its surfaces convect to, and what they see."""
 
     to: str
     sees: str
 
 
-class MadeInTable(_Strict):
+class MadeInTable(StrictTable):
     """The state of a gas in which a reduced deck was made; it runs in no other."""
 
     pressure: str
@@ -218,7 +214,7 @@ class MadeInTable(_Strict):
     wind: str = "0 [m/s]"
 
 
-class SubmodelTable(_Strict):
+class SubmodelTable(StrictTable):
     """A deck used inside this one."""
 
     use: str
@@ -233,7 +229,7 @@ def _conductor_table() -> type[BaseModel]:
     fields |= {name: (shaped.get(name, Value | None), None) for name in sorted(names)}
     return create_model(
         "ConductorTable",
-        __base__=_Strict,
+        __base__=StrictTable,
         __doc__="A path of heat between two nodes.",
         table=(Points | None, None),
         takes=(list[str], []),
@@ -248,7 +244,7 @@ def _conductor_table() -> type[BaseModel]:
 ConductorTable = _conductor_table()
 
 
-class Deck(_Strict):
+class Deck(StrictTable):
     """What the hardware is."""
 
     title: str

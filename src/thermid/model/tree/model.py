@@ -13,6 +13,7 @@ from thermid.errors import NameNotFoundError, nearest
 from thermid.model.parts.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model.parts.parameter import Parameter, parameter
 from thermid.model.parts.standing import UNJUDGED
+from thermid.toml_files import Places
 
 if TYPE_CHECKING:
     from thermid.model.tree.replacement import Replacement
@@ -112,10 +113,7 @@ class Model:
 
     def where(self, key: str) -> str:
         """Return file, line and key path, for messages."""
-        steps = key.split(".")
-        line = next((self.lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in self.lines), None)
-        place = f"{self.file}:{line}" if self.file and line else self.file or self.title
-        return f"{place}, {key}" if key else place
+        return Places(self.file or self.title, self.lines if self.file else {})(key)
 
     def elements(self) -> Iterator[tuple[str, str, Element]]:
         """Yield table, name and element of every own element."""

@@ -16,7 +16,7 @@ from thermid.knowledge.values import FittedValue
 from thermid.model.tree.resolve import ParameterSet
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.cells import Cell, Column, Line, Table, absolute, number, pretty, significant
-from thermid.reporting.pages.tables import STRONG, at_bound, criterion_words
+from thermid.reporting.pages.tables import STRONG, at_bound
 
 MOST, LINES = 8, 5
 """Fitted values, and remarks of each kind, at the top; the rest stands below."""
@@ -69,9 +69,8 @@ def tightest(campaign: Campaign) -> str:
     if not checks:
         return "no criterion was judged"
     used, record, c = max(checks, key=lambda found: found[0])
-    what = criterion_words(c.criterion)
     where = f"{'nearest to' if used <= 1.0 else 'furthest beyond'} its limit"
-    return f"{where}: {c.sensor} in {record}, {what} {number(c.found, 2)} of {number(c.limit, 2)} K ({100 * used:.0f} %)"
+    return f"{where}: {c.sensor} in {record}, {c.title} {number(c.found, 2)} of {number(c.limit, 2)} K ({100 * used:.0f} %)"
 
 
 def interval(v: FittedValue) -> tuple[float, float]:
@@ -172,8 +171,7 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
         missed = [c for c in v.checks if not c.passed]
         if missed:
             worst = max(missed, key=lambda c: c.found / c.limit)
-            what = criterion_words(worst.criterion)
-            missing = f"{what} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
+            missing = f"{worst.title} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
             yield f"Do not use {v.model} yet: {worst.sensor} in {v.record} misses, {missing}. See where its residuals begin.", "verdicts"
     for c in _fits(campaign):
         for m in c.moved.values:

@@ -11,6 +11,7 @@ from xml.sax.saxutils import escape
 from thermid.arguments import takes_objects
 from thermid.campaign.methodology import Study
 from thermid.campaign.stages import Campaign
+from thermid.judge.metrics import metric
 from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
@@ -203,13 +204,14 @@ def provenance(study: Study) -> Table:
 
 def step_log(study: Study, campaign: Campaign) -> Table:
     """Return what every step found: RMSE, largest and final error of each sensor."""
+    asked = {key: metric(key) for key in study.metrics}
     rows: list[Line] = []
     for s in study.log(campaign):
         kind = Cell("held out", "no stage has seen it", "good") if s.held_out else Cell("fit", s.action)
-        numbers = {"rmse": number(s.rmse, 2), "max_error": signed(s.max_error, 2), "final_error": signed(s.final_error, 3)}
-        rows.append([Cell(s.stage, s.action, "main"), s.record, kind, s.sensor, *(numbers[m] for m in study.metrics)])
-    titles = {"rmse": "RMSE, K", "max_error": "largest, K", "final_error": "final, K"}
-    columns = [Column("stage"), Column("record"), Column("kind"), Column("sensor"), *(Column(titles[m], True) for m in study.metrics)]
+        sizes = [(signed if row.signed else number)(s[key], row.digits) for key, row in asked.items()]
+        rows.append([Cell(s.stage, s.action, "main"), s.record, kind, s.sensor, *sizes])
+    headings = [Column(f"{row.short}, K", True) for row in asked.values()]
+    columns = [Column("stage"), Column("record"), Column("kind"), Column("sensor"), *headings]
     return Table.of(columns, rows, "Final: mean over the last twentieth of the record.")
 
 

@@ -10,7 +10,9 @@ import numpy as np
 from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
 from thermid.fit.sensors import instrument_shares, sensor_shares
-from thermid.judge.validate import Check, Verdict
+from thermid.judge.criteria import Check
+from thermid.judge.metrics import largest, metric
+from thermid.judge.verdict import Verdict
 from thermid.knowledge.values import FittedValue
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.model import Model
@@ -283,18 +285,13 @@ def verdicts(campaign: Campaign) -> Table:
             if not v.unseen:
                 condition = Cell("no longer unseen", "it failed a verdict before the model was fitted anew", "bad")
             found = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
-            rows.append([*first, c.sensor, criterion_words(c.criterion), *found, result, condition])
+            rows.append([*first, c.sensor, c.title, *found, result, condition])
     return Table.of(columns, rows)
-
-
-def criterion_words(name: str) -> str:
-    """Return a criterion as a person calls it."""
-    return {"rmse": "RMSE", "max_error": "largest error", "mean_error": "mean error"}.get(name, name)
 
 
 def _outside(verdict: Verdict, check: Check) -> str:
     """Return how many samples lie beyond the limit of a single error."""
-    if check.criterion != "max_error":
+    if metric(check.criterion).of is not largest:
         return DASH
     residuals = [b.residuals for b in verdict.blocks if b.sensor == check.sensor]
     beyond = sum(int(np.count_nonzero(np.abs(r) > check.limit)) for r in residuals)

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from thermid.errors import ThermidError
 from thermid.measure.amounts import duration_text
-from thermid.measure.columns import decimal_sign
-from thermid.measure.formats import log_cells
-from thermid.measure.guess import Column, columns_of
-from thermid.measure.stamps import Clock, Times, clock_column, read_times
-from thermid.measure.textfile import Cells
-from thermid.measure.windows import even_step, gap_from, usual_step
+from thermid.measure.readers.columns import decimal_sign
+from thermid.measure.readers.formats import log_cells
+from thermid.measure.readers.guess import Column, columns_of
+from thermid.measure.readers.stamps import Clock, Times, clock_column, read_times
+from thermid.measure.readers.textfile import Cells
+from thermid.measure.record.windows import even_step, gap_from, usual_step
 from thermid.reporting.pictures.chart import Line, Panel, chart
 from thermid.reporting.pictures.figures import DASHES, SERIES, time_unit
 from thermid.units import counted

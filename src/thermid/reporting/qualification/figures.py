@@ -6,9 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from thermid.judge.limit_checks import spans
-from thermid.judge.limits import Limits
-from thermid.judge.overlay import Overlay
+from thermid.judge.correlation import Overlay
+from thermid.judge.limits import Limits, spans
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.trial import Trial
 from thermid.reporting.blocks.sections import Drawn

@@ -30,10 +30,10 @@ def deviations(c: Correlation) -> Table:
                 d.kind,
                 str(d.samples),
                 celsius(d.measured),
-                signed(d.mean, 2),
-                f"{d.spread:.2f}",
-                signed(d.largest, 2),
-                f"{d.rmse:.2f}",
+                signed(d["mean"], 2),
+                f"{d['spread']:.2f}",
+                signed(d["largest"], 2),
+                f"{d['rmse']:.2f}",
             ),
             *(
                 number(1.96 * d.accuracy, 2) if d.accuracy else DASH,
@@ -57,11 +57,10 @@ def gates(c: Correlation, failed_only: bool = False) -> Table:
         Column("limit, K", True),
     ]
     columns += [Column("mark"), Column("worst sensor"), Column("outside", True), Column("result")]
-    words = {"mean": "mean over sensors", "spread": "spread over sensors", "each": "every sensor", "rmse": "RMSE of every sensor"}
     rows: list[Line] = [
         [
             Cell(g.criteria, "", "main"),
-            *(g.case, g.kind, words[g.name], f"{g.found:.2f}", plain(g.limit, 3), mark(g.mark), g.worst or DASH),
+            *(g.case, g.kind, g.over_sensors, f"{g.found:.2f}", plain(g.limit, 3), mark(g.mark), g.sensor or DASH),
             *(Cell(f"{len(g.outside)} of {g.counted}", ", ".join(g.outside)), verdict(g.passed)),
         ]
         for g in c.gates

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thermid.judge.correlation import Correlation
+from thermid.judge.criteria import heading
 from thermid.model.tree.flat import flatten
 from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
@@ -64,13 +65,14 @@ def sections(q: Qualification) -> list[Section]:
 
 
 def _criteria(q: Qualification) -> Table:
-    columns = [Column("set"), Column("mean, K", True), Column("spread, K", True), Column("every sensor, K", True), Column("RMSE, K", True)]
-    columns += [Column("for"), Column("mark"), Column("source", wrapped=True)]
     used = dict.fromkeys(n for t in q.plan.tests for n in t.criteria)
+    shown = dict.fromkeys(("mean", "spread", "each", "rmse", *(key for name in used for key in q.plan.criteria[name].limits)))
+    columns = [Column("set"), *(Column(f"{heading(key)}, K", True) for key in shown)]
+    columns += [Column("for"), Column("mark"), Column("source", wrapped=True)]
     rows: list[Line] = []
     for name in used:
         c = q.plan.criteria[name]
-        sizes = [number(x, 3) if x else DASH for x in (c.mean, c.spread, c.each, c.rmse)]
+        sizes = [number(c.limits[key], 3) if key in c.limits else DASH for key in shown]
         rows.append([Cell(name, "", "main"), *sizes, ", ".join(c.kinds), mark(c.mark), c.source or DASH])
     return Table.of(columns, rows)
 

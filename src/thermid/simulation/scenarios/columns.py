@@ -9,8 +9,8 @@ from typing import Any
 
 from thermid.errors import ScenarioError, ThermidError
 from thermid.measure import read_plain, read_record
-from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import CONDUCT, Signal, Table, conducted
+from thermid.toml_files import resolve_inside
 from thermid.units import TEMPERATURE
 
 

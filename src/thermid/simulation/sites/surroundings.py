@@ -7,13 +7,13 @@ from typing import Any
 
 from thermid.errors import ScenarioError, nearest
 from thermid.measure import read_weather
-from thermid.model.deck.modelfile import resolve_inside
 from thermid.model.laws.signal import literal
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.sites.ascent import ascent_scenario, read_trajectory
 from thermid.simulation.sites.pad import pad_scenario
 from thermid.simulation.sites.site import Site
+from thermid.toml_files import resolve_inside
 from thermid.units import TEMPERATURE
 
 KEYS: Mapping[str, tuple[str, ...]] = {

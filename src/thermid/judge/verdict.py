@@ -1,0 +1,262 @@
+"""Validation: a calibrated model against a record that no fit has seen, by stated criteria; and a comparison that judges nothing.
+
+A results folder remembers the verdicts on held-out records: one that failed before its model was fitted anew is no longer independent.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from thermid.arguments import takes_objects
+from thermid.errors import DeckError, IdentificationError, nearest
+from thermid.files import OWN, write_text
+from thermid.fit.calibrate import fit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import LocalSpec, Reading, Request
+from thermid.fit.problem.residuals import Block
+from thermid.fit.problem.sensor_parts import as_found
+from thermid.fit.problem.statistics import SensorStatistics
+from thermid.judge.criteria import Check, Criteria, Deviation, judge_sensors
+from thermid.judge.metrics import Residuals
+from thermid.measure import Record
+from thermid.model.parts.standing import UNJUDGED, Standing
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.sourced.marks import VERDICTS, weigh
+from thermid.units import counted
+
+FILE = "looks.json"
+
+
+@dataclass(frozen=True)
+class RecordedLook:
+    """One verdict on a record.
+
+    Parameters
+    ----------
+    record : str    Its name.
+    sha256 : str    Checksum of its samples.
+    stage : str     The stage whose values were judged.
+    key : str       Hash of everything that these values depend on.
+    passed : bool   Whether every criterion was met.
+    date : str      The day.
+    """
+
+    record: str
+    sha256: str
+    stage: str
+    key: str
+    passed: bool
+    date: str
+
+
+def looks_at(folder: Path | None, sha256: str) -> tuple[RecordedLook, ...]:
+    """Return the verdicts on a record that a results folder remembers, oldest first.
+
+    Raises
+    ------
+    DeckError   When its file of verdicts is damaged.
+    """
+    return tuple(one for one in _read(folder) if one.sha256 == sha256)
+
+
+def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, passed: bool) -> tuple[RecordedLook, ...]:
+    """Return the earlier failed verdicts on a record by other values than these, and note this one.
+
+    The same values judged again are no new look.
+
+    Raises
+    ------
+    DeckError   When the folder's file of verdicts is damaged: a new one would forget those that failed.
+    """
+    if folder is None:
+        return ()
+    known = _read(folder)
+    earlier = tuple(one for one in known if one.sha256 == sha256 and not one.passed and one.key != key)
+    now = RecordedLook(record, sha256, stage, key, passed, datetime.now(UTC).date().isoformat())
+    if all((one.sha256, one.key, one.passed) != (sha256, key, passed) for one in known):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / FILE, json.dumps([asdict(one) for one in (*known, now)], indent=1), OWN)
+    return earlier
+
+
+def _read(folder: Path | None) -> tuple[RecordedLook, ...]:
+    path = folder / FILE if folder is not None else None
+    if path is None or not path.is_file():
+        return ()
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(content, list):
+            raise TypeError
+        return tuple(RecordedLook(**one) for one in content)
+    except (ValueError, TypeError):
+        raise DeckError(
+            "the file is damaged. It says which records failed a verdict before; without it they would pass for independent ones. "
+            "Restore it from the version control or a backup. Remove it only if no record of this folder ever failed.",
+            str(path),
+        ) from None
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """Whether a model is good enough for its intended use, on data that no fit has seen.
+
+    Parameters
+    ----------
+    model : str                     The stage whose values were used.
+    record : str                    The record.
+    checks : tuple of Check
+    statistics : dict               Sensor -> SensorStatistics.
+    fitted_locally : tuple of str   What was fitted to this very record; the verdict is then conditional on it.
+    prediction : Calibration        Measured and predicted readings; None where it was not judged.
+    title : str                     What it is about.
+    failed_before : tuple of RecordedLook   Failed verdicts on this record by other values, of which the results folder knows.
+    standing : Standing             Of the values that were judged, before the verdict.
+    """
+
+    model: str
+    record: str
+    checks: tuple[Check, ...]
+    statistics: Mapping[str, SensorStatistics]
+    fitted_locally: tuple[str, ...]
+    prediction: Calibration | None
+    title: str = ""
+    failed_before: tuple[RecordedLook, ...] = ()
+    standing: Standing = UNJUDGED
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether every criterion is met; None where the values were not judged, because they are not credible."""
+        return weigh([c.passed for c in self.checks]) if self.prediction is not None else None
+
+    @property
+    def blocks(self) -> Sequence[Block]:
+        """Measured and predicted readings; none where it was not judged."""
+        return self.prediction.blocks if self.prediction is not None else ()
+
+    @property
+    def unseen(self) -> bool:
+        """Whether nobody can have learnt from this record: no failed verdict on it came before a new fit."""
+        return not self.failed_before
+
+    @property
+    def conditional(self) -> bool:
+        """Whether anything was fitted to the record that it judges."""
+        return bool(self.fitted_locally)
+
+    def __str__(self) -> str:
+        """Return the verdict as text, criterion by criterion."""
+        about = f" ({self.title})" if self.title else ""
+        if self.passed is None:
+            return f"{self.model} on {self.record}{about}: NOT JUDGED; the record stays unopened. {self.standing.line(self.model)}"
+        word = "PASSED" if self.passed else "FAILED"
+        condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.conditional else ""
+        lines = [f"{self.model} on {self.record}{about}: {word}{condition}"]
+        if self.failed_before:
+            first = self.failed_before[0]
+            lines.append(
+                f"  no longer unseen: {counted(len(self.failed_before), 'failed verdict')} on it since "
+                f"{first.date}, and a new fit since; what passes now may have been made to. Judge on another record."
+            )
+        for c in self.checks:
+            lines.append(f"  {c.sensor}: {c.words}: {VERDICTS[c.passed]}")
+        return "\n".join(lines)
+
+
+@takes_objects
+def validate(
+    calibration: Calibration,
+    record: Record,
+    criteria: Criteria,
+    *,
+    scenario: Scenario | None = None,
+    local: Mapping[str, Any] | None = None,
+    readings: Mapping[str, Any] | None = None,
+    window: float = 0.0,
+    title: str = "",
+) -> Verdict:
+    """Return the verdict on a calibrated model from a record that no stage has used.
+
+    Parameters
+    ----------
+    calibration : Calibration   The fit; its values and its instruments' constant errors are held.
+    record : Record             The held-out log.
+    criteria : Criteria         Limits.
+    scenario : Scenario         What the log does not say.
+    local : dict                Values fitted to this record, as in `calibrate`; they make the verdict conditional.
+    readings : dict             Boundary or ``initial.<node>`` -> channel whose first reading stands there, or ``{channel, offset}``.
+    window : float              First readings are medians over this time. [s]
+    title : str                 What the verdict is about, where several judge one record.
+
+    Raises
+    ------
+    IdentificationError   When the record was used by a fit, whatever was cut from it since.
+
+    Notes
+    -----
+    Values that are not credible, or rest on such, are not judged: the verdict says so, and the record is not looked at.
+    """
+    if not calibration.standing.judgeable:
+        return not_judged(calibration, record.name, title)
+    user = calibration.seen.get(record.origin.sha256)
+    if user is not None:
+        raise IdentificationError(f"record '{record.name}' was used by {user}; a validation needs data that no fit has seen.")
+    specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
+    request = Request(
+        calibration.fitted_model,
+        (as_found(record, calibration.values, calibration.bias),),
+        scenarios={"*": scenario} if scenario else {},
+        local=specs,
+        held_bias=calibration.bias,
+        held_errors=calibration.instrument_errors,
+        window=window,
+        name=calibration.stage,
+        fit_start=False,
+        readings={n: Reading.read(r, f"readings.{n}") for n, r in (readings or {}).items()},
+    )
+    prediction = fit(request)
+    statistics = prediction.statistics[record.name]
+    for sensor in criteria.sensors or {}:
+        if sensor not in statistics:
+            raise IdentificationError(
+                f"criteria are given for '{sensor}', which is no sensor of {record.name}.{nearest(sensor, statistics)}"
+            )
+    checks = tuple(judge_sensors(criteria, [_deviation(b) for b in prediction.blocks]))
+    locally = tuple(dict.fromkeys(i.name for i in prediction.local))
+    return Verdict(calibration.stage, record.name, checks, statistics, locally, prediction, title, standing=calibration.standing)
+
+
+def not_judged(calibration: Calibration, record: str, title: str = "") -> Verdict:
+    """Return that values are not credible, so that the record was not opened for them."""
+    return Verdict(calibration.stage, record, (), {}, (), None, title, standing=calibration.standing)
+
+
+def _deviation(block: Block) -> Deviation:
+    """Every reading of one sensor of a record, beside what the model says of it."""
+    residuals = Residuals.of(block.times, block.residuals)
+    means = (float(block.measured.mean()), float(block.predicted.mean()))
+    return Deviation(block.record, block.sensor, "transient", residuals, *means)
+
+
+@takes_objects
+def compare(model: Model, record: Record, *, scenario: Scenario | None = None, window: float = 0.0) -> Calibration:
+    """Return measured and predicted readings of a record, with statistics per sensor; no value is changed.
+
+    Parameters
+    ----------
+    model : Model           What the hardware is.
+    record : Record         The log.
+    scenario : Scenario     What the log does not say.
+    window : float          First readings, at which observed nodes start, are medians over this time. [s]
+
+    Raises
+    ------
+    ThermidError   When the record does not fit the model.
+    """
+    request = Request(model, (record,), scenarios={"*": scenario} if scenario else {}, held_errors={}, window=window, fit_start=False)
+    return fit(request)

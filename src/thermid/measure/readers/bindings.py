@@ -1,0 +1,224 @@
+"""What `channels`, `noise`, `accuracy` and `units` of `read_record` ask for, column by column."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.measure.amounts import amount
+from thermid.measure.readers.columns import name_and_unit
+from thermid.measure.record.channel import SAMPLES
+from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
+from thermid.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
+
+_ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
+_KEYS: Final = (*_ROLE_KEYS, "gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples", *KEYS)
+
+
+@dataclass(frozen=True)
+class Binding:
+    """What is asked of one column; units and errors still as written."""
+
+    name: str
+    column: str
+    role: str = "auto"
+    target: str | None = None
+    gain: str | None = None
+    full_scale: str | float | None = None
+    noise: str | float | None = None
+    accuracy: str | float | None = None
+    resolution: str | float | None = None
+    unit: str | None = None
+    prompt: bool = False
+    samples: str = ""
+    part: SensorPart | None = None
+    certificate: SensorCertificate | None = None
+
+
+def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, str | float]], where: str) -> list[Binding]:
+    """Return a binding for each channel.
+
+    Parameters
+    ----------
+    channels : mapping   Target to column name, or column name to table.
+    extra : mapping      'noise', 'accuracy' and 'unit', each by channel name.
+    where : str          The file, for messages.
+
+    Raises
+    ------
+    RecordError         When a table has an unknown key, two roles, or a value that was also given elsewhere.
+    NameNotFoundError   When `extra` names a channel that is not read.
+    """
+    if not channels:
+        raise RecordError("no channel is asked for. Give channels={'node': 'column'}.", where)
+    out = {key: _one(key, given, f"{where}, channels.{key}") for key, given in channels.items()}
+    for word, values in extra.items():
+        for name, value in values.items():
+            if name not in out:
+                raise NameNotFoundError(
+                    f"{word} is given for '{name}', which is no channel; there are {', '.join(out)}.{nearest(name, out)}", where
+                )
+            if getattr(out[name], word) is not None:
+                raise RecordError(f"its {word} is given twice. Give it in the table or beside it.", f"{where}, channels.{name}")
+            field: dict[str, Any] = {word: value}
+            out[name] = replace(out[name], **field)
+    return list(out.values())
+
+
+def _one(key: str, given: object, where: str) -> Binding:
+    """Return one binding, from a column name or a table."""
+    if isinstance(given, str):
+        return Binding(key, given, target=key)
+    if not isinstance(given, Mapping):
+        raise RecordError(f"{given!r} is neither the name of a column nor a table.", where)
+    for word in given:
+        if word not in _KEYS:
+            raise RecordError(f"no key '{word}'; there are {', '.join(_KEYS)}.{nearest(str(word), _KEYS)}", where)
+    for word in (*_ROLE_KEYS, "gain", "unit"):
+        if word in given and not (isinstance(given[word], str) and given[word].strip()):
+            raise RecordError(f"{word} = {given[word]!r} is no text.", where)
+    roles = [word for word in _ROLE_KEYS if word in given]
+    if len(roles) > 1:
+        raise RecordError(f"it has the roles {' and '.join(roles)}; a channel has one.", where)
+    role = roles[0] if roles else "auto"
+    if "gain" in given and role not in ("load", "command"):
+        raise RecordError("a gain turns a command into a power, so it needs load = '...' or command = '...' beside it.", where)
+    if "full_scale" in given and (role != "load" or "gain" in given):
+        raise RecordError("full_scale is the power of a load at 100 %, so it needs load = '...' beside it, and no gain.", where)
+    if not isinstance(given.get("prompt", False), bool):
+        raise RecordError(f"prompt = {given['prompt']!r} is neither true nor false.", where)
+    if given.get("prompt") and role not in ("load", "command"):
+        raise RecordError("prompt says that a power or command was logged whenever it changed; it needs a load or command.", where)
+    if given.get("samples", "instant") not in SAMPLES:
+        raise RecordError(f"samples = {given['samples']!r} is neither 'instant' nor 'average'.", where)
+    if "samples" in given and role in ("auto", "node"):
+        raise RecordError("samples says what drives the model; it needs a boundary, load, command or prescribed.", where)
+    words = ("gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples")
+    rest = {word: given[word] for word in words if word in given}
+    certificate = SensorCertificate.read(given["certificate"], f"{where}, certificate") if "certificate" in given else None
+    return Binding(key, key, role, given[role] if roles else None, **rest, part=SensorPart.read(given, where), certificate=certificate)
+
+
+def find_column(header: tuple[str, ...], wanted: str, where: str) -> int:
+    """Return the place of a column, asked for by its header as written or by the name before its unit.
+
+    Raises
+    ------
+    NameNotFoundError   When there is none.
+    RecordError         When there are several.
+    """
+    hits = [at for at, name in enumerate(header) if name == wanted] or [
+        at for at, name in enumerate(header) if name_and_unit(name)[0] == wanted
+    ]
+    if not hits:
+        raise NameNotFoundError(f"no column '{wanted}'; there are {', '.join(header)}.{nearest(wanted, header)}", where)
+    if len(hits) > 1:
+        raise RecordError(f"{len(hits)} columns are called '{wanted}'. Rename them.", where)
+    return hits[0]
+
+
+def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> tuple[str, str]:
+    """Return the unit of a column and what it measures.
+
+    The unit is the one given, else the one in the header, else degC for temperatures, W for loads, % for commands and for loads with a gain
+    or a full scale. A column in per cent is a load only with one of these.
+
+    Raises
+    ------
+    UnitError     When the unit does not fit the role.
+    RecordError   When the unit given and the one in the header differ.
+    """
+    drives = binding.role == "command" or binding.gain is not None or binding.full_scale is not None
+    text = binding.unit or header_unit or ("%" if drives else "W" if binding.role == "load" else "degC")
+    if binding.unit is None and header_unit is None:
+        _refuse_by_name(binding, drives, where)
+    try:
+        of = unit(text)
+        if binding.role == "load" and not drives and of.dimension == DIMENSIONLESS:
+            raise RecordError(_PER_CENT.format(f"it is in {text}"))
+        if binding.unit and header_unit and _known(header_unit) and unit(header_unit) != replace(of, text=unit(header_unit).text):
+            raise RecordError(f"its header says [{header_unit}] and its unit is given as '{binding.unit}'. Correct one of them.")
+        if binding.role in ("node", "boundary", "prescribed"):
+            require(of.dimension, TEMPERATURE, text, of.absolute)
+        elif binding.role == "load" and not drives:
+            require(of.dimension, "W", text)
+        elif binding.full_scale is not None and of.dimension != DIMENSIONLESS:
+            raise RecordError(f"full_scale is for a column in per cent, and it is in {text}. Leave full_scale out.")
+    except ThermidError as error:
+        raise error.located(where) from None
+    if drives:
+        return text, "command"
+    for quantity, known in (("temperature", "K"), ("power", "W"), ("command", "1")):
+        if of.dimension == unit(known).dimension:
+            return text, quantity
+    return text, describe(of.dimension).removeprefix("an ").removeprefix("a ")
+
+
+_PER_CENT: Final = "{}, and a load needs watts. Give full_scale = '... [W]', its power at 100 %, or gain, the path of a parameter."
+_DUTY: Final = re.compile(r"pct|percent|per_cent|duty|pwm|%", re.IGNORECASE)
+_LETTER: Final = re.compile(r".*[a-z0-9]_([FK])\Z")
+
+
+def _refuse_by_name(binding: Binding, drives: bool, where: str) -> None:
+    """Refuse a column without a unit whose name says another one than that which would be taken."""
+    if binding.role == "load" and not drives and _DUTY.search(binding.column):
+        raise RecordError(_PER_CENT.format("by its name it is in per cent"), where)
+    letter = _LETTER.match(binding.column)
+    if letter and binding.role in ("node", "boundary", "prescribed", "auto"):
+        scale = "degF" if letter[1] == "F" else "K"
+        raise RecordError(
+            f"its name ends in '_{letter[1]}', and without a unit it would be read in degC. Give units={{'{binding.name}': '{scale}'}} or "
+            "'degC'; in a campaign, unit of the channel.",
+            where,
+        )
+
+
+def full_scale(binding: Binding, where: str) -> float | None:
+    """Return the power of a load at 100 %, where it is asked for by it. [W]
+
+    Raises
+    ------
+    RecordError   When it is not a power above zero.
+    """
+    if binding.full_scale is None:
+        return None
+    watts = amount(binding.full_scale, "W", f"{where}, full_scale")
+    if not watts > 0.0:
+        raise RecordError(f"its full_scale is {watts:g} W; a power above zero is needed.", where)
+    return watts
+
+
+def _known(text: str) -> bool:
+    """Whether a text is a unit."""
+    try:
+        unit(text)
+    except ThermidError:
+        return False
+    return True
+
+
+def sd(given: str | float | None, of_unit: str, quantity: str, what: str) -> float | None:
+    """Return a standard deviation or resolution of a channel; a difference where the channel is a temperature [SI]."""
+    return None if given is None else amount(given, "K" if quantity == "temperature" else of_unit, what)
+
+
+def channel_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a channel's table, for editors; values are texts with units, or numbers in SI."""
+    text, amount_ = {"type": "string"}, {"type": ["string", "number"]}
+
+    def table(keys: tuple[str, ...], required: tuple[str, ...]) -> dict[str, Any]:
+        return {"type": "object", "properties": dict.fromkeys(keys, amount_), "required": list(required), "additionalProperties": False}
+
+    nested = {
+        "prompt": {"type": "boolean"},
+        "samples": {"enum": list(SAMPLES)},
+        "lead": table(("conductance", "to"), ("conductance", "to")),
+        "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),
+        "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},
+    }
+    plain = (*_ROLE_KEYS, "gain", "unit")
+    own = {key: nested.get(key) or (text if key in plain else amount_) for key in _KEYS}
+    return {"type": "object", "properties": own, "additionalProperties": False}

@@ -1,0 +1,514 @@
+"""Times of a log: which column holds them, and what its cells mean. Where two readings of a stamp give different times, it is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Final
+
+import numpy as np
+
+from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.measure.amounts import duration_text
+from thermid.measure.readers.columns import name_and_unit, numbers
+from thermid.measure.readers.dates import (
+    CLOCK,
+    HALF_DAY_CLOCK,
+    NUMERIC,
+    ORDERS,
+    day_number,
+    is_date,
+    is_iso,
+    is_stamp,
+    of_day,
+    one_stamp,
+    zone_of_header,
+    zone_of_stamp,
+)
+from thermid.measure.readers.textfile import MISSING, Cells
+from thermid.measure.record.channel import FloatArray
+from thermid.units import require, unit
+
+TIME_NAMES: Final = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")
+"""Names that a time column has by default; a single letter counts as written, because T is a temperature."""
+_DATED: Final = frozenset(
+    "date time|date/time|date & time|date_time|date|time stamp|ts|_time|last_changed|last_updated|uhrzeit|zeitstempel|datum|datum/zeit|"
+    "hora|data|data/hora|data hora|data_hora|carimbo|fecha|fecha/hora|fecha hora|heure|date/heure|horodatage|scan sweep time|"
+    "elapsed time".split("|")
+)
+"""Names that are taken where no column has one of the usual ones and the cells are stamps."""
+_COUNTED: Final = frozenset(
+    "time stamp|time_ms|t_ms|ms|millis|millis()|elapsed|elapsed time|elapsed_s|uptime|epoch|unix|unixtime|unix_time|scan sweep time|"
+    "x_value|zeit|tempo|tempo_s|tiempo".split("|")
+)
+"""Names that are taken where the cells are numbers that rise; up to three letters count as written, because Ts and mS are none."""
+
+_HALF_DAY: Final = 43200.0
+_DAY: Final = 86400.0
+_SINCE_1970: Final = (9.4e8, 2.2e9)
+"""Seconds since 1970 from October 1999 to September 2039; a thousand, a million or a milliard times as much are ms, us or ns."""
+_EPOCHS: Final = (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))
+_LONGEST: Final = 20.0 * 365.25 * _DAY
+"""A log that is longer was not read in its own unit. [s]"""
+_SLOW: Final = 600.0
+"""Time between samples above which a time column without a unit is remarked on. [s]"""
+_FAST: Final = 1e-3
+"""Time between samples below which no temperature says anything new. [s]"""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The time column of a log, or its date and time in two columns.
+
+    Parameters
+    ----------
+    places : tuple of int   Its columns: one, or that of the date and that of the time.
+    name : str              Name without unit.
+    header : str            As written.
+    texts : tuple of str    Cells; date and time joined by a space.
+    unit : str or None      Unit of the header.
+    """
+
+    places: tuple[int, ...]
+    name: str
+    header: str
+    texts: tuple[str, ...]
+    unit: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Times:
+    """Times of a log.
+
+    Parameters
+    ----------
+    values : array (samples,)   Times; from the first stamp where the log has stamps or times since 1970. [s]
+    start : str or None         First stamp as written; of times since 1970 the date they stand for.
+    notes : tuple of str        What a reader must know.
+    kind : str                  How the cells were read, in words.
+    zone : str                  Time zone, where the log names one.
+    """
+
+    values: FloatArray
+    start: str | None
+    notes: tuple[str, ...] = ()
+    kind: str = "seconds"
+    zone: str = ""
+
+
+def clock_column(cells: Cells, wanted: str | None) -> Clock:
+    """Return the time column: as named, else by its name, else the only one whose cells are stamps.
+
+    Raises
+    ------
+    NameNotFoundError   When it is not there, or none is named and none can be told.
+    RecordError         When several could be it.
+    """
+    names = [name_and_unit(header)[0] for header in cells.header]
+    dates, clocks = _kinds(cells)
+    if wanted is not None:
+        at = _place(cells.header, names, wanted, f"{cells.file}, time")
+    elif cells.time:
+        at = names.index(cells.time)
+    else:
+        at = _by_name_or_content(cells, names, dates, clocks)
+    if at in clocks and len(dates) == 1 and names[dates[0]] != names[at]:
+        return _joined(cells, names, dates[0], at)
+    if at in dates and len(clocks) == 1:
+        return _joined(cells, names, at, clocks[0])
+    return Clock((at,), names[at], cells.header[at], cells.columns[at], name_and_unit(cells.header[at])[1])
+
+
+def _place(header: tuple[str, ...], names: list[str], wanted: str, where: str) -> int:
+    hits = [at for at, name in enumerate(header) if name == wanted] or [at for at, name in enumerate(names) if name == wanted]
+    if not hits:
+        raise NameNotFoundError(f"no column '{wanted}'; there are {', '.join(header)}.{nearest(wanted, header)}", where)
+    if len(hits) > 1:
+        raise RecordError(f"{len(hits)} columns are called '{wanted}'. Rename them.", where)
+    return hits[0]
+
+
+def _joined(cells: Cells, names: list[str], date: int, clock: int) -> Clock:
+    texts = tuple(f"{d.strip()} {c.strip()}" for d, c in zip(cells.columns[date], cells.columns[clock], strict=True))
+    return Clock((date, clock), f"{names[date]} {names[clock]}", cells.header[clock], texts, None)
+
+
+def _kinds(cells: Cells) -> tuple[list[int], list[int]]:
+    """Return the columns with dates and no clock time, and those with clock times and no date, by their first and last cells."""
+    dates, clocks = [], []
+    for at, column in enumerate(cells.columns):
+        ends = (column[0].strip(), column[-1].strip())
+        if all(CLOCK.match(each) or HALF_DAY_CLOCK.match(each) or re.fullmatch(r"\d{1,2}:[0-5]\d", each) for each in ends):
+            clocks.append(at)
+        elif all(is_date(each) for each in ends):
+            dates.append(at)
+    return dates, clocks
+
+
+def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks: list[int]) -> int:
+    hits = [at for at, name in enumerate(names) if (name.lower() if len(name) > 3 else name) in TIME_NAMES]
+    if len(hits) == 1:
+        return hits[0]
+    stamps = [at for at, column in enumerate(cells.columns) if is_stamp(column[0]) and is_stamp(column[-1])]
+    if len(hits) > 1:
+        # a date in one column and the clock time in the other are one time
+        if len(hits) == 2 and {*hits} <= {*dates, *clocks}:
+            return hits[0]
+        raise RecordError(f"{' and '.join(cells.header[at] for at in hits)} could each be the time column. Give time='...'.", cells.file)
+    timely = {*stamps, *dates, *clocks}
+    named = [
+        at
+        for at, name in enumerate(names)
+        if (_plainly(name) in _DATED | _COUNTED and at in timely)
+        or (_plainly(name) in _COUNTED and _rises(cells, at))
+        or (_plainly(name) in _DATED and _since_1970(cells, at))
+    ]
+    named = named or [at for at, name in enumerate(names) if _plainly(name).startswith(("date time", "time,", "datetime"))]
+    for hits in (named, stamps, clocks, [at for at in range(len(names)) if _counts(cells, at)]):
+        if len(hits) == 1:
+            return hits[0]
+        if len(hits) == 2 and {*hits} <= {*dates, *clocks} and len({*hits} & {*dates}) == 1:
+            return hits[0]
+        if len(hits) > 1 and all(cells.columns[at] == cells.columns[hits[0]] for at in hits):
+            return hits[0]
+        if len(hits) > 1:
+            raise RecordError(
+                f"{' and '.join(cells.header[at] for at in hits)} could each be the time column. Give time='...'.", cells.file
+            )
+    raise NameNotFoundError(
+        f"no time column: none of {', '.join(cells.header)} is called {', '.join(TIME_NAMES)}. Give time='...'.", cells.file
+    )
+
+
+def _plainly(name: str) -> str:
+    return name.strip().lower() if len(name.strip()) > 3 else name.strip()
+
+
+def _numeric(cells: Cells, at: int) -> bool:
+    column = cells.columns[at]
+    return all(isinstance(numbers((each.strip().replace(",", "."),), "."), np.ndarray) and each.strip() for each in (column[0], column[-1]))
+
+
+def _rises(cells: Cells, at: int) -> bool:
+    """Whether a column has numbers that end above their begin."""
+    column = cells.columns[at]
+    return _numeric(cells, at) and float(column[0].replace(",", ".")) < float(column[-1].replace(",", "."))
+
+
+def _since_1970(cells: Cells, at: int) -> bool:
+    if not _numeric(cells, at):
+        return False
+    first = float(cells.columns[at][0].replace(",", "."))
+    return any(_SINCE_1970[0] * factor <= first <= _SINCE_1970[1] * factor for _, factor in _EPOCHS)
+
+
+def _counts(cells: Cells, at: int) -> bool:
+    """Whether a column has a unit of time in its header and numbers below that rise."""
+    return name_and_unit(cells.header[at])[1] in ("s", "ms", "us", "ns", "min", "h", "d") and _rises(cells, at)
+
+
+def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_text: str | None, given: bool = False) -> Times:
+    """Return the times of a log.
+
+    Numbers, ISO 8601 stamps, dates by day, month and year, and clock times are recognised by their form; any other stamp needs `form`, a
+    format of `datetime.strptime`. Numbers that only times since 1970 can be are read as such, in s, ms, us or ns. The order of day and
+    month is that which the whole column allows: times do not run back, and no day is missing.
+
+    Parameters
+    ----------
+    cells, clock : Cells, Clock   The log and its time column.
+    decimal : str                 Decimal sign.
+    form : str or None            Form of the stamps.
+    unit_text : str or None       Unit of the numbers.
+    given : bool                  Whether the unit was asked for and does not stand in the file.
+
+    Raises
+    ------
+    RecordError   When a time is missing or cannot be read, times run back, or two readings give different times.
+    """
+    column, name = clock.texts, clock.name
+    parsed = numbers(column, decimal) if form is None else 0
+    if isinstance(parsed, int) or np.isnan(parsed).any():
+        for row, cell in enumerate(column):
+            if cell.strip().lower() in MISSING:
+                raise RecordError("this line has no time. Take it out, or mend the log.", cells.where(row, name))
+    if isinstance(parsed, np.ndarray):
+        found = _counted(cells, clock, parsed, unit_text, given)
+    elif form is None and parsed > 0:
+        raise RecordError(f"'{column[parsed]}' is text; the lines above it have times in numbers.", cells.where(parsed, name))
+    else:
+        found = _stamped(cells, clock, form)
+    back = np.flatnonzero(np.diff(found.values) < 0)
+    if back.size:
+        row = int(back[0]) + 1
+        hour = " A step of one hour back is the end of summer time." if 3000 < found.values[row - 1] - found.values[row] <= 3660 else ""
+        raise RecordError(
+            f"time runs back here, from {column[row - 1].strip()} to {column[row].strip()}.{hour} "
+            "Sort the log, or read its parts as records of their own.",
+            cells.where(row, name),
+        )
+    return found
+
+
+def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | None, given: bool) -> Times:
+    """Return times that are numbers."""
+    name = clock.name
+    odd = np.flatnonzero(~np.isfinite(parsed))
+    if odd.size:
+        raise RecordError(f"'{clock.texts[odd[0]]}' is no time.", cells.where(int(odd[0]), name))
+    since = next((text for text, factor in _EPOCHS if _SINCE_1970[0] * factor <= parsed[0] <= _SINCE_1970[1] * factor), None)
+    if since is not None and unit_text in (None, since):
+        factor = dict(_EPOCHS)[since]
+        start = datetime.fromtimestamp(float(parsed[0]) / factor, UTC).isoformat()
+        # the difference is taken first: a float has no room for the nanoseconds of fifty years
+        values = (
+            np.array([int(t) - int(clock.texts[0]) for t in clock.texts]) / factor if _whole(clock.texts) else (parsed - parsed[0]) / factor
+        )
+        said = (f"times read as {since} since 1970, from {start}",) if since != "s" else ()
+        return Times(values, start, said, f"{since} since 1970", "UTC")
+    factor = _factor(cells, name, unit_text)
+    if since is not None and not given and parsed[0] * factor > _LONGEST * 5:
+        raise RecordError(
+            f"{clock.texts[0].strip()} in {unit_text} is {duration_text(float(parsed[0]) * factor)}, and looks like {since} since 1970. "
+            f"Give units={{'{name}': '{since}'}}.",
+            cells.where(0, name),
+        )
+    if unit_text is None:
+        _refuse_serial_days(parsed, cells, name)
+    values = parsed * factor
+    return Times(values, cells.start, _questioned(values, cells, name, unit_text, given), unit_text or _unit_of_name(name))
+
+
+def _unit_of_name(name: str) -> str:
+    return "s" if name.lower().endswith(("_s", "seconds")) else "seconds, no unit in the log"
+
+
+def _whole(texts: Sequence[str]) -> bool:
+    return all(each.strip().isdigit() for each in texts)
+
+
+def _questioned(times: FloatArray, cells: Cells, name: str, unit_text: str | None, given: bool) -> tuple[str, ...]:
+    """Refuse a step or length that no thermal test has, unless its unit was asked for; return a remark on one that few have."""
+    step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    length = float(times[-1] - times[0])
+    shown = f"a step of {duration_text(step)} and a length of {duration_text(length)}"
+    if not given and (length > _LONGEST or (unit_text is None and step >= _DAY)):
+        said = f"in {unit_text}" if unit_text else "in seconds, because it names no unit,"
+        raise RecordError(
+            f"read {said} it has {shown}, which no test of heat has. Give its unit: units={{'{name}': 'ms'}}, or 's' if that is right.",
+            cells.where(None, name),
+        )
+    if unit_text is None and step > _SLOW:
+        return (f"'{name}' names no unit and was read in seconds: {shown}",)
+    return (f"a sample every {step:g} s is faster than temperatures change; check the unit of '{name}'",) if 0.0 < step < _FAST else ()
+
+
+def _factor(cells: Cells, name: str, unit_text: str | None) -> float:
+    """Return the seconds in one step of the time column's unit."""
+    if unit_text is None:
+        tail = name.rpartition("_")[2] if "_" in name else name
+        if tail in ("min", "h"):
+            raise RecordError(
+                f"its name ends in '{tail}', and without a unit it would be read in seconds. Give units={{'{name}': '{tail}'}} or 's', or "
+                f"write it into the header: '{name} [{tail}]'.",
+                cells.where(None, name),
+            )
+        return 1e-3 if tail in ("ms", "millis", "millis()") else 1.0
+    try:
+        of = unit(unit_text)
+        require(of.dimension, "s", unit_text, of.absolute)
+    except ThermidError as error:
+        raise error.located(cells.where(None, name)) from None
+    return float(of.factor)
+
+
+def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
+    """Refuse times that look like days of a spreadsheet (since 1900) or of MATLAB (since year 0): less than an hour apart as days."""
+    first, last = float(times[0]), float(times[-1])
+    if not 0.0 < last - first < 0.04 * (times.size - 1):
+        return
+    for kind, low, high, zero in (("a spreadsheet's day", 25000.0, 80000.0, 0.0), ("MATLAB's day", 715000.0, 770000.0, 693960.0)):
+        if low < first < high:
+            day = datetime(1899, 12, 30) + timedelta(days=first - zero)
+            raise RecordError(
+                f"{first:g} looks like {kind} ({day:%Y-%m-%d %H:%M}), and would be read in seconds. "
+                f"Give units={{'{name}': 'd'}} or 's', or write it into the header: '{name} [d]'.",
+                cells.where(0, name),
+            )
+
+
+def _stamped(cells: Cells, clock: Clock, form: str | None) -> Times:
+    """Return times that are stamps, from the first."""
+    column, first = clock.texts, clock.texts[0].strip()
+    zone = zone_of_header(clock.header)
+    if form is not None:
+        return Times(_by_form(cells, clock, form), first, (), form, zone)
+    if CLOCK.match(first):
+        return Times(_clock_times(cells, column, clock.name), first, (), "clock times", zone)
+    if HALF_DAY_CLOCK.match(first):
+        return Times(
+            _past_midnight(np.array([_half_day(cells, clock, row) for row in range(len(column))])), first, (), "clock times, AM/PM", zone
+        )
+    if NUMERIC.match(first) and not is_iso(first):
+        values, order, said = _by_order(cells, clock)
+        return Times(values, first, said, order, zone or zone_of_stamp(first))
+    return Times(*_plain_stamps(cells, clock), zone=zone or zone_of_stamp(first))
+
+
+def stamp_seconds(texts: Sequence[str], file: str = "") -> tuple[FloatArray, str | None]:
+    """Return stamps or numbers of any known form as times on one axis, unsorted, and the decimal-free kind. [s]
+
+    Raises
+    ------
+    RecordError   When one is no time, or day and month cannot be told.
+    """
+    cells = Cells(file, ("time",), [tuple(texts)], list(range(1, len(texts) + 1)), ())
+    parsed = numbers(tuple(texts), ".")
+    clock = Clock((0,), "time", "time", tuple(texts), None)
+    if isinstance(parsed, np.ndarray):
+        since = next((factor for _, factor in _EPOCHS if _SINCE_1970[0] * factor <= parsed[0] <= _SINCE_1970[1] * factor), 1.0)
+        return parsed / since, None
+    if NUMERIC.match(texts[0].strip()) and not is_iso(texts[0].strip()):
+        return _by_order(cells, clock, sort=True)[0], None
+    return _plain_stamps(cells, clock)[0], None
+
+
+def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArray, str, tuple[str, ...]]:
+    """Return seconds from the first stamp of dates in numbers, the order of day, month and year, and a note."""
+    matches = []
+    for row, cell in enumerate(clock.texts):
+        match = NUMERIC.match(cell.strip())
+        if match is None:
+            raise RecordError(f"'{cell}' is no stamp as the first line has: '{clock.texts[0].strip()}'.", cells.where(row, clock.name))
+        matches.append(match)
+    seconds = np.array([of_day(match) for match in matches])
+    german = matches[0]["sign"] == "." and len(matches[0]["a"]) <= 2
+    kept: dict[str, FloatArray] = {}
+    days: dict[tuple[str, ...], int | None] = {}
+    for order, (y, m, d) in ORDERS.items():
+        if german and order != "day/month/year":
+            continue
+        fields = [(match[y], match[m], match[d]) for match in matches]
+        for key in dict.fromkeys(fields):
+            days[key] = day_number(*key)
+        read = [days[key] for key in fields]
+        if None in read:
+            continue
+        values = np.array(read, dtype=np.float64) * _DAY + seconds
+        values = np.round(values - values[0], 9)
+        if sort or not np.any(np.diff(values) < 0):
+            kept[order] = values
+    if not kept:
+        raise RecordError(
+            f"no order of day, month and year makes times of this column that do not run back: '{clock.texts[0].strip()}' to "
+            f"'{clock.texts[-1].strip()}'. Sort the log, or give clock='%d/%m/%Y %H:%M:%S' or what it is.",
+            cells.where(0, clock.name),
+        )
+    order = _chosen(cells, clock, kept)
+    if german or len(matches[0]["a"]) > 2:
+        return kept[order], order, ()
+    open_ = len(kept) > 1 and all(np.array_equal(values, kept[order]) for values in kept.values())
+    said = f"day and month of the stamps are open ({' or '.join(kept)}); the times are the same" if open_ else f"stamps read as {order}"
+    return kept[order], " or ".join(kept) if open_ else order, (said,)
+
+
+def _chosen(cells: Cells, clock: Clock, kept: dict[str, FloatArray]) -> str:
+    """Return the only order that is left, or the one in which no day is missing where the others have leaps."""
+    first = next(iter(kept.values()))
+    if len(kept) == 1:
+        return next(iter(kept))
+    if all(np.array_equal(values, first) for values in kept.values()):
+        return next(iter(kept))  # within a day their order does not count
+    steps = {order: np.sort(np.diff(np.unique(values))) for order, values in kept.items()}
+    whole = [order for order, step in steps.items() if step.size and step[-1] <= 5.0 * max(step[(step.size - 1) // 2], 1.0)]
+    alike = {tuple(kept[order][[0, -1]]) for order in whole}
+    if whole and len(alike) == 1 and len(whole) < len(kept):
+        return whole[0]
+    raise RecordError(
+        f"'{clock.texts[0].strip()}' to '{clock.texts[-1].strip()}': {' and '.join(kept)} both fit and give different times. "
+        f"Give clock='{_form(clock.texts[0], 'day/month/year')}' or clock='{_form(clock.texts[0], 'month/day/year')}'.",
+        cells.where(0, clock.name),
+    )
+
+
+def _form(text: str, order: str) -> str:
+    """Return the format of `datetime.strptime` of a stamp."""
+    match = NUMERIC.match(text.strip())
+    assert match is not None
+    sign = match["sign"]
+    year = "%Y" if len(match["c"]) == 4 else "%y"
+    out = sign.join(("%d", "%m", year) if order.startswith("day") else ("%m", "%d", year))
+    if match["h"] is None:
+        return out
+    between = text.strip()[match.end("c") : match.start("h")]
+    hours = ("%I" if match["half"] else "%H") + ":%M" + (":%S" if match["s"] else "")
+    hours += f"{text.strip()[match.start('f') - 1]}%f" if match["f"] else ""
+    return out + between + hours + (" %p" if match["half"] else "")
+
+
+def _clock_times(cells: Cells, column: tuple[str, ...], name: str) -> FloatArray:
+    """Return seconds from the first clock time; a step back of more than half a day passes midnight."""
+    out = np.empty(len(column))
+    for row, cell in enumerate(column):
+        match = CLOCK.match(cell.strip())
+        if match is None:
+            raise RecordError(f"'{cell}' is no clock time HH:MM:SS, as the first line has.", cells.where(row, name))
+        out[row] = 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
+    return _past_midnight(out)
+
+
+def _half_day(cells: Cells, clock: Clock, row: int) -> float:
+    match = HALF_DAY_CLOCK.match(clock.texts[row].strip())
+    if match is None:
+        raise RecordError(f"'{clock.texts[row]}' is no clock time with AM or PM, as the first line has.", cells.where(row, clock.name))
+    hour = int(match[1]) % 12 + (12 if match[4] in "Pp" else 0)
+    return 3600.0 * hour + 60.0 * int(match[2]) + float((match[3] or "0").replace(",", "."))
+
+
+def _past_midnight(of_day: FloatArray) -> FloatArray:
+    """Return times that go on past midnight, from zero; hours above 23 show a stopwatch, which has no midnight."""
+    nights = np.cumsum(np.diff(of_day, prepend=of_day[0]) < -_HALF_DAY)
+    days = nights.astype(np.float64) * (2 * _HALF_DAY if of_day.max() < 2 * _HALF_DAY else 0.0)
+    times: FloatArray = np.round(of_day + days - of_day[0], 9)
+    return times
+
+
+def _plain_stamps(cells: Cells, clock: Clock) -> tuple[FloatArray, str, tuple[str, ...], str]:
+    """Return seconds from the first stamp, and what `Times` holds beside them."""
+    column, name = clock.texts, clock.name
+    stamps: list[datetime] = []
+    for row, cell in enumerate(column):
+        try:
+            stamps.append(one_stamp(cell.strip()))
+        except ValueError:
+            hint = "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'."
+            raise RecordError(
+                f"'{cell}' is no time that is known: seconds, an ISO 8601 stamp, or HH:MM:SS. {hint}", cells.where(row, name)
+            ) from None
+        if (stamps[row].tzinfo is None) != (stamps[0].tzinfo is None):
+            raise RecordError(
+                f"'{cell}' and the first stamp differ in that one has a time zone. Write all with it, or none.", cells.where(row, name)
+            )
+    return np.array([(each - stamps[0]).total_seconds() for each in stamps]), column[0].strip(), (), "stamps"
+
+
+def _by_form(cells: Cells, clock: Clock, form: str) -> FloatArray:
+    """Return seconds from the first stamp of a form that was asked for."""
+    stamps: list[datetime] = []
+    for row, cell in enumerate(clock.texts):
+        try:
+            stamps.append(datetime.strptime(cell.strip(), form))
+        except ValueError as error:
+            raise RecordError(f"'{cell}' does not have the form clock='{form}' ({error}).", cells.where(row, clock.name)) from None
+        if (stamps[row].tzinfo is None) != (stamps[0].tzinfo is None):
+            raise RecordError(
+                f"'{cell}' and the first stamp differ in that one has a time zone. Write all with it, or none.",
+                cells.where(row, clock.name),
+            )
+    if not any(sign in form for sign in ("%d", "%j", "%c", "%x")):
+        return _past_midnight(
+            np.array([each.hour * 3600.0 + each.minute * 60.0 + each.second + each.microsecond * 1e-6 for each in stamps])
+        )
+    return np.array([(each - stamps[0]).total_seconds() for each in stamps])

@@ -1,0 +1,454 @@
+"""The cells of a text log, with their line numbers. What cannot be told from the file is asked for, never guessed."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import gzip
+import io
+import re
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from thermid import files
+from thermid.errors import MissingDataError, RecordError, nearest
+from thermid.measure.record.sensor import SensorCertificate
+from thermid.units import counted
+
+MISSING: Final = frozenset({"", "nan", "na", "n/a", "null"})
+"""Cells that stand for a missing number, in any case of letters. A dash is none: in real logs it shows columns that have slipped."""
+
+LARGEST_UNPACKED: Final = 200_000_000
+"""Bytes that a packed log may have: some megabytes can hold what no memory does."""
+_SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
+_LOOKED_AT = 500
+_TIMELY: Final = re.compile(r"\d:[0-5]\d|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}")
+"""What cells with a date or a clock time hold."""
+_DONE: Final = frozenset("|smp|avg|max|min|std|tot|med|mean|last|sample".split("|"))
+"""What a logger did with its samples, as a row below the units says it."""
+_UNIT_CELL: Final = re.compile(
+    r"[\[({]?(?:[°º˚]\s*[CFK]|deg[ ._]?[CFK]|[CFKWVA%s]|[mµuk]W|[mµuk]V|[mµu]A|[mµun]s|sec|min|h|hrs?|TS|RN|[kMh]?Pa|mbar|bar|m/s"
+    r"|m/s\^2|W/m[\^²]?2?|mg/m3|g/m3|%RH|rpm|ohms?|Ω|l/min|arb|degC|degF|Celsius|Volts?|Watts?|YYYY.*|dd.*|hh:mm.*|HH:MM.*|datetime|unit)[\])}]?\Z"
+)
+"""Cells of a row of units."""
+_MEND: Final = "Mend it, put '#' before it, or give the separator."
+_LEAD: Final = frozenset({"", "#", " ", "\t", "\f"})
+"""How a line may begin that holds no cells."""
+_CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\r\f")) + b"\x7f"
+"""Signs that no text log has."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a log is laid out.
+
+    Parameters
+    ----------
+    format : str       Name of the format.
+    encoding : str     Encoding of its text; empty where it is no text.
+    separator : str    Separator of its columns in words.
+    preamble : int     Lines above the header that hold no samples.
+    units_row : bool   Whether units stand in a row of their own.
+    """
+
+    format: str = "text"
+    encoding: str = "UTF-8"
+    separator: str = ""
+    preamble: int = 0
+    units_row: bool = False
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The cells of a log.
+
+    Parameters
+    ----------
+    file : str                       Name of the file.
+    header : tuple of str            Names as written.
+    columns : list of tuples of str  Cells by column, in file order.
+    lines : list of int              Line number of each row.
+    notes : tuple of str             What a reader must know: encoding, separator, a dropped line.
+    synthetic : bool                 Whether its first lines say so.
+    reasons : mapping                Rows that are masked, by column and reason; of a log that names its faults.
+    resolution : mapping             Step of a sensor, as text, where the log itself says it, by column.
+    certificates : mapping           The same for its certificate.
+    prompt : frozenset of str        Columns with a row at every change.
+    commas : bool                    Whether a cell may hold a comma.
+    time : str                       Name of the time column, where the format itself says it.
+    start : str or None              When the times begin, where they are numbers and the format says it.
+    layout : Layout                  How the cells stand in the file, for a reader.
+    """
+
+    file: str
+    header: tuple[str, ...]
+    columns: list[tuple[str, ...]]
+    lines: list[int]
+    notes: tuple[str, ...]
+    synthetic: bool = False
+    reasons: Mapping[str, Mapping[str, list[int]]] = field(default_factory=dict)
+    resolution: Mapping[str, str] = field(default_factory=dict)
+    certificates: Mapping[str, SensorCertificate] = field(default_factory=dict)
+    prompt: frozenset[str] = frozenset()
+    commas: bool = True
+    time: str = ""
+    start: str | None = None
+    layout: Layout = field(default_factory=lambda: Layout())
+
+    def where(self, row: int | None = None, column: str = "") -> str:
+        """Return a place for a message: file, line, column."""
+        line = "" if row is None else f":{self.lines[row]}"
+        return f"{self.file}{line}" + (f", column '{column}'" if column else "")
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, with a point or a comma."""
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _holds_cells(line: str) -> bool:
+    return bool(line.strip()) and not line.lstrip().startswith("#")
+
+
+def _plain_header(line: str, mark: str) -> str:
+    """Return a header without its quotation marks, where no name needs them."""
+    if line.count('"') % 2:
+        return line
+    try:
+        names = next(csv.reader([line], delimiter=mark), [])
+    except csv.Error:  # a name without end; the reader of rows says so
+        return line
+    plain = mark.join(names)
+    return plain if '"' not in plain and plain.count(mark) == len(names) - 1 else line
+
+
+def _columns(lines: list[tuple[int, str]], mark: str) -> list[tuple[str, ...]] | None:
+    """Return the columns, header included, of lines without quotation marks that all have as many cells; None where they do not."""
+    if len({line.count(mark) for _, line in lines}) != 1:
+        return None
+    cells = mark.join([line for _, line in lines]).split(mark)
+    width = lines[0][1].count(mark) + 1
+    return [tuple(cells[k::width]) for k in range(width)]
+
+
+def read_cells(data: bytes, file: str, separator: str | None) -> Cells:
+    """Return the cells of a log: commas, semicolons or tabs; lines that are blank or start with '#' left out.
+
+    Lines above the header (a preamble) are passed over where the samples below have another number of columns, and a row of units below the
+    header is joined to it.
+
+    Raises
+    ------
+    RecordError   When it is empty, binary, has no samples, or its columns cannot be told.
+    """
+    text, notes = decoded(data, file)
+    return cells_of_text(text, file, separator, notes)
+
+
+def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[str] = ()) -> Cells:
+    """Return the cells of a text with plain line ends; see `read_cells`."""
+    notes = list(notes)
+    whole = text.endswith("\n")
+    every = list(enumerate(text.split("\n"), 1))
+    lines = [(number, line) for number, line in every if line[:1] not in _LEAD or _holds_cells(line)]
+    if not lines:
+        raise RecordError("the file is empty." if not text.strip() else "the file has only comments.", file)
+    above, lines, mark = _below_preamble(lines, separator)
+    mark = mark or _separator(lines, separator, file)
+    lines[0] = (lines[0][0], _plain_header(lines[0][1], mark))
+    columns = None if any('"' in line for _, line in lines) else _columns(lines, mark)
+    if columns is None:
+        rows, numbers = _rows(lines, mark, file)
+    else:  # all lines have as many cells, so the first three and the last two tell the rest
+        rows, numbers = list(map(list, zip(*((*c[:3], *c[3:][-2:]) for c in columns), strict=True))), [number for number, _ in lines]
+    if above:
+        notes.append(f"{counted(above, 'line')} above the header in line {numbers[0]} passed over")
+    if all(is_number(name) for name in rows[0]):
+        names = _comment_above(every, numbers[0], mark, len(rows[0]))
+        if names is None:
+            raise RecordError(
+                "the first line holds numbers; a header line with the names of the columns is needed above it.", f"{file}:{numbers[0]}"
+            )
+        rows, numbers = _rows(lines, mark, file)
+        rows, numbers, columns = [names, *rows], [numbers[0] - 1, *numbers], None
+        notes.append("the header was read from the comment above the samples")
+    width = len(rows[0])
+    if rows[0][-1].strip() == "" and len(rows) > 1 and len(rows[1]) == width - 1:
+        rows[0], width, columns = rows[0][:-1], width - 1, None  # a header that ends with a separator
+    header, extra = with_units_row(rows)
+    if extra:
+        notes.append(
+            f"line {numbers[extra]}: a row of units below the header"
+            if header.units
+            else f"line {numbers[extra]} below the header holds no samples"
+        )
+    rows, numbers = [rows[0], *rows[extra + 1 :]], [numbers[0], *numbers[extra + 1 :]]
+    rows, numbers = rows[1:], numbers[1:]
+    rows, cut = _without_cut_line(rows, width, whole)
+    if cut:
+        notes.append(f"line {numbers[-1]}, the last one, is cut short and was dropped")
+        numbers = numbers[:-1]
+    if columns is not None:
+        columns = [column[extra + 1 : len(numbers) + extra + 1] for column in columns]
+    if not rows:
+        raise RecordError("there is a header and no samples below it.", file)
+    for row, number in zip(rows, numbers, strict=False):
+        if len(row) != width:
+            twice = mark == "," and len(row) == 2 * width
+            hint = "Commas seem to be the decimal sign too: export the log with semicolons." if twice else _MEND
+            raise RecordError(f"{len(row)} columns stand in this line, {width} in the header. {hint}", f"{file}:{number}")
+    synthetic = any(line.lstrip().startswith("#") and "SYNTHETIC" in line for line in text.split("\n", 20)[:20])
+    commas = columns is None or mark != ","
+    layout = Layout(separator=_SEPARATORS.get(mark, mark), preamble=above, units_row=header.units, encoding=_encoding(notes))
+    return Cells(
+        file, header.names, columns or list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic, commas=commas, layout=layout
+    )
+
+
+def _encoding(notes: Sequence[str]) -> str:
+    return next((note.split()[2].rstrip(",") for note in notes if note.startswith("read as ")), "UTF-8")
+
+
+class Header(NamedTuple):
+    """Names of columns, with their units where a row of units stands below, and whether one does."""
+
+    names: tuple[str, ...]
+    units: bool
+
+
+def with_units_row(rows: Sequence[Sequence[str]]) -> tuple[Header, int]:
+    """Return the header, and how many rows below it are none of samples: units, and what a logger did (Avg, Smp)."""
+    names = tuple(name.strip() or f"column {at}" for at, name in enumerate(rows[0], 1))
+    extra, units = 0, False
+    for row in rows[1:3]:
+        texts = [cell.strip() for cell in row]
+        if len(row) != len(names) or any(is_number(text) or _TIMELY.search(text) for text in texts) or len(rows) <= extra + 2:
+            break
+        if all(text.lower() in _DONE for text in texts):
+            extra += 1
+        elif not extra and sum(bool(_UNIT_CELL.match(text)) for text in texts) >= 0.5 * sum(bool(text) for text in texts) > 0:
+            names = tuple(_with_unit(name, text) for name, text in zip(names, texts, strict=True))
+            extra, units = 1, True
+        else:
+            break
+    return Header(names, units), extra
+
+
+def _with_unit(name: str, text: str) -> str:
+    """Return a name with the unit of the row below; words of loggers that stand for no unit are left out."""
+    plain = text.strip("[](){} ")
+    return name if not plain or plain.upper() in ("TS", "RN") or name.endswith(f"[{plain}]") else f"{name} [{plain}]"
+
+
+def _below_preamble(lines: list[tuple[int, str]], separator: str | None) -> tuple[int, list[tuple[int, str]], str | None]:
+    """Return how many lines stand above the header, the lines from there on, and their separator where a preamble was passed over.
+
+    The samples are the longest run of lines with as many cells, numbers or stamps among them; the header is the nearest line above with
+    as many cells and without numbers. A first line that is as wide as the samples is the header itself.
+    """
+    looked = lines[:_LOOKED_AT]
+    found: list[tuple[int, int, int, str]] = []
+    for mark in _SEPARATORS if separator is None else [separator]:
+        if len(mark) != 1 or mark in '"\r\n':
+            return 0, lines, None
+        split = _cells_of_lines(looked, mark)
+        start, length = _longest_run(split)
+        if length > 1:
+            if _wordy(split[0]) and len(split[0]) in (len(split[start]), len(split[start]) + 1) and start < 4:
+                return 0, lines, None  # the usual file: a header, and samples below
+            found.append((length * len(split[start]), start, _header_above(split, start), mark))
+    _, _, head, mark = max(found, default=(0, 0, -1, ""))
+    return (0, lines, None) if head < 1 else (lines[head][0] - 1, lines[head:], mark)
+
+
+def _comment_above(every: list[tuple[int, str]], first: int, mark: str, width: int) -> list[str] | None:
+    """Return the names of the columns where the line above the samples is a comment with as many."""
+    if first < 2:
+        return None
+    line = every[first - 2][1].strip()
+    names = [name.strip() for name in line.lstrip("#%; ").split(mark)]
+    return names if line.startswith("#") and len(names) == width and not any(is_number(name) for name in names) else None
+
+
+def _cells_of_lines(lines: list[tuple[int, str]], mark: str) -> list[list[str]]:
+    """Return the cells of each line by itself; a quotation mark out of place divides nothing."""
+    out = []
+    for _, line in lines:
+        if '"' not in line:
+            out.append(line.split(mark))
+            continue
+        try:
+            out.append(next(csv.reader([line], delimiter=mark), []))
+        except csv.Error:
+            out.append([line])
+    return out
+
+
+def _holds_samples(row: Sequence[str]) -> bool:
+    return len(row) > 1 and any(is_number(cell) for cell in row)
+
+
+def _longest_run(rows: list[list[str]]) -> tuple[int, int]:
+    """Return the first line and the length of the longest run of lines with as many cells and a number in each."""
+    best, start = (0, 0), 0
+    for at in range(len(rows) + 1):
+        inside = at < len(rows) and _holds_samples(rows[at]) and (at == start or len(rows[at]) == len(rows[start]))
+        if not inside:
+            if at - start > best[1]:
+                best = (start, at - start)
+            start = at if at < len(rows) and _holds_samples(rows[at]) else at + 1
+    return best
+
+
+def _header_above(rows: list[list[str]], start: int) -> int:
+    """Return the nearest line above the samples that can be their header, or -1; rows of units between do not count."""
+    near = [at for at in range(start - 1, max(start - 4, -1), -1) if len(rows[at]) in (len(rows[start]), len(rows[start]) + 1)]
+    wordy = [at for at in near if _wordy(rows[at])]
+    if not wordy:
+        return -1
+    block = [wordy[0]]
+    for at in wordy[1:]:
+        if at == block[-1] - 1 and with_units_row([rows[at], rows[block[-1]], rows[start], rows[start]])[1]:
+            block.append(at)
+        else:
+            break
+    # of a header, a row of units and a row of what was done, the header is the highest
+    return next(
+        (at for at in reversed(block) if at + with_units_row([rows[at], *rows[at + 1 : start + 1], rows[start]])[1] + 1 >= start), block[0]
+    )
+
+
+def _wordy(row: Sequence[str]) -> bool:
+    """Whether a line holds names: no number or stamp among its cells, and half of them at least are not empty."""
+    return not any(is_number(cell) or (cell.lstrip()[:1].isdigit() and _TIMELY.search(cell)) for cell in row) and 2 * sum(
+        bool(cell.strip()) for cell in row
+    ) >= len(row)
+
+
+def read_bytes(place: Path) -> bytes:
+    """Return the bytes of a file, unpacked where it is packed by gzip.
+
+    Raises
+    ------
+    MissingDataError   When it does not exist.
+    RecordError        When it is a folder, or a damaged gzip file.
+    """
+    if not place.exists():
+        near = (
+            nearest(place.name, [each.name for each in place.parent.iterdir()])
+            if place.parent.is_dir()
+            else " Its folder does not exist either."
+        )
+        raise MissingDataError(f"there is no such file.{near} Check the path, or fetch the log first.", str(place))
+    if place.is_dir():
+        raise RecordError("this is a folder; the path of one log is needed.", str(place))
+    data = files.read_bytes(place)
+    if data[:2] == b"\x1f\x8b":
+        try:
+            with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
+                data = packed.read(LARGEST_UNPACKED + 1)
+        except (EOFError, OSError, zlib.error) as error:
+            raise RecordError(f"the gzip file is damaged or cut short ({error}). Fetch it again.", place.name) from None
+        if len(data) > LARGEST_UNPACKED:
+            raise RecordError(
+                f"it unpacks to more than {LARGEST_UNPACKED / 1e6:.0f} MB. If that is right, unpack it and give the plain file.", place.name
+            )
+    return data
+
+
+def decoded(data: bytes, file: str) -> tuple[str, list[str]]:
+    """Return the text of a file with plain line ends, and notes on how it was read."""
+    text, notes = _decoded(data, file)
+    return text.replace("\r\n", "\n").replace("\r", "\n"), notes
+
+
+def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
+    """Return the text of some bytes.
+
+    Raises
+    ------
+    RecordError   When they hold what no text holds.
+    """
+    binary = "this is a binary file, not a text log" + (" (a workbook or archive)" if data[:2] == b"PK" else "") + ". Export it as CSV."
+    try:
+        if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+            text, notes = data.decode("utf-16"), ["read as UTF-16"]
+        else:
+            text, notes = data.decode("utf-8-sig"), []
+    except UnicodeDecodeError:
+        # older loggers write the degree sign in Latin-1, which takes any byte; control characters still show a binary file
+        text, notes = data.decode("latin-1"), ["read as Latin-1, because it is not UTF-8"]
+    plain = text.encode() if notes == ["read as UTF-16"] else data
+    if len(plain.translate(None, _CONTROL)) < len(plain):
+        raise RecordError(binary, file)
+    return text, notes
+
+
+def _split(lines: list[tuple[int, str]], mark: str) -> list[int]:
+    """Return the number of columns of each line."""
+    try:
+        return [len(row) for row in csv.reader((line for _, line in lines), delimiter=mark)]
+    except csv.Error:
+        return []
+
+
+def _separator(lines: list[tuple[int, str]], given: str | None, file: str) -> str:
+    """Return the separator: as given, or the only one that gives every line as many columns as the header.
+
+    Raises
+    ------
+    RecordError   When none or several do.
+    """
+    if given is not None:
+        if len(given) != 1 or given in '"\r\n':
+            raise RecordError(f"separator {given!r} is not one character, such as ',' or ';' or '\\t'.", file)
+        return given
+    # the last line of a log is often cut short
+    looked = lines[:_LOOKED_AT] if len(lines) > _LOOKED_AT else lines[: max(2, len(lines) - 1)]
+    counts = {mark: found for mark in _SEPARATORS if (found := _split(looked, mark)) and found[0] > 1}
+    if not counts:
+        raise RecordError(
+            f"no comma, semicolon or tab divides the header '{lines[0][1][:60]}'. Give separator='...'.", f"{file}:{lines[0][0]}"
+        )
+    even = [mark for mark, found in counts.items() if all(count == found[0] for count in found)]
+    # one bad line must not hide the separator: it is named later, with its number
+    usual = even or [mark for mark, found in counts.items() if sum(count == found[0] for count in found) > 0.5 * len(found)] or list(counts)
+    if len(usual) == 1:
+        return usual[0]
+    names = " and ".join(f"{_SEPARATORS[mark]} ({counts[mark][0]} columns)" for mark in usual)
+    raise RecordError(
+        f"the separator is ambiguous: {names} both fit. Give separator='{usual[0] if usual[0] != chr(9) else chr(92) + 't'}' or the other.",
+        file,
+    )
+
+
+def _rows(lines: list[tuple[int, str]], mark: str, file: str) -> tuple[list[list[str]], list[int]]:
+    """Return the rows and their line numbers."""
+    reader = csv.reader((line for _, line in lines), delimiter=mark, strict=True)
+    rows, numbers = [], []
+    try:
+        for row in reader:
+            rows.append(row)
+            numbers.append(lines[reader.line_num - 1][0])
+    except csv.Error as error:
+        at = lines[min(len(rows), len(lines) - 1)][0]
+        raise RecordError(f"a quotation mark is out of place ({error}). Mend the line.", f"{file}:{at}") from None
+    return rows, numbers
+
+
+def _without_cut_line(rows: list[list[str]], columns: int, whole: bool) -> tuple[list[list[str]], bool]:
+    """Drop the last row where writing stopped in the middle: columns are missing, or no line end follows and its last cell is no number."""
+    if not rows:
+        return rows, False
+    last = rows[-1]
+    cut = len(last) < columns
+    if not cut and not whole and len(rows) > 1 and len(last) == len(rows[-2]):
+        cut = is_number(rows[-2][-1]) and not is_number(last[-1]) and last[-1].strip().lower() not in MISSING
+    return (rows[:-1], True) if cut else (rows, False)
