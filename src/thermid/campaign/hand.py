@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import DeckError, ThermidError
-from thermid.fit.problem.unknowns import Unknown, parameter_unknown
+from thermid.fit.problem.unknowns import parameter_unknown
 from thermid.knowledge.sources import LeftOut, LogNormal, Normal, Source, Uniform, read_spread
 from thermid.knowledge.store import State, Store, ValueOrigin, graft
 from thermid.knowledge.values import FittedValues, load_store, read_values, values_of
@@ -92,15 +92,11 @@ def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: Va
     size = law.log_sd if isinstance(law, LogNormal) and u.log else size
     shape = UNIT if isinstance(law, Uniform) else Normal()
     words = f"{path}, tuned by hand at stage '{origin.stage}'"
-    deck = deck_text(entry)
+    deck, start = deck_text(entry), float(values.evaluate({}, [path])[path])
     state = State(
-        path, value, u.log, u.unit, (u.low, u.high), origin, "parameter", (path,), deck=deck, start=_start(u, values), known=law is not None
+        path, value, u.log, u.unit, (u.low, u.high), origin, "parameter", (path,), deck=deck, start=start, known=law is not None
     )  # fmt: skip
     return state, Source(f"{origin.key[:16]}:{path}", "stated", shape, words), size
-
-
-def _start(u: Unknown, values: ParameterSet) -> float:
-    return float(values.evaluate({}, [u.name])[u.name])
 
 
 @dataclass(frozen=True, eq=False)

@@ -215,15 +215,11 @@ def places_of(source: CampaignSource, levels: Sequence[Level], top: str) -> dict
                         out[below].append(here)
     for level in levels:
         if level.name not in out:
-            same = [
-                prefix for prefix, definition in instances(models[top]) if definition == _bare_identity(source, tables[level.name].model)
-            ]
+            deck = tables[level.name].model
+            own = definition_of(source.model(deck, deck))
+            same = [prefix for prefix, definition in instances(models[top]) if definition == own]
             out[level.name] = same or [f"{level.name}: "]
     return {level.name: tuple(out[level.name]) for level in levels}
-
-
-def _bare_identity(source: CampaignSource, deck: str) -> str:
-    return definition_of(source.model(deck, deck))
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,7 +300,11 @@ def fit_jointly(
     shared = shared_parameters(source, levels, top, {n: done[n] for n in chosen} if staged else {})
     shared = _unfrozen(shared, table.freeze, where)
     running = [level for level in levels if level.request.records]
-    problems = [problem_for(_bare(level.request, shared.paths_in(level))) for level in running]
+    # every shared path free by itself, and nothing of what stages were told by others
+    problems = [
+        problem_for(replace(one.request, free=tuple(shared.paths_in(one)), untie=True, store=Store(), prior=(), priors={}))
+        for one in running
+    ]
     unknowns = _merged(running, problems, shared, done if staged else {})
     unknowns = _with_priors(unknowns, levels, shared, table, where)
     experiments = tuple(e for p in problems for e in p.experiments)
@@ -387,11 +387,6 @@ def _listed(several: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
     for who, path in several:
         out.setdefault(who, []).append(f"'{path}'")
     return [(who, ", ".join(paths)) for who, paths in out.items()]
-
-
-def _bare(request: Request, paths: Sequence[str]) -> Request:
-    """Return a stage's request with every shared path free by itself, and nothing of what it was told by others."""
-    return replace(request, free=tuple(paths), untie=True, store=Store(), prior=(), priors={})
 
 
 def _merged(levels: Sequence[Level], problems: Sequence[Problem], shared: Shared, done: Mapping[str, Calibration]) -> list[Unknown]:

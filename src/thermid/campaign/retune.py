@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from thermid.arguments import takes_objects
 from thermid.campaign.file import CampaignSource, read_campaign
 from thermid.campaign.file import placed as placed_in
 from thermid.campaign.joint import Level, places_of
-from thermid.campaign.stages import Campaign, request_of
+from thermid.campaign.stages import Campaign, Notice, progress_of, request_of
 from thermid.dual import value_of
 from thermid.errors import DeckError, IdentificationError, MissingDataError, SolverError, ThermidError
 from thermid.fit.calibrate import fit
@@ -393,7 +393,7 @@ def _neighbours(
 def retuned(
     plan: RetunePlan,
     data: str | os.PathLike[str] | CampaignSource,
-    notice: Callable[[str, int, float], None] | None = None,
+    notice: Notice | None = None,
     everything: bool = False,
     part_only: bool = False,
 ) -> Campaign:
@@ -427,7 +427,7 @@ def retuned(
             if carried:
                 done[stage.name] = _carried(before[stage.of], request) if stage.part else before[stage.of]
             else:
-                done[stage.name] = fit(request, None if notice is None else _named(notice, stage.name))
+                done[stage.name] = fit(request, progress_of(notice, stage.name))
         except ThermidError as error:
             raise placed_in(error, source.where(f"stages.{k}")) from None
     count = 0 if part_only else len(plan.freed)
@@ -447,10 +447,6 @@ def _carried(before: Calibration, request: Request) -> Calibration:
         problem=None,
         warnings=(*before.warnings, CARRIED),
     )
-
-
-def _named(notice: Callable[[str, int, float], None], name: str) -> Callable[[int, float], None]:
-    return lambda count, rms: notice(name, count, rms)
 
 
 def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everything: bool) -> CampaignSource:

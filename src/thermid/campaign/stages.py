@@ -192,11 +192,7 @@ def steady_points(
         point = log.steady(table.start, table.end, tau=table.tau, limit=table.limit, name=name)
         _apart(point.start, point.end, log, records, place, name)
         points[name] = point.record
-    return tuple(points.values()), _scenarios(points, scenario)
-
-
-def _scenarios(points: Mapping[str, Record], scenario: Scenario) -> dict[str, Scenario]:
-    return {name: scenario.with_(start=STEADY) for name in points}
+    return tuple(points.values()), {name: scenario.with_(start=STEADY) for name in points}
 
 
 def _apart(start: float, end: float, log: Record, records: tuple[Record, ...], where: str, name: str) -> None:
@@ -345,7 +341,7 @@ def run_stages(
             request, ingredients = keyed(request_of(source, stage, k, done), stage, keys)
             requests[stage.name], keys[stage.name] = request, request.key
             kept = recall(folder, stage.name, request.key)
-            found = fit(request, _told(notice, stage.name), kept)
+            found = fit(request, progress_of(notice, stage.name), kept)
             if kept is None:
                 changed[stage.name] = changed_since(folder, stage.name, ingredients)
                 if found.converged:
@@ -404,7 +400,7 @@ def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> Jo
     source = campaign.source
     assert source is not None
     key = joint_key(campaign.keys, source.content.joint_table)
-    return fit_jointly(source, campaign.requests, campaign.stages, key, _told(notice, "joint"), folder)
+    return fit_jointly(source, campaign.requests, campaign.stages, key, progress_of(notice, "joint"), folder)
 
 
 def _looked(folder: Path | None, verdict: Verdict, made: Campaign) -> Verdict:
@@ -417,7 +413,8 @@ def _looked(folder: Path | None, verdict: Verdict, made: Campaign) -> Verdict:
     return replace(verdict, failed_before=look(folder, *record, verdict.model, key, verdict.passed))
 
 
-def _told(notice: Notice | None, name: str) -> Callable[[int, float], None] | None:
+def progress_of(notice: Notice | None, name: str) -> Callable[[int, float], None] | None:
+    """Return what a fit calls, from what is called with the name of what is running besides."""
     return None if notice is None else lambda count, rms: notice(name, count, rms)
 
 

@@ -371,7 +371,7 @@ def _opened(known: Known) -> Known:
 
 def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
     """Return path -> relative standard deviation of what thin gas meets and air does not tell; empty where gas stays as it is."""
-    if not any(_thin(e.pressure) for e in scenario.environment.values()):
+    if not any(e.pressure.bounds[0] < THIN for e in scenario.environment.values()):
         return {}
     flat = compile_network(model).flat
     parameters = flat.parameters
@@ -390,10 +390,6 @@ def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
         if "contact_conductance" in c.fields:
             doubt(c.fields["contact_conductance"], JOINT)
     return out
-
-
-def _thin(pressure: Signal) -> bool:
-    return pressure.bounds[0] < THIN
 
 
 def doubted(problem: Problem, doubts: Mapping[str, float]) -> Problem:
@@ -485,7 +481,8 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
 def _gradient(known: Before, target: str | Aim) -> tuple[Array, float, str, str, Mapping[str, float]]:
     """Return how the target responds to the sources, its value, its name, its unit, and what else makes it uncertain [K]."""
     if not isinstance(target, str):
-        gradient, value, beside = known.temperature(target.node, _instant(target))
+        at = literal(target.at, "s", "at") if isinstance(target.at, str) and target.at else float(target.at or target.scenario.seconds)
+        gradient, value, beside = known.temperature(target.node, at)
         return gradient, value, str(target), "K", beside
     path = known.model.canonical(target)
     name = next((n for n, paths in known.free.items() if path in paths), None)
@@ -493,10 +490,6 @@ def _gradient(known: Before, target: str | Aim) -> tuple[Array, float, str, str,
         raise NameNotFoundError(f"'{target}' is not among what is looked for.{nearest(path, known.free)}", known.model.title)
     unit = unknown_of(known.model, name).unit
     return known.responses[name], known.values[name], f"'{path}'", unit if unit != "K" else "1", {}
-
-
-def _instant(aim: Aim) -> float:
-    return literal(aim.at, "s", "at") if isinstance(aim.at, str) and aim.at else float(aim.at or aim.scenario.seconds)
 
 
 def _goal(text: str, slot: str, value: float) -> float:

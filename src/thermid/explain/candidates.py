@@ -199,7 +199,7 @@ def missing_elements(fit: Calibration, request: Request) -> Iterator[MissingElem
     numbers = {e.record.name: e for e in fit.experiments}
     for place in _places(fit, next(iter(numbers.values()))):
         yield _lag(request, place)
-        yield _mass(request, place)
+        yield MissingElement(f"a second mass behind a resistance at '{place.node}'", *_second(request, place, "hidden_mass"))
         if place.load in request.model.loads:
             yield _source(request, place)
         if place.boundary:
@@ -272,8 +272,8 @@ def _lag(request: Request, place: _Place) -> MissingElement:
         for r in request.records
     )
     made = replace(made, records=records)
-    loose = all(_is_loose(request, r.name) for r in request.records)
-    if loose:
+    bases = (request.scenarios.get(r.name, request.scenarios.get("*")) for r in request.records)
+    if all(base is None or base.start in ("", "measured") for base in bases):
         made = replace(made, local={**made.local, f"initial.{place.node}": LocalSpec(place.channels[0])})
 
     def judge(found: Calibration) -> tuple[str, bool]:
@@ -284,41 +284,29 @@ def _lag(request: Request, place: _Place) -> MissingElement:
     return MissingElement(f"a lag of the sensor at '{place.node}'", made, judge)
 
 
-def _is_loose(request: Request, record: str) -> bool:
-    base = request.scenarios.get(record, request.scenarios.get("*"))
-    return base is None or base.start in ("", "measured")
-
-
-def _mass(request: Request, place: _Place) -> MissingElement:
-    made, free = _second(request, place, "hidden_mass")
-    return MissingElement(f"a second mass behind a resistance at '{place.node}'", made, _judge_mass(free, place))
-
-
 def _source(request: Request, place: _Place) -> MissingElement:
     """The heat enters a second mass inside, not the part that is measured."""
-    made, free = _second(request, place, "inner_mass")
+    made, judge = _second(request, place, "inner_mass")
     model = made.model
     moved = replace(model, loads={**model.loads, place.load: replace(model.loads[place.load], into="inner_mass")})
-    return MissingElement(f"an inner mass that takes the heat of '{place.load}'", replace(made, model=moved), _judge_mass(free, place))
+    return MissingElement(f"an inner mass that takes the heat of '{place.load}'", replace(made, model=moved), judge)
 
 
-def _second(request: Request, place: _Place, name: str) -> tuple[Request, tuple[str, str]]:
+def _second(request: Request, place: _Place, name: str) -> tuple[Request, Judge]:
+    """Return a request with a mass behind a resistance, and the judge of both."""
     held, link = 0.3 * place.capacity, f"{name}_link"
     tables: dict[str, Mapping[str, Any]] = {
         "nodes": {name: Node({"capacitance": parameter(f"{held!r} [J/K]", name)})},
         "conductors": {link: Conductor("conduction", (place.node, name), {"conductance": parameter(f"{held / 300.0!r} [W/K]", link)})},
     }
     free = (f"{name}.capacitance", f"{link}.conductance")
-    return _started(_with(request, name.replace("_", " "), free, **tables), name, place), free
 
-
-def _judge_mass(free: tuple[str, str], place: _Place) -> Judge:
     def judge(found: Calibration) -> tuple[str, bool]:
         held, link = found[free[0]].value, found[free[1]].value
         text = f"{short(held, 3)} J/K behind {short(1 / link, 3)} K/W ({short(held / link, 3)} s), beside {short(place.capacity, 3)} J/K"
         return text, 0.02 <= held / place.capacity <= 20.0
 
-    return judge
+    return _started(_with(request, name.replace("_", " "), free, **tables), name, place), judge
 
 
 def _steeper(request: Request, place: _Place) -> MissingElement:

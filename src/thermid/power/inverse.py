@@ -87,7 +87,8 @@ def power_history(
     if logged:
         raise IdentificationError(f"channel '{logged}' of '{record.name}' already gives this power. Leave it out.", where)
     knots, pins = _knots(record, every, known, accuracy, where)
-    base = WIDE * max(_nominal(model, path), 1.0)
+    nominal = compile_network(model).flat.parameters.evaluate({}).get(f"{path}.power", 0.0)
+    base = WIDE * max(abs(float(nominal)), 1.0)
     asked, basis = _asked(model, record, path, scenario, free, priors, knots)
     problem = problem_for(asked)
     hats = tuple(Unknown(n, "power", (Target(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
@@ -107,13 +108,6 @@ def _plain(model: Model, load: str) -> tuple[str, Model]:
     fields = {k: v for k, v in given.fields.items() if k == "power"}
     plain = replace(given, fields=fields, sensor="", curve=None) if fields else watts(given.into, power="1 [W]")
     return path, with_load(model, path, plain)
-
-
-def _nominal(model: Model, path: str) -> float:
-    """Return the power that the deck gives the load. [W]"""
-    network = compile_network(model)
-    values = network.flat.parameters.evaluate({})
-    return abs(float(values.get(f"{path}.power", 0.0)))
 
 
 def _knots(record: Record, every: str, known: Sequence[tuple[str, str, str]], accuracy: str, where: str) -> tuple[Array, Pins]:

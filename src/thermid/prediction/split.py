@@ -224,7 +224,11 @@ def parts_of(
             raise IdentificationError(f"'{path}' is no surface with an effective coefficient.{nearest(path, known)}", model.title)
     if not chosen:
         raise IdentificationError("no surface has an effective coefficient, so there is nothing to split.", model.title)
-    at = conditions if isinstance(conditions, Mapping) else _settled(model, conditions, [known[p] for p in chosen])
+    if isinstance(conditions, Mapping):
+        at = conditions
+    else:
+        rest = steady(model, conditions)
+        at = {p: (rest[known[p].ends[0]], rest[known[p].ends[1]]) for p in chosen}
     if not at:
         raise IdentificationError(
             "at which temperatures were the coefficients fitted? Give the conditions: a scenario that settles there, or a fit that has its"
@@ -232,12 +236,6 @@ def parts_of(
             network.title,
         )
     return [_part(network, known[p], at.get(p, (math.nan, math.nan)), values, priors) for p in chosen]
-
-
-def _settled(model: Model, conditions: Scenario, surfaces: Sequence[FlatConductor]) -> dict[str, tuple[float, float]]:
-    """Return surface -> temperatures of surface and gas where a scenario settles. [K]"""
-    found = steady(model, conditions)
-    return {c.path: (found[c.ends[0]], found[c.ends[1]]) for c in surfaces}
 
 
 def _part(
@@ -365,9 +363,10 @@ def split_values(
     joint = _Joint(base, parts)
     done = [joint.take(part) for part in parts]
     values = joint.values(worst([model_standing(model), *([base.standing] if base else [])]))
-    origin = f"split of '{values.stage}'"
+    fresh = {p: v for p, v in values.assignments.items() if v.origin.startswith("split")}
+    laid = model.with_values(fresh, f"split of '{values.stage}'")
     entries = tuple(joint.entry(p, used, remark) for p, (used, remark) in zip(parts, done, strict=True))
-    return Split(entries, values, _laid(model, values, origin), _caution(model, base, parts))
+    return Split(entries, values, laid, _caution(model, base, parts))
 
 
 def _caution(model: Model, base: FittedValues, parts: Sequence[Part]) -> str:
@@ -385,10 +384,6 @@ def _caution(model: Model, base: FittedValues, parts: Sequence[Part]) -> str:
         " 2 K on an assembly). What settles is not touched. `predict` allows for it; the errors here and members drawn from `values` do"
         " not. A law of natural convection with the emissivity freed has none of it."
     )
-
-
-def _laid(model: Model, values: FittedValues, origin: str) -> Model:
-    return model.with_values({p: v for p, v in values.assignments.items() if v.origin.startswith("split")}, origin)
 
 
 class _Joint:
