@@ -5,6 +5,7 @@ Every recipe of a conductor is arithmetic, so a recipe that is given formulas re
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +13,22 @@ from typing import Any
 from thermid.dual import real_power, value_of
 from thermid.network.network import Network, Numbers
 
+_COMPUTE: dict[str, Callable[[float, float], float]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": real_power,
+}
 _RANK = {"+": 1, "-": 1, "*": 2, "/": 2, "neg": 3, "**": 4, "name": 5, "number": 5}
+
+
+Binary = Callable[["Formula", Any], "Formula"]
+
+
+def _operator(sign: str) -> tuple[Binary, Binary]:
+    """Return the methods of a sign: the formula on its left, and on its right."""
+    return lambda own, other: _made(sign, own, other), lambda own, other: _made(sign, other, own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,45 +50,11 @@ class Formula:
         """The number."""
         return self.value
 
-    def __add__(self, other: Any) -> Formula:
-        """Sum."""
-        return _made("+", self, other)
-
-    def __radd__(self, other: Any) -> Formula:
-        """Sum, number first."""
-        return _made("+", other, self)
-
-    def __sub__(self, other: Any) -> Formula:
-        """Difference."""
-        return _made("-", self, other)
-
-    def __rsub__(self, other: Any) -> Formula:
-        """Difference, number first."""
-        return _made("-", other, self)
-
-    def __mul__(self, other: Any) -> Formula:
-        """Product."""
-        return _made("*", self, other)
-
-    def __rmul__(self, other: Any) -> Formula:
-        """Product, number first."""
-        return _made("*", other, self)
-
-    def __truediv__(self, other: Any) -> Formula:
-        """Quotient."""
-        return _made("/", self, other)
-
-    def __rtruediv__(self, other: Any) -> Formula:
-        """Quotient, number first."""
-        return _made("/", other, self)
-
-    def __pow__(self, other: Any) -> Formula:
-        """Power."""
-        return _made("**", self, other)
-
-    def __rpow__(self, other: Any) -> Formula:
-        """Power, number first."""
-        return _made("**", other, self)
+    __add__, __radd__ = _operator("+")
+    __sub__, __rsub__ = _operator("-")
+    __mul__, __rmul__ = _operator("*")
+    __truediv__, __rtruediv__ = _operator("/")
+    __pow__, __rpow__ = _operator("**")
 
     def __neg__(self) -> Formula:
         """Negative."""
@@ -87,15 +69,6 @@ class Formula:
         if self.operator == "name":
             return {self.parts[0]}
         return {path for part in self.parts for path in part.paths()}
-
-
-_COMPUTE: dict[str, Callable[[float, float], float]] = {
-    "+": lambda a, b: a + b,
-    "-": lambda a, b: a - b,
-    "*": lambda a, b: a * b,
-    "/": lambda a, b: a / b,
-    "**": real_power,
-}
 
 
 def _made(operator: str, left: Any, right: Any) -> Formula:

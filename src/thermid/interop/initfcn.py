@@ -9,24 +9,33 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import ExpressionError, ThermidError, UnitError
+from thermid.errors import DeckError, ExpressionError, ThermidError, UnitError
 from thermid.expression import parse
 from thermid.files import read_text
-from thermid.interop.block import block
-from thermid.interop.mscript import Statement, statements
 from thermid.model.parts.parameter import Parameter, parameter
 from thermid.units import DIMENSIONLESS, Dimension, describe, unit
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
 _LONGEST = 1_000_000
 PI = "3.141592653589793"
+_WORD = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|(?P<name>[A-Za-z]\w*)|(?P<sign>\.?[*/^]|[-+()]))")
+_BRACKET = re.compile(r"\[([^\[\]]*)\]")
+_HEAD = re.compile(r"(?P<name>[A-Za-z]\w*)\s*=(?!=)(?P<rest>.*)\Z", re.DOTALL)
+ROLES = {
+    "mass": "kg",
+    "specific_heat": "J/(kg K)",
+    "area": "m^2",
+    "effective_htc": "W/(m^2 K)",
+    "power": "W",
+}
+"""What the block needs, by unit. A coefficient of a script was tuned in air, so radiation is in it: `effective_htc`."""
 
 
 @dataclass(frozen=True)
@@ -233,3 +242,222 @@ def _source(source: str | os.PathLike[str]) -> tuple[str, str]:
     except UnicodeDecodeError:
         # scripts of older releases are in the code page of their machine, whose letters stand in comments only
         return read_text(path, "latin-1"), path.name
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One assignment.
+
+    Parameters
+    ----------
+    line : int              Where it begins, from 1.
+    name, written : str     The name, and the expression as the script has it.
+    text : str              The expression as thermid writes it.
+    comment : str           Its comment, without what stands in brackets.
+    brackets : tuple        What stands in brackets in its comment.
+    doubt : str             Why the comment's brackets could not be given to it; empty where that is no question.
+    later : tuple of str    Names that are set further down.
+    """
+
+    line: int
+    name: str
+    written: str
+    text: str
+    comment: str = ""
+    brackets: tuple[str, ...] = ()
+    doubt: str = ""
+    later: tuple[str, ...] = ()
+
+
+def statements(text: str, file: str, constants: Mapping[str, str]) -> Iterator[Statement]:
+    """Yield the assignments of a script.
+
+    Parameters
+    ----------
+    text, file : str    The script, and its name for messages.
+    constants : dict    Built-in name -> text that stands for it.
+
+    Raises
+    ------
+    ExpressionError   With the line, at the first thing that is not an assignment of arithmetic.
+    """
+    found: list[Statement] = []
+    for number, code, comment in _joined(_without_line_numbers(text.splitlines()), file):
+        parts = [p.strip() for p in re.split(r"[;,](?![^(]*\))", code) if p.strip()]
+        made = [_assignment(part, f"{file}:{number}", number, constants) for part in parts]
+        found += _commented(made, comment)
+    for k, statement in enumerate(found):
+        yield replace(statement, later=tuple(s.name for s in found[k + 1 :]))
+
+
+def _without_line_numbers(lines: list[str]) -> list[str]:
+    """Return lines without the numbers that a printed listing has in front of them."""
+    numbered = [re.match(r"\s*(\d+)(?:\s|$)(.*)", line) for line in lines if line.strip()]
+    counts = [int(m[1]) for m in numbered if m is not None]
+    if len(counts) != len(numbered) or not counts or counts != list(range(1, len(counts) + 1)):
+        return lines
+    return [re.sub(r"\A\s*\d+(?:\s|$)", "", line) for line in lines]
+
+
+def _joined(lines: list[str], file: str) -> Iterator[tuple[int, str, str]]:
+    """Yield number, code and comment of each line that holds code; continued lines are one, block comments are none."""
+    code, comment, start, depth = "", "", 0, 0
+    for number, line in enumerate(lines, 1):
+        if line.strip() in ("%{", "#{"):
+            depth += 1
+        elif line.strip() in ("%}", "#}"):
+            depth = max(depth - 1, 0)
+        elif not depth:
+            here, said, goes_on = _cut(line)
+            start = start or number
+            code, comment = f"{code} {here}", f"{comment} {said}".strip() if code.strip() or here.strip() else ""
+            if goes_on:
+                continue
+            if code.strip():
+                yield start, code.strip(), comment
+            code, comment, start = "", "", 0
+    if depth:
+        raise ExpressionError("a block comment '%{' is not closed by '%}'.", file)
+    if code.strip():
+        raise ExpressionError("the script ends in the middle of a statement: nothing follows its last '...'.", f"{file}:{start}")
+
+
+def _cut(line: str) -> tuple[str, str, bool]:
+    """Return code, comment and whether the statement goes on: what follows three points is a comment too."""
+    where = [k for k in (line.find("%"), line.find("#")) if k >= 0]
+    points = line.find("...")
+    if points >= 0 and (not where or points < min(where)):
+        return line[:points], line[points + 3 :].lstrip(" .%#").strip(), True
+    return (line[: min(where)], line[min(where) :].lstrip("%# ").strip(), False) if where else (line, "", False)
+
+
+def _assignment(part: str, where: str, number: int, constants: Mapping[str, str]) -> Statement:
+    """Return one assignment without its comment."""
+    head = _HEAD.match(part)
+    if head is None:
+        raise ExpressionError(
+            f"'{_shortened(part)}' is not of the form 'name = expression'. An InitFcn is read as values only; take this line out.", where
+        )
+    written = head["rest"].strip()
+    return Statement(number, head["name"], written, _expression(written, where, constants))
+
+
+def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
+    """Return an expression in thermid's signs.
+
+    Raises
+    ------
+    ExpressionError   At anything but numbers, names, signs and parentheses, and at two powers in a row.
+    """
+    words: list[str] = []
+    place = 0
+    while place < len(written.rstrip()):
+        word = _WORD.match(written, place)
+        if word is None:
+            rest = written[place:].strip()
+            raise ExpressionError(
+                f"'{_shortened(written)}': '{_shortened(rest, 20)}' is not understood. Read are single numbers, earlier names, pi, Inf, "
+                "+ - * / ^ and parentheses; texts, vectors, calls and structures are not.",
+                where,
+            )
+        if word["sign"] == "(" and words and (words[-1].isidentifier()):
+            raise ExpressionError(
+                f"'{_shortened(written)}': '{words[-1]}(' calls a function or takes an element; write the number instead.", where
+            )
+        words.append(word["number"] or word["name"] or word["sign"].lstrip("."))
+        place = word.end()
+    if not words:
+        raise ExpressionError("nothing stands behind the equals sign.", where)
+    for k, word_ in enumerate(words):
+        if word_ == "^" and _operand_end(words, k + 1) < len(words) and words[_operand_end(words, k + 1)] == "^":
+            raise ExpressionError(
+                f"'{_shortened(written)}' has two powers in a row, which MATLAB takes from the left and a deck from the right. "
+                "Put one of them in parentheses.",
+                where,
+            )
+    return _spaced([constants.get(w, "**" if w == "^" else w) for w in words])
+
+
+def _operand_end(words: list[str], start: int) -> int:
+    """Return the index behind the operand that begins at `start`."""
+    while start < len(words) and words[start] in "+-":
+        start += 1
+    depth = 0
+    for k in range(start, len(words)):
+        depth += (words[k] == "(") - (words[k] == ")")
+        if depth <= 0:
+            return k + 1
+    return len(words)
+
+
+def _spaced(words: list[str]) -> str:
+    """Return words as text: spaces around sums, none elsewhere."""
+    out = ""
+    for k, word in enumerate(words):
+        binary = word in "+-" and k > 0 and words[k - 1] not in ("(", "+", "-", "*", "/", "**")
+        out += f" {word} " if binary else word
+    return out
+
+
+def _commented(made: list[Statement], comment: str) -> list[Statement]:
+    """Give the comment's brackets to the statements of its line: one each, in order."""
+    found: tuple[str, ...] = tuple(_BRACKET.findall(comment))
+    words = re.sub(r"\s+", " ", _BRACKET.sub("", comment)).strip(" .,;")
+    if len(made) == 1:
+        return [replace(made[0], comment=words, brackets=found)]
+    if len(found) == len(made):
+        return [replace(s, comment=words, brackets=(one,)) for s, one in zip(made, found, strict=True)]
+    doubt = f": {len(found)} in brackets for {len(made)} values of the line" if found else ""
+    return [replace(s, comment=comment, doubt=doubt) for s in made]
+
+
+def _shortened(text: str, most: int = 60) -> str:
+    return text if len(text) <= most else f"{text[:most]}..."
+
+
+def block(parameters: Mapping[str, Parameter], table: Mapping[str, Any], title: str, where: str) -> dict[str, Any]:
+    """Return the deck of a block whose values are the parameters of a script.
+
+    Parameters
+    ----------
+    parameters : dict   Name -> `Parameter`.
+    table : dict        The same as the table ``[parameters]`` of a deck.
+    title, where : str  The deck's title; the script's name, for messages.
+
+    Raises
+    ------
+    DeckError   When none, or more than one, of the parameters has the unit of a role.
+    """
+    dimensions: dict[str, Dimension] = {}
+    for name, given in parameters.items():
+        dimensions[name] = given.expression.dimension(lambda n: dimensions[n])
+    found = {role: _one(role, text, parameters, dimensions, where) for role, text in ROLES.items()}
+    return {
+        "title": title,
+        "needs": ["air"],
+        "offers": ["case", "skin"],
+        "parameters": dict(table),
+        "nodes": {"case": {"mass": found["mass"], "specific_heat": found["specific_heat"]}},
+        "surfaces": {"skin": {"of": "case", "to": "air", "area": found["area"], "effective_htc": found["effective_htc"]}},
+        "loads": {"heater": {"into": "case", "power": found["power"]}},
+    }
+
+
+def _one(role: str, text: str, parameters: Mapping[str, Parameter], dimensions: Mapping[str, Dimension], where: str) -> str:
+    """Return the one name in the unit of a role; a name that another such name is made of gives way to it."""
+    named = [n for n, d in dimensions.items() if d == unit(text).dimension]
+    used = {n for name in named for n in parameters[name].expression.names}
+    left = [n for n in named if n not in used]
+    if not left:
+        raise DeckError(
+            f"nothing in the script is in [{text}], so the block has no {role}. Write the unit into the comment of its line, or import "
+            "without the block and write the elements into the deck.",
+            where,
+        )
+    if len(left) > 1:
+        raise DeckError(
+            f"{' and '.join(repr(n) for n in left)} are both in [{text}], so the block's {role} is open. Import without the block and "
+            "write the elements into the deck.",
+            where,
+        )
+    return left[0]

@@ -11,14 +11,15 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError
 from thermid.files import EXPORT, write_text
 from thermid.interop.formula import Formula, Text, number_text
-from thermid.interop.units_of import si_unit
-from thermid.interop.wired import Wired, identifiers, one_line, refuse_crooked, table_points, wired
+from thermid.interop.wired import Wired, conductance_text, identifiers, one_line, refuse_crooked, table_points, wired
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Drawn, Sine, Table
 from thermid.model.tree.model import Model
-from thermid.network.rows import SMOOTHING, ConductorRow
+from thermid.model.tree.resolve import ParameterSet
+from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.units import NAMES, describe, unit
 
 OWN = ("parameters", "derived", "initial", "derivatives")
 """Names of the functions in the file."""
@@ -65,6 +66,45 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     return text
 
 
+HEAD = f"""\
+function [t, T, names] = {{name}}(t, p)
+% {{name}}: temperatures of the thermal model '{{model}}' in the scenario '{{scenario}}'.
+%
+%   [t, T, names] = {{name}}()    at {SAMPLES} instants from 0 to {{end}} s
+%   [t, T] = {{name}}(t)          at the instants t [s], which increase and are not below 0
+%   p = {{name}}('parameters')    the values [SI], to be changed and given back:
+%   [t, T] = {{name}}([], p)
+%
+% Columns of T [degC]: {{nodes}}.{{massless}}
+% Written by thermid {{version}}; for Octave and MATLAB."""
+DRIVER = f"""\
+  names = {{{{{{names}}}}}};
+  if nargin > 0 && ischar(t)
+    t = parameters();
+    return
+  end
+  if nargin < 1 || isempty(t), t = linspace(0, {{end}}, {SAMPLES}); end
+  if nargin < 2, p = parameters(); end
+  p = derived(p);
+  options = odeset('RelTol', 1e-10, 'AbsTol', 1e-10);
+  t = t(:);
+  state = initial();
+  T = repmat(state', numel(t), 1);
+  % The run is cut where an input jumps or bends, so that no step reaches across.
+{{breaks}}
+  edges = unique([0; breaks(breaks < t(end)); t(end)]);
+  for k = 1:numel(edges) - 1
+    rows = find(t > edges(k) & t <= edges(k + 1));
+    asked = unique([edges(k); (edges(k) + edges(k + 1))/2; t(rows); edges(k + 1)]);
+    last = edges(k + 1) - 1e-9*(edges(k + 1) - edges(k));
+    options = odeset(options, 'InitialSlope', derivatives(edges(k), state, p));
+    [~, found] = ode15s(@(s, x) derivatives(min(s, last), x, p), asked, state, options);
+    [~, where] = ismember(t(rows), asked);
+    T(rows, :) = found(where, :);
+    state = found(end, :)';
+  end
+  T = T - {ICE_POINT};
+end"""
 LINES = (
     "",
     "function v = lines(u, table)",
@@ -121,8 +161,8 @@ class _Writer:
         yield from self._derived()
         yield from self._initial()
         yield from self._derivatives()
-        for name, signal, unit in self._signals():
-            yield from ("", f"function y = {name}(t)", f"  % {unit}")
+        for name, signal, what in self._signals():
+            yield from ("", f"function y = {name}(t)", f"  % {what}")
             yield from (f"  {line}" for line in _signal_lines(signal))
             yield "end"
         yield from self._tables()
@@ -130,49 +170,17 @@ class _Writer:
     def _head(self) -> Iterator[str]:
         from importlib.metadata import version
 
-        c, w = self.called, self.w
-        yield f"function [t, T, names] = {c}(t, p)"
-        yield f"% {c}: temperatures of the thermal model '{one_line(w.network.title)}' in the scenario '{one_line(w.scenario.title)}'."
-        yield "%"
-        yield f"%   [t, T, names] = {c}()    at {SAMPLES} instants from 0 to {number_text(w.scenario.seconds)} s"
-        yield f"%   [t, T] = {c}(t)          at the instants t [s], which increase and are not below 0"
-        yield f"%   p = {c}('parameters')    the values [SI], to be changed and given back:"
-        yield f"%   [t, T] = {c}([], p)"
-        yield "%"
-        yield "% Columns of T [degC]: " + ", ".join(w.massive) + "."
-        if w.massless:
-            yield "% Without mass, and eliminated: " + ", ".join(w.massless) + "."
-        yield f"% Written by thermid {version('thermid')}; for Octave and MATLAB."
+        w, massless = self.w, "\n% Without mass, and eliminated: " + ", ".join(self.w.massless) + "." if self.w.massless else ""
+        model, scenario, end = one_line(w.network.title), one_line(w.scenario.title), number_text(w.scenario.seconds)
+        nodes = ", ".join(w.massive)
+        yield HEAD.format(
+            name=self.called, model=model, scenario=scenario, end=end, nodes=nodes, massless=massless, version=version("thermid")
+        )
 
     def _driver(self) -> Iterator[str]:
-        breaks = self.w.breaks()
-        yield f"  names = {{{', '.join(_quoted(n) for n in self.w.massive)}}};"
-        yield "  if nargin > 0 && ischar(t)"
-        yield "    t = parameters();"
-        yield "    return"
-        yield "  end"
-        yield f"  if nargin < 1 || isempty(t), t = linspace(0, {number_text(self.w.scenario.seconds)}, {SAMPLES}); end"
-        yield "  if nargin < 2, p = parameters(); end"
-        yield "  p = derived(p);"
-        yield "  options = odeset('RelTol', 1e-10, 'AbsTol', 1e-10);"
-        yield "  t = t(:);"
-        yield "  state = initial();"
-        yield "  T = repmat(state', numel(t), 1);"
-        yield "  % The run is cut where an input jumps or bends, so that no step reaches across."
-        yield from _listed("  breaks = ", breaks, column=True)
-        yield "  edges = unique([0; breaks(breaks < t(end)); t(end)]);"
-        yield "  for k = 1:numel(edges) - 1"
-        yield "    rows = find(t > edges(k) & t <= edges(k + 1));"
-        yield "    asked = unique([edges(k); (edges(k) + edges(k + 1))/2; t(rows); edges(k + 1)]);"
-        yield "    last = edges(k + 1) - 1e-9*(edges(k + 1) - edges(k));"
-        yield "    options = odeset(options, 'InitialSlope', derivatives(edges(k), state, p));"
-        yield "    [~, found] = ode15s(@(s, x) derivatives(min(s, last), x, p), asked, state, options);"
-        yield "    [~, where] = ismember(t(rows), asked);"
-        yield "    T(rows, :) = found(where, :);"
-        yield "    state = found(end, :)';"
-        yield "  end"
-        yield f"  T = T - {ICE_POINT};"
-        yield "end"
+        names = ", ".join(_quoted(n) for n in self.w.massive)
+        breaks = "\n".join(_listed("  breaks = ", self.w.breaks(), column=True))
+        yield DRIVER.format(names=names, end=number_text(self.w.scenario.seconds), breaks=breaks)
 
     def _parameters(self) -> Iterator[str]:
         yield from ("", "function p = parameters()", "  % Values. [SI]")
@@ -180,7 +188,7 @@ class _Writer:
         for path in self.used:
             given = self.table[path].parameter
             if given.is_literal:
-                unit = si_unit(self.w.network.flat.parameters, path)
+                unit = _si_unit(self.w.network.flat.parameters, path)
                 note = one_line(f"[{unit}] {given.note or given.basis}")
                 yield f"  p.{self.fields[path]} = {number_text(float(values[path]))};  % {note}"
         yield "end"
@@ -193,7 +201,7 @@ class _Writer:
             if not entry.parameter.is_literal:
                 scope = entry.scope
                 formula = entry.parameter.expression.evaluate(lambda n, s=scope: Formula(float(values[s + n]), "name", (s + n,)))  # type: ignore[misc]
-                unit = si_unit(self.w.network.flat.parameters, path)
+                unit = _si_unit(self.w.network.flat.parameters, path)
                 yield f"  p.{self.fields[path]} = {self.text.of(formula)};  % [{unit}]"
         yield "end"
 
@@ -243,16 +251,10 @@ class _Writer:
         yield "end"
 
     def _conductance(self, row: ConductorRow) -> str:
-        first, *rest = (self.text.of(c, 2) for c in row.coefficients)  # type: ignore[arg-type]
+        coefficients = [self.text.of(c, 2) for c in row.coefficients]  # type: ignore[arg-type]
         a, b = (f"T_{self.nodes[end]}" for end in row.ends)
-        if row.form == "power":
-            first += f"*(({a} - {b})^2 + {SMOOTHING}^2)^({rest[0]}/2)"
-        elif row.form == "radiation":
-            first += f"*({a}^2 + {b}^2)*({a} + {b})"
-        elif row.form == "table" and row.curve is not None:
-            at = f"{a} - {b}" if row.curve.over == "difference" else f"({a} + {b})/2"
-            first += f"*{self._read(row.curve, at)}"
-        return f"{first}*{_gas(row.signal)}(t)" if row.signal else first
+        text = conductance_text(row, coefficients, a, b, self._read)
+        return f"{text}*{_gas(row.signal)}(t)" if row.signal else text
 
     def _read(self, curve: Curve, at: str, what: str = "lines") -> str:
         """Return the text that reads a table, or its integral (`what` is 'area'), and keep the table for the end of the file."""
@@ -377,3 +379,10 @@ def _wrapped(start: str, words: Sequence[str], between: str, end: str) -> Iterat
 
 def _quoted(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
+
+
+def _si_unit(parameters: ParameterSet, path: str) -> str:
+    """Return the SI unit of a parameter: ``W/(m^2 K)``, ``-`` for a plain number."""
+    dimension = parameters.dimension(path)
+    text = next((t for t in NAMES if unit(t).dimension == dimension), "")
+    return {"1": "-", "": describe(dimension).removeprefix("a quantity in ")}.get(text, text)

@@ -11,11 +11,11 @@ from thermid.dual import value_of
 from thermid.errors import DeckError
 from thermid.files import EXPORT, write_text
 from thermid.interop.formula import number_text
-from thermid.interop.wired import Source, Wired, identifiers, one_line, table_points, wired
+from thermid.interop.wired import HeatSource, Wired, conductance_text, identifiers, one_line, table_points, wired
 from thermid.model.laws.curves import FAR, Curve
 from thermid.model.laws.signal import Constant, Drawn, Sine, Table
 from thermid.model.tree.model import Model
-from thermid.network.rows import SMOOTHING, ConductorRow
+from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 
@@ -23,6 +23,8 @@ STEPS = 5000
 """The largest step is this part of the run."""
 JUMP = 1e-7
 """A jump of a source takes this part of the run, since SPICE has no jumps."""
+WRITTEN = ("power", "radiation", "table")
+"""Forms of conductors that are behavioural sources."""
 _PAIRS = 4
 
 
@@ -91,22 +93,17 @@ class _Netlist:
             raise DeckError(f"'{label}' changes with the pressure of its gas in time, which is not written to SPICE.", self.w.network.title)
         if g == 0.0:
             return f"* {name}: no conductance, an open path"
-        text = number_text(g)
         if row.form == "linear":
             return f"R_{name} {a} {b} {number_text(1.0 / g)}"
         if row.form == "flow":
-            return f"B_{name} 0 {b} I={text}*V({a},{b})"
-        if row.form == "power":
-            return f"B_{name} {a} {b} I={text}*V({a},{b})*(V({a},{b})*V({a},{b})+{SMOOTHING**2:g})^{number_text(rest[0] / 2)}"
-        if row.form == "radiation":
-            one, two = f"(V({a})+{ICE_POINT})", f"(V({b})+{ICE_POINT})"
-            return f"B_{name} {a} {b} I={text}*({one}^4-{two}^4)"
-        if row.form == "table" and row.curve is not None:
-            mean = f"(V({a})+V({b}))/2+{ICE_POINT}"
-            return f"B_{name} {a} {b} I={text}*V({a},{b})*{self._pwl(row.curve, f'V({a},{b})' if row.curve.over == 'difference' else mean)}"
-        raise DeckError(f"'{label}' is of a form that is not written to SPICE: {row.form}.", self.w.network.title)
+            return f"B_{name} 0 {b} I={number_text(g)}*V({a},{b})"
+        if row.form not in WRITTEN:
+            raise DeckError(f"'{label}' is of a form that is not written to SPICE: {row.form}.", self.w.network.title)
+        warm, cold = (f"(V({end})+{ICE_POINT})" for end in (a, b))
+        conductance = conductance_text(row, [number_text(c) for c in (g, *rest)], warm, cold, self._pwl)
+        return f"B_{name} {a} {b} I=V({a},{b})*{conductance}"
 
-    def _dependent(self, k: int, source: Source) -> str:
+    def _dependent(self, k: int, source: HeatSource) -> str:
         """Return a load whose power is a table over a temperature."""
         if source.signal != Constant(1.0):
             raise DeckError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from thermid.dual import value_of
@@ -14,7 +14,7 @@ from thermid.model.laws.signal import Constant, Drawn, Table
 from thermid.model.parts.kinds import HINGES
 from thermid.model.tree.model import Model
 from thermid.network.network import Network
-from thermid.network.rows import ConductorRow
+from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.network.streams import signal_of
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
@@ -25,7 +25,7 @@ MOVING = tuple(HINGES.values())
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class HeatSource:
     """Heat into a node: a formula times a signal.
 
     Parameters
@@ -55,7 +55,7 @@ class Wired:
     scenario : Scenario         With canonical names.
     capacitances : dict         Node -> formula [J/K]; None for a massless node.
     conductors : tuple          (label, row): rows with formulas as coefficients, labels unique.
-    sources : tuple of Source   Every heat load that is not zero.
+    sources : tuple of HeatSource   Every heat load that is not zero.
     boundaries : dict           Boundary -> its temperature. [K]
     gas : dict                  Signal name -> presence of a gas in time, for rows that follow it.
     initial : dict              Massive node -> its temperature at the start. [K]
@@ -65,7 +65,7 @@ class Wired:
     scenario: Scenario
     capacitances: Mapping[str, Formula | float | None]
     conductors: tuple[tuple[str, ConductorRow], ...]
-    sources: tuple[Source, ...]
+    sources: tuple[HeatSource, ...]
     boundaries: Mapping[str, Drawn]
     gas: Mapping[str, Drawn]
     initial: Mapping[str, float]
@@ -124,7 +124,7 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
         if load.form == "table" and not load.control and load.curve is not None:
             signal = wiring.signals[load.signal] if load.signal else Constant(1.0)
             if load.node in network.nodes:
-                sources.append(Source(load.name, load.node, load.coefficients[0], signal, load.curve, load.node))  # type: ignore[arg-type]
+                sources.append(HeatSource(load.name, load.node, load.coefficients[0], signal, load.curve, load.node))  # type: ignore[arg-type]
             continue
         if not load.fixed:
             law = load.control or load.form
@@ -135,7 +135,7 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
             gain = wiring.scenario.gains.get(load.name)
             power = numbers.values[gain] if gain else 1.0 if f"watts {load.name}" in wiring.signals else power
         if load.node in network.nodes and signal != Constant(0.0) and float(power) != 0.0:
-            sources.append(Source(load.name, load.node, power, signal))
+            sources.append(HeatSource(load.name, load.node, power, signal))
     rows = named_rows(row for row in numbers.conductors if row.ends[0] != row.ends[1])
     engine = Engine(wiring)
     start = dict(zip(engine.nodes, engine.started(wiring.assemble(gradients=False)).initial.tolist(), strict=True))
@@ -188,6 +188,25 @@ def refuse_crooked(w: Wired, what: str) -> None:
                 w.network.title,
             )
     _check_reached(w)
+
+
+def conductance_text(row: ConductorRow, coefficients: Sequence[str], a: str, b: str, read: Callable[[Curve, str], str]) -> str:
+    """Return the conductance of a row as text, by the temperatures of its ends, in signs that Octave and SPICE share. [W/K]
+
+    Parameters
+    ----------
+    coefficients : sequence of str  Those of the row; each binds as strongly as a product.
+    a, b : str                      Temperatures of the ends. [K]
+    read : callable                 Table, and where it is read -> text.
+    """
+    first, *rest = coefficients
+    if row.form == "power":
+        return f"{first}*(({a} - {b})^2 + {SMOOTHING}^2)^({rest[0]}/2)"
+    if row.form == "radiation":
+        return f"{first}*({a}^2 + {b}^2)*({a} + {b})"
+    if row.form == "table" and row.curve is not None:
+        return f"{first}*{read(row.curve, f'{a} - {b}' if row.curve.over == 'difference' else f'({a} + {b})/2')}"
+    return first
 
 
 def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:
