@@ -487,7 +487,7 @@ def _store(found: Store, items: Mapping[str, FittedValue], top: Request) -> Stor
 
 
 def _moves(model: Model, values: FittedValues, shared: Shared, done: Mapping[str, Calibration]) -> Moves:
-    """Return how far each value moved from where its last stage left it."""
+    """Moves of each value from where its last stage left it."""
     staged = [(done[stage].values, names) for stage, names in shared.staged(done)]
 
     def place(name: str) -> str:

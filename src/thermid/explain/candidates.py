@@ -86,12 +86,17 @@ def laid_open(model: Model) -> Model:
 
 
 def faults_of(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fault, ...]]:
-    """Return a model with a link of no conductance between every two masses, and everything in it that may be wrong.
+    """Single faults of a model: a link more between any two masses, boundaries, powers, capacitances, sensors.
 
     Parameters
     ----------
     model : Model       The model.
     sensors : dict      Sensor -> its node.
+
+    Returns
+    -------
+    Model               With a link of no conductance between every two masses, so that each can be varied.
+    tuple of Fault
     """
     network = compile_network(model)
     numbers = network.numbers()
@@ -195,7 +200,7 @@ class _Place:
 
 
 def missing_elements(fit: Calibration, request: Request) -> Iterator[MissingElement]:
-    """Yield every element that is worth a try, for every observed node that holds heat."""
+    """Missing elements that are worth a refit, for every observed node with a heat capacity."""
     numbers = {e.record.name: e for e in fit.experiments}
     for place in _places(fit, next(iter(numbers.values()))):
         yield _lag(request, place)

@@ -174,7 +174,7 @@ class Criticism:
 
 @takes_objects
 def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
-    """Return what the residuals of a fit say against its model.
+    """Residual analysis of a fit: are the residuals white noise, and which missing element would explain them?
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which group of parameters would explain deviations: each fault tried by itself, with the sensitivities of every reading to it."""
+"""Fault diagnosis by linear evidence: each fault is tried by itself, with the sensitivities of every reading to it."""
 
 from __future__ import annotations
 
@@ -227,7 +227,7 @@ def diagnose(
     accuracy: float = 0.3,
     floor: float = 0.1,
 ) -> Diagnosis:
-    """Return which group of parameters would explain the deviations of readings from a model.
+    """Bayesian fault diagnosis: which group of parameters would explain the deviations of readings from a model.
 
     Every fault is tried by itself: its size that explains most, and the probability of the readings with it, a fault of any likely size
     being as likely beforehand as any other of its group, and each group as likely as the next (Bayes; Laplace's approximation about the
@@ -269,7 +269,7 @@ def diagnose(
 
 
 def _weighed(bench: FaultBench) -> Diagnosis:
-    """Return probabilities of groups and faults from how well each explains."""
+    """Posterior probabilities of groups and faults, by the evidence of each."""
     z = bench.root @ bench.d
     whole = float(z @ z)
     tried = {k: _linear(bench, c, z) for k, c in enumerate(bench.candidates)}

@@ -118,7 +118,7 @@ class Plausibility:
 
 @takes_objects
 def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, delivered: Mapping[str, str] | None = None) -> Plausibility:
-    """Return what is physical of the values of a fit.
+    """Physical plausibility of fitted values: correlations for coefficients, ranges for contacts, capacitances and losses.
 
     Parameters
     ----------

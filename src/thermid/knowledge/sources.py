@@ -244,7 +244,7 @@ def uniforms(seed: int, name: str, first: int, members: int) -> Array:
 
 
 def read_spread(given: Any, slot: str, nominal: float, where: str, *, bounds: tuple[float, float] = (-np.inf, np.inf)) -> Distribution:
-    """Return the law of a value that a written spread means.
+    """Probability distribution that a written spread means.
 
     Parameters
     ----------

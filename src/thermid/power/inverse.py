@@ -48,7 +48,7 @@ def power_history(
     every: str = "",
     prior: str = "auto",
 ) -> PowerHistory:
-    """Return the history of a load's power from a log of temperatures.
+    """Input estimation: the history of a load's power from a log of temperatures.
 
     The power is piecewise linear over even knots. Its prior is a random walk, or the integral of one, whose strength has the largest
     marginal likelihood (Wahba, Ann. Stat. 13 (1985) 1378; MacKay, Neural Comp. 4 (1992) 415). With the kernel's derivatives a step is exact

@@ -315,7 +315,7 @@ def budget_of(
     at: str = "",
     without: Sequence[str] = (),
 ) -> Budget:
-    """Return everything uncertain that bears on a scenario.
+    """Uncertainty budget of a scenario: every source, and how the inputs of the model respond to it.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ def foresee(
     without: Sequence[str] = (),
     options: Options | None = None,
 ) -> Foresight:
-    """Return what a model says of a scenario: `predict`, the run with the best values, and the errors before any fit.
+    """Pretest prediction of a scenario: `predict`, the run with the best values, and the errors before any fit.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def foresee(
 
 
 def _before(budget: Budget, known: Known, nodes: Sequence[str], times: Array, options: Options | None) -> dict[str, Array]:
-    """Return node -> standard error (times,) that values have which lie anywhere within what was known of them before any fit. [K]"""
+    """Prior predictive error: node -> standard error (times,) with every value anywhere in its range before any fit. [K]"""
     own = {s.acts[0]: s for store in known.stores for s in store.parameters.values() if s.acts}
     sizes = {path: size for path, s in own.items() if (size := _size_before(s))}
     if not sizes:

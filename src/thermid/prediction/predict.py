@@ -265,7 +265,7 @@ def predict(
     seed: int = 0,
     options: Options | None = None,
 ) -> Prediction:
-    """Return what a fitted model says of a scenario, with standard errors and what they come from.
+    """Prediction of a scenario: temperatures with standard errors, and the sources of these.
 
     Errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in Metrology,
     GUM 2008, 5.2.2). Where members that are drawn from the same sources would give another band (its mean off by a tenth of the half-width,

@@ -315,7 +315,7 @@ def split(
     *,
     priors: Mapping[str, tuple[float, float]] | None = None,
 ) -> Split:
-    """Return effective coefficients taken apart into radiation and convection.
+    """Separation of effective coefficients into radiation and convection, with what is known of each.
 
     Parameters
     ----------
